@@ -241,7 +241,7 @@ def test_random_mazes_are_drawn_on_the_page_where_runs_failed(
     [
         (["--runs", "3"], 2, "--run is missing"),
         (["--run", "x", "--runs", "0"], 2, 'must be a whole number from 1 to 1000000, not "0"'),
-        (["--run", "x", "--require", "1.5"], 2, 'must be a success rate from 0 to 1, not "1.5"'),
+        (["--run", "x", "--require", "1.5"], 2, 'must be a number above 0 and at most 1, not "1.5"'),
         (["--run", "x", "--bot-rot", "3"], 2, "--bot-rot: has no effect in a mission"),
         (["--run", "x", "--serial", "COM1"], 2, "trials: are for the simulated robot"),
         (["--run", "x", "--mazes", ""], 2, "argument --mazes: the name is blank"),
