@@ -108,6 +108,7 @@ POLLING = """
 """
 
 
+@pytest.mark.slow
 def test_a_program_with_a_serial_port_drives_unchanged_and_the_same_every_time(tmp_path: Path) -> None:
     first = run(tmp_path, POLLING, "--clock", "program")
     assert first.returncode == 0, first.stderr

@@ -130,6 +130,7 @@ def test_octave_reads_and_drives_in_every_route_format_and_byte_order(
     assert fake.received == ["u1", "u3", "d1-2", "zz", ""]
 
 
+@pytest.mark.slow
 def test_octave_finds_the_robot_by_its_arguments_and_without_a_reply_port(octave: str) -> None:
     with robot(separate=False) as fake, socket.socket() as unused:
         unused.bind((HOST, 0))
@@ -163,7 +164,7 @@ def test_octave_says_what_is_wrong(octave: str) -> None:
     assert fake.received == ["u1"]
 
 
-@pytest.mark.quick_cases(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("reply", "message"),
     [
@@ -251,7 +252,7 @@ WRONG_FORMAT = (
 )
 
 
-@pytest.mark.quick_cases(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("separate", [True, False], ids=["two connections", "one connection"])
 def test_octave_notices_a_reply_that_is_longer_than_its_format(octave: str, separate: bool) -> None:
     """The simulator sends doubles and the program reads singles: each reply would be half of another."""
@@ -266,7 +267,7 @@ def test_octave_notices_a_reply_that_is_longer_than_its_format(octave: str, sepa
     assert fake.received == ["u1"]
 
 
-@pytest.mark.quick_cases(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("separate", [True, False], ids=["two connections", "one connection"])
 def test_octave_notices_bytes_that_came_after_a_reply(octave: str, separate: bool) -> None:
     program = (
@@ -319,6 +320,7 @@ def test_the_octave_sample_names_a_missing_sensor(octave: str) -> None:
     assert "the robot knows no sensor u2" in errors
 
 
+@pytest.mark.slow
 def test_octave_reads_several_sensors_in_one_round_trip(octave: str) -> None:
     asked: list[str] = []
 
@@ -332,6 +334,7 @@ def test_octave_reads_several_sensors_in_one_round_trip(octave: str) -> None:
     assert (code, output.split()) == (0, ["12.345", "Inf", "12.345"]), errors
 
 
+@pytest.mark.slow
 def test_octave_drives_and_is_told_what_the_robot_said(octave: str) -> None:
     with robot() as fake:
         code, output, errors = run(
@@ -406,6 +409,7 @@ def test_octave_knows_the_maze(octave: str, tmp_path: Path) -> None:
     assert "{" not in refused
 
 
+@pytest.mark.slow
 def test_octave_tells_beliefs_that_the_simulator_understands(octave: str) -> None:
     lines: queue.Queue[bytes] = queue.Queue()
 

@@ -160,6 +160,7 @@ def test_quiet_tells_nothing(run: Callable[..., Run]) -> None:
     assert out.endswith(f"{READY}\n")
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_replies_and_without_one_seeds_differ(run: Callable[..., Run]) -> None:
     replies = []
     for _ in range(2):

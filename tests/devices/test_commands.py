@@ -75,6 +75,7 @@ def test_without_a_terminal_only_the_option_runs_it(make_set: MakeSet, program: 
     assert not trusted_hashes(), "the option is for one command"
 
 
+@pytest.mark.slow
 def test_a_device_that_fails_leaves_the_run_going(make_set: MakeSet, program: str, tmp_path: Path) -> None:
     text = THERMAL.replace("return self", "return 1 / 0 if pose.x > 10.9 else self")
     folder = make_set(text, trusted=False)

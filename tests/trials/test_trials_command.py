@@ -147,6 +147,7 @@ def test_kill_9_loses_nothing_and_nothing_is_done_twice(trials: Trials) -> None:
     assert killed.read_bytes() == whole.read_bytes()
 
 
+@pytest.mark.slow
 @posix
 def test_ctrl_c_keeps_what_is_done_prints_the_table_and_says_how_to_go_on(trials: Trials) -> None:
     with trials.held("--runs", "4", "--out", "half", "--jobs", "1") as (process, connection):

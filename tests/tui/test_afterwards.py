@@ -58,6 +58,7 @@ def test_an_answer_stays_while_a_program_drives_on_and_goes_when_a_person_does(f
     fly(scenario)
 
 
+@pytest.mark.slow
 def test_the_report_of_this_run_opens_and_closes(
     fly: Fly, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -273,6 +273,7 @@ def test_a_person_drives_at_a_velocity_for_a_second(fly: Fly) -> None:
     fly(scenario)
 
 
+@pytest.mark.slow
 def test_an_action_that_is_refused_is_explained_in_the_console(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         await cockpit.type(":teleport 54 42 0")
@@ -340,6 +341,7 @@ def test_before_the_first_client_the_screen_says_how_to_begin(
     )
 
 
+@pytest.mark.slow
 def test_one_key_runs_the_sample_program_while_a_robot_waits_for_one(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         app, given = cockpit.app, []

@@ -67,6 +67,7 @@ def test_an_error_gives_way_to_what_happens_once_the_console_is_left(fly: Fly) -
     fly(scenario, size=(80, 24))
 
 
+@pytest.mark.slow
 def test_codes_and_orders_are_offered_with_their_meaning(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         console = cockpit.app.query_one("#line", Input)

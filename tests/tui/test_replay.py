@@ -303,6 +303,7 @@ def test_a_torn_last_line_is_noted(run: Run) -> None:
     play(run, act)
 
 
+@pytest.mark.slow
 def test_small_screens_show_all_in_brief_and_have_pages(run: Run) -> None:
     async def act(app: ReplayApp, pilot: Pilot[int]) -> None:
         assert app.query_one(MazeView).size.height >= 18
