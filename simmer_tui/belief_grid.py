@@ -12,8 +12,7 @@ from typing import Annotated
 import numpy as np
 from msgspec import Meta, Struct, field
 
-from simmer_tui.atlas.expected_readings import MOST_HEADINGS
-from simmer_tui.sim.angles import half_turn
+from simmer_tui.sim.angles import MOST_HEADINGS, half_turn
 from simmer_tui.sim.arrays import FloatArray, NDArray
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import CELL_SIZE, WALL, MazeSpec

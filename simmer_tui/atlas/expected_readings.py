@@ -9,6 +9,7 @@ from msgspec import Struct
 
 from simmer_tui.errors import AtlasError, UnknownSensorError
 from simmer_tui.sim import Simulator
+from simmer_tui.sim.angles import MOST_HEADINGS
 from simmer_tui.sim.arrays import BoolArray, FloatArray, NDArray
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.pose import Pose
@@ -17,8 +18,6 @@ from simmer_tui.sim.sensors.base import ObservingSensor, World, sensor_of
 from simmer_tui.sim.sensors.range_sensors import RangeSensor
 from simmer_tui.sim.specs import CELL_SIZE
 
-MOST_HEADINGS = 360
-"""Most headings of a grid of poses, and of a belief: one a degree."""
 STEP, HEADINGS = NumberRule(0, CELL_SIZE, low_open=True), IntegerRule(1, MOST_HEADINGS)
 """Side of a cell of a grid, inches, and its number of directions."""
 _ON_GRID = 1e-6

@@ -17,6 +17,8 @@ ARROWS = ("→", "↗", "↑", "↖", "←", "↙", "↓", "↘")
 PLAIN_ARROWS = (">", "/", "^", "\\", "<", "/", "v", "\\")
 """The same in ASCII. Those of diagonals are lines, with one sign for both ends."""
 
+MOST_HEADINGS = 360
+"""Most headings of a grid of poses, and of a belief: one a degree."""
 # For at most so many angles a loop is quicker than array operations.
 _FEW = 32
 # 360 is what a tiny negative angle becomes when a whole turn is added.

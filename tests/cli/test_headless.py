@@ -600,7 +600,8 @@ settings = replace(found.settings, server=with_any_ports(found.settings.server))
 server = Server(replace(found, settings=settings))
 server.keep_history()
 server.stop()
-later = {"textual", "rich", "serial", "numpy.random", "simmer_tui.document", "simmer_tui.program.crash"}
+later = {"textual", "rich", "serial", "numpy.random", "hashlib", "secrets"}
+later |= {f"simmer_tui.{name}" for name in ("atlas", "document", "program.crash")}
 print(sorted(later & set(sys.modules)))
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=SECONDS)
