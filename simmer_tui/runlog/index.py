@@ -29,7 +29,7 @@ from simmer_tui.runlog.log_records import (
     ReadingRecord,
     decode_line,
 )
-from simmer_tui.runlog.reader import MAX_LINE, RecordStream, open_log, too_long
+from simmer_tui.runlog.reader import MAX_LINE, RecordStream, open_log, reading_log, too_long
 from simmer_tui.sim.arrays import BoolArray
 from simmer_tui.sim.command import shown_path
 from simmer_tui.sim.records import REFUSALS, Status
@@ -116,7 +116,12 @@ class RunLogIndex(Closing):
         self._begun = self._now = 0.0
         self._leg: tuple[int, float] | None = None
         """Entry and end of the leg under way, if it leads to a contact."""
-        self.refresh()
+        try:
+            self.refresh()
+        # The caller never gets the object, so nobody else could close the file.
+        except BaseException:
+            self._file.close()
+            raise
 
     def refresh(self) -> int:
         """Read the lines written since. Returns the number of new entries.
@@ -124,7 +129,7 @@ class RunLogIndex(Closing):
         Raises RunLogError if the file has become shorter: it is another one now.
         """
         before, stream = self.count, self._stream
-        try:
+        with reading_log(self.shown):
             # A log only grows, so a shorter file is another run's.
             if self._file.seek(0, 2) < stream.position:
                 raise RunLogError(f"{self.shown} has become shorter: it has been replaced by another file")
@@ -134,8 +139,6 @@ class RunLogIndex(Closing):
                 self._elapsed.append(self._begun)
                 self._over.append(self._now)
                 self._offsets.append(stream.position)
-        except OSError as error:
-            raise RunLogError(f"{self.shown} cannot be read: {reason_of(error)}") from None
         return self.count - before
 
     def _take(self, record: AnyRecord) -> EntryFlag:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 import zlib
 from collections.abc import Iterator
+from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import partial
 from pathlib import Path
@@ -139,7 +140,8 @@ class LogReader(Closing):
 
     def lines(self) -> Iterator[tuple[int, AnyRecord | BrokenLine]]:
         """The records in the order of the log, with the numbers of their lines."""
-        return enumerate(self._stream, 2)
+        with reading_log(self.shown):
+            yield from enumerate(self._stream, 2)
 
     def __iter__(self) -> Iterator[Logged | BrokenLine]:
         # Line by line: reading can continue after any line, and nothing is read ahead and lost.
@@ -148,6 +150,10 @@ class LogReader(Closing):
 
     def blocks(self, events: int = _BLOCK) -> Iterator[list[Logged | BrokenLine]]:
         """The events of some lines at a time, about so many."""
+        with reading_log(self.shown):
+            yield from self._blocks(events)
+
+    def _blocks(self, events: int) -> Iterator[list[Logged | BrokenLine]]:
         stream, start, decode = self._stream, self.header.real_time, self._decoder.events
         block: list[Logged | BrokenLine] = []
         begin = stream.position
@@ -177,23 +183,22 @@ def open_log(path: Path, shown: str) -> tuple[IO[bytes], Header]:
 
     A compressed log is unpacked to a temporary file, for random access.
     """
+    with reading_log(shown):
+        try:
+            file: IO[bytes] = path.open("rb")
+        except FileNotFoundError:
+            raise RunLogError(f"{shown}: there is no such file") from None
+        except ValueError as error:  # a NUL in the name
+            raise OSError(str(error)) from None
     try:
-        file: IO[bytes] = path.open("rb")
-    except FileNotFoundError:
-        raise RunLogError(f"{shown}: there is no such file") from None
-    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
-        raise RunLogError(_unreadable(shown, error)) from None
-    try:
-        is_packed = file.read(2) == _GZIP
-        file.seek(0)
-        if is_packed:
-            with file:
-                file = _unpacked(file, shown)
+        with reading_log(shown):
+            is_packed = file.read(2) == _GZIP
             file.seek(0)
-        return file, _read_header(file, shown)
-    except (OSError, EOFError, zlib.error) as error:
-        file.close()
-        raise RunLogError(_unreadable(shown, error)) from None
+            if is_packed:
+                with file:
+                    file = _unpacked(file, shown)
+                file.seek(0)
+            return file, _read_header(file, shown)
     except BaseException:
         file.close()
         raise
@@ -229,8 +234,13 @@ def _pieces(file: IO[bytes]) -> Iterator[bytes]:
                 chunk, packer = packer.unused_data, zlib.decompressobj(16 + zlib.MAX_WBITS)
 
 
-def _unreadable(shown: str, error: BaseException) -> str:
-    return f"{shown} cannot be read: {reason_of(error)}"
+@contextmanager
+def reading_log(shown: str) -> Iterator[None]:
+    """Inside the `with` block a log is read: raises RunLogError, which names it as `shown`, if it fails."""
+    try:
+        yield
+    except (OSError, EOFError, zlib.error) as error:
+        raise RunLogError(f"{shown} cannot be read: {reason_of(error)}") from None
 
 
 def _read_header(file: IO[bytes], shown: str) -> Header:

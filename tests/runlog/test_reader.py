@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import gzip
+import io
 import json
 import os
 import tracemalloc
@@ -11,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from simmer_tui.cli.log_commands import run_rerun
+from simmer_tui.cli.log_commands import build_report, run_rerun
 from simmer_tui.errors import RunLogError
 from simmer_tui.events import ActionName
 from simmer_tui.runlog.header import rebuild
@@ -27,6 +29,7 @@ from simmer_tui.runlog.log_records import (
     decode_line,
 )
 from simmer_tui.runlog.reader import MAX_LINE, LogReader
+from tests.runlog.conftest import StartRun
 
 
 def test_every_kind_of_line_comes_back(varied_log: Path) -> None:
@@ -123,6 +126,37 @@ def test_what_is_no_log_is_refused(tmp_path: Path, name: str, opener: Any) -> No
     path.write_bytes(data)
     with pytest.raises(RunLogError, match=reason):
         opener(path)
+
+
+class _Failing(io.FileIO):
+    """A file on a disk that fails behind the first piece that is read."""
+
+    def readinto(self, buffer: Any) -> int | None:
+        if self.tell():
+            raise OSError(errno.EIO, os.strerror(errno.EIO))
+        return super().readinto(buffer)
+
+
+def _every_line(path: Path) -> None:
+    with LogReader(path) as log:
+        list(log.lines())
+
+
+@pytest.mark.parametrize("read", [build_report, _every_line, RunLogIndex])
+def test_a_disk_that_fails_while_a_log_is_read_is_named(
+    start_run: StartRun, monkeypatch: pytest.MonkeyPatch, read: Any
+) -> None:
+    run = start_run()
+    run.send("u1")
+    header = run.path.read_bytes().index(b"\n") + 1
+    usual = Path.open
+
+    def opened(path: Path, *args: Any, **named: Any) -> Any:
+        return io.BufferedReader(_Failing(path), header) if path == run.path else usual(path, *args, **named)
+
+    monkeypatch.setattr(Path, "open", opened)
+    with pytest.raises(RunLogError, match=rf"{run.path.name} cannot be read: .*{os.strerror(errno.EIO)}"):
+        read(run.path)
 
 
 @pytest.mark.parametrize("opener", [LogReader, RunLogIndex])
