@@ -167,8 +167,9 @@ class _Wording(EventHandler[EventWords]):
 
     def on_action(self, event: events.ActionDone) -> EventWords:
         name = event.action.name.value
-        # 13 digits: a seed is shown whole.
-        arguments = "".join(f" {number:.13g}" for number in event.action.arguments)
+        # Seeds are whole numbers with all their digits; places have at most 13.
+        numbers = event.action.arguments
+        arguments = "".join(f" {each}" if isinstance(each, int) else f" {each:.13g}" for each in numbers)
         done: StyledLine = ((event.text, "danger" if event.refused else "good"),)
         refusal = f"{name}: {event.text}" if event.refused else ""
         source = event.action.source

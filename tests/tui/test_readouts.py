@@ -31,6 +31,7 @@ from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import TimeSpent, checkpoint_of
 from simmer_tui.sim import Pose, SimulationSpec, Simulator, parse_command
 from simmer_tui.sim.arcs import Twist
+from simmer_tui.sim.noise import SEEDS
 from simmer_tui.sim.specs import WheelLayout, WheelsSpec
 from simmer_tui.sim.wheels import WheelKinematics
 from simmer_tui.snapshot import EVENTS, LogEntry, Recorder, Snapshot
@@ -462,6 +463,14 @@ def test_movements_contacts_refusals_and_actions_have_a_line_each(run: Run) -> N
     assert lines[4].endswith("by keys")
     assert "back" in lines[5]
     assert lines[6].startswith("00:17.0  teleport 54 42 0 ")
+
+
+def test_a_seed_is_listed_with_all_its_digits(run: Run) -> None:
+    run.engine.perform(Action(ActionName.SEED, (SEEDS.high,)))
+    run.engine.perform(Action(ActionName.TELEPORT, (54.125, 42.0, 1e6)))
+    seed, teleport = texts(run.log())
+    assert seed.startswith(f"00:00.0  seed {2**128 - 1} ")
+    assert teleport.startswith("00:00.0  teleport 54.125 42 1000000 ")
 
 
 def test_a_contact_is_held_against_readings_since_the_movement_before(run: Run) -> None:
