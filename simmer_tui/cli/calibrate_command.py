@@ -18,8 +18,8 @@ from simmer_tui.cli.command_line import (
     OneLineParser,
     add_json_option,
     add_trust_option,
+    by_rule,
     print_answer,
-    seed_of,
     subcommand,
     writing,
 )
@@ -31,6 +31,7 @@ from simmer_tui.config.sets import check_free, find_set
 from simmer_tui.document.as_html import html_page
 from simmer_tui.errors import CalibrationError
 from simmer_tui.sim.command import shown_path
+from simmer_tui.sim.noise import SEEDS
 from simmer_tui.version import requirement
 
 if TYPE_CHECKING:
@@ -60,7 +61,7 @@ def _options(parser: OneLineParser) -> None:
     parser.add_argument(
         "--seed",
         metavar="N",
-        type=seed_of,
+        type=by_rule(SEEDS),
         default=0,
         help="of the search for the path (default: %(default)s); rarely of use",
     )

@@ -27,7 +27,6 @@ from simmer_tui.errors import (
     reason_of,
 )
 from simmer_tui.sim.command import escape, escape_passage, shown_path
-from simmer_tui.sim.noise import SEEDS
 from simmer_tui.sim.rules import FlagRule, Rule, did_you_mean
 
 if TYPE_CHECKING:  # a run has no documents, and must start quickly
@@ -382,14 +381,6 @@ def overrides_from(namespace: argparse.Namespace) -> dict[str, Override]:
 
         hide_from_command_line(str(overrides["server.token"].value))
     return overrides
-
-
-def seed_of(text: str) -> int:
-    """The value of an option for a seed. Raises ArgumentTypeError."""
-    try:
-        return SEEDS.from_text(text)
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(str(error)) from None
 
 
 def add_json_option(parser: argparse.ArgumentParser) -> None:

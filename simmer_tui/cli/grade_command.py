@@ -19,7 +19,6 @@ from simmer_tui.cli.command_line import (
     by_rule,
     print_answer,
     say,
-    seed_of,
     subcommand,
 )
 from simmer_tui.cli.trials_options import add_place_options, newest_folder, rate, run_to_end, typed_path
@@ -35,7 +34,7 @@ from simmer_tui.grade.site import INDEX, grades_document, grades_table, gradesco
 from simmer_tui.grade.team_result import TeamResult, TeamStatus, team_results
 from simmer_tui.phrases import counted
 from simmer_tui.runlog.writer import moment_name
-from simmer_tui.sim.noise import SEED_BITS
+from simmer_tui.sim.noise import SEED_BITS, SEEDS
 from simmer_tui.trials.sequential import CAP_RULE, MARGIN, REQUIRED_RATE, shown_test
 from simmer_tui.trials.trial import TrialResult
 
@@ -73,7 +72,7 @@ def _options(parser: OneLineParser) -> None:
     parser.add_argument(
         "--seed",
         metavar="N",
-        type=seed_of,
+        type=by_rule(SEEDS),
         help="seed of an earlier grading, to repeat it (default: a secret one)",
     )
     add_place_options(parser)

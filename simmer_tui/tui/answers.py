@@ -5,8 +5,8 @@ answers.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from itertools import chain, islice
-from textwrap import shorten, wrap
+from itertools import islice
+from textwrap import shorten
 
 from msgspec import Struct
 
@@ -228,14 +228,12 @@ def why_answer(facts: Sequence[WhyFact], snapshot: Snapshot) -> AnswerCard:
     return AnswerCard(f"why {ended.command.shown}", "Esc closes", lines, (brief,))
 
 
-def program_output(program: ProgramEnded, width: int) -> str:
-    """The last lines of both outputs of a program that has ended, wrapped: the end of an error's line says
-    most."""
+def program_output(program: ProgramEnded) -> str:
+    """The last lines of both outputs of a program that has ended, for a page."""
     lines: list[str] = []
     for name, printed in (("standard error", program.stderr), ("standard output", program.stdout)):
         if printed:
-            wrapped = (wrap(f"  {printable(each.text)}", width, subsequent_indent="    ") for each in printed)
-            lines += [f"Last lines of {name}", *chain.from_iterable(each or [""] for each in wrapped), ""]
+            lines += [f"Last lines of {name}", *(f"  {printable(each.text)}" for each in printed), ""]
     return "\n".join(lines) or "The program printed nothing."
 
 

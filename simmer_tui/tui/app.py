@@ -29,7 +29,7 @@ from simmer_tui.tui import answers
 from simmer_tui.tui.console import ConsolePane, History
 from simmer_tui.tui.event_text import REASONS, ends_with_answer, refusal_of
 from simmer_tui.tui.headline import RunPhase
-from simmer_tui.tui.help import CommandProvider, ReportScreen, help_screen
+from simmer_tui.tui.help import PAGE_FRAME, CommandProvider, ReportScreen, help_screen
 from simmer_tui.tui.key_table import (
     AGAIN_KEY,
     EXAMPLE_KEY,
@@ -54,9 +54,6 @@ from simmer_tui.whole_file import write_whole
 
 _PROMPT = 5
 """Columns by which typed text is longer than the reply beside it, on a small screen."""
-# Frame and padding on both sides, the scrollbar, and one to spare.
-_PAGE_FRAME = 6
-"""Columns of a page that its text cannot use."""
 # These have an order or a key of their own here.
 _REPLACED = ("Screenshot", "Keys", "Maximize", "Minimize", "Quit")
 
@@ -268,7 +265,7 @@ class SimmerApp(Shell):
             self.ask(answers.why_answer(why(snapshot.state, self._spec), snapshot), stays=True)
         elif self._plan.has_pages:  # three rows would cut it
             # As wide as the page's text, which is not wrapped.
-            room = self.size.width - _PAGE_FRAME
+            room = self.size.width - PAGE_FRAME
             text = "\n\n".join(fill(printable(line), room) for line in snapshot.verdict.lines)
             self.push_screen(ReportScreen(text, "Why", "Esc closes"))
         else:
@@ -289,7 +286,7 @@ class SimmerApp(Shell):
         # Shown before the machine is busy with making it.
         await self.push_screen(screen)
         try:
-            text = await report_text(saved, self.size.width - _PAGE_FRAME, self._plain)
+            text = await report_text(saved, self.size.width - PAGE_FRAME, self._plain)
         except OSError as error:
             text = f"The report cannot be made: {reason_of(error)}"
         screen.replace(text)
@@ -301,7 +298,7 @@ class SimmerApp(Shell):
         if verdict is None or verdict.program is None:
             self._console.show_error("program: none has ended yet; the events have its output (/ program)")
             return
-        text = answers.program_output(verdict.program, self.size.width - _PAGE_FRAME)
+        text = answers.program_output(verdict.program)
         self.push_screen(ReportScreen(text, "Program", f"Esc closes; exit code {verdict.program.exit_code}"))
 
     def _write_picture(self, name: str) -> None:

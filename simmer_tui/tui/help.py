@@ -110,8 +110,9 @@ def folded(text: str, width: int) -> str:
 _COLUMNS = re.compile(r" *\S.*?\s{2,}(?=\S)")
 """The first column of a row, with the blanks behind it."""
 _INDENT = 4
-_FRAME_COLUMNS = 5
-"""Columns of a page's border, padding and scroll bar (app.tcss)."""
+# Frame and padding on both sides, the scroll bar (app.tcss), and one to spare.
+PAGE_FRAME = 6
+"""Columns of a page that its text cannot use."""
 
 
 class HelpScreen(ModalScreen[None]):
@@ -143,9 +144,7 @@ class HelpScreen(ModalScreen[None]):
     def _show(self, width: int) -> None:
         """Show the text in a screen so wide."""
         for shown in self.query(f"#{self.FRAME}-text").results(Static):
-            shown.update(
-                Text(folded(self.text, max(min(width, self.WIDEST) - _FRAME_COLUMNS, 1)), no_wrap=True)
-            )
+            shown.update(Text(folded(self.text, max(min(width, self.WIDEST) - PAGE_FRAME, 1)), no_wrap=True))
 
     async def take_key(self, event: Key) -> bool:
         """Close the page at once: of keys that come together, the next one belongs to the screen below."""

@@ -70,7 +70,7 @@
       say("the run is over", "plain");
       // Nothing is live any more, and nobody takes what is pressed.
       title.textContent = document.title = title.textContent.replace(/, live$/, "");
-      document.querySelector(".golive").remove();
+      document.querySelector(".golive")?.remove();
       document.querySelector(".drive")?.remove();
     }
   }

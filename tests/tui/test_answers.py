@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from simmer_tui.events import OutputLine, ProgramEnded
 from simmer_tui.tui.answers import first_steps, program_output
+from simmer_tui.tui.help import folded
 from simmer_tui.tui.line_panel import text_of
 from simmer_tui.tui.readouts import Room
 
@@ -26,12 +27,12 @@ def test_a_program_s_last_lines_are_whole_in_a_narrow_room_and_an_empty_output_i
     error = "InvalidInputError: 'u99' is no command code: a code is exactly two printable ASCII characters"
     told = ("Traceback (most recent call last):", '  File "robot.py", line 4, in <module>', error)
     ended = ProgramEnded(0.5, 1, stderr=tuple(OutputLine(0.5, line) for line in told))
-    shown = program_output(ended, 60).splitlines()
+    shown = folded(program_output(ended), 60).splitlines()
     assert max(map(len, shown)) <= 60
     assert error in " ".join(" ".join(shown).split())
     assert '    File "robot.py", line 4, in <module>' in shown
     assert not any("standard output" in line for line in shown)
-    assert program_output(ProgramEnded(0.5, 1), 60) == "The program printed nothing."
+    assert program_output(ProgramEnded(0.5, 1)) == "The program printed nothing."
 
 
 def test_the_first_steps_name_a_port_that_programs_do_not_know() -> None:
