@@ -17,8 +17,8 @@ from simmer_tui.sim.command import NUMBER, escape_word
 
 _T = TypeVar("_T")
 
-# At most 30 digits: Python refuses to convert texts of more than 4,300, and no value here needs as many.
-WHOLE_NUMBER = re.compile(r"[+-]?[0-9]{1,30}")
+# At most 39 digits, those of the longest seed: Python refuses to convert texts of more than 4,300.
+WHOLE_NUMBER = re.compile(r"[+-]?[0-9]{1,39}")
 LARGEST_PORT = 65535
 """The largest number of a TCP port."""
 MAX_TEXT = 255

@@ -183,10 +183,11 @@ def test_wrong_option_is_named_by_the_option_beside_the_files_mistakes(tmp_path:
     ]
 
 
-def test_seed_option_turns_repeatable_errors_on(tmp_path: Path) -> None:
-    seed = Override("--seed", "7")
+@pytest.mark.parametrize("number", [7, SEEDS.high])
+def test_seed_option_turns_repeatable_errors_on(tmp_path: Path, number: int) -> None:
+    seed = Override("--seed", str(number))
     settings, found = read(tmp_path, "randerror = true\n", seed=seed)
-    assert (settings.seed, settings.randerror, found) == (7, False, [])
+    assert (settings.seed, settings.randerror, found) == (number, False, [])
     assert read(tmp_path, "seed = 7\n")[0].randerror
     assert read(tmp_path, "", seed=seed, randerror=Override("--no-randerror", False))[1] == []
     assert read(tmp_path, "", seed=seed, randerror=Override("--randerror", True))[1] == [

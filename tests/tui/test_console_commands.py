@@ -39,6 +39,7 @@ from simmer_tui.sim.specs import GripperSpec, VelocityKind, VelocitySpec
         (":block 1 2", Action(ActionName.BLOCK, (1.0, 2.0))),
         (":seed 7", Action(ActionName.SEED, (7.0,))),
         (":seed 9007199254740993", Action(ActionName.SEED, (9007199254740993,))),
+        (f":seed {SEEDS.high}", Action(ActionName.SEED, (2**128 - 1,))),
         (":noise ON", Action(ActionName.NOISE, (1.0,))),
         (":bias off", Action(ActionName.BIAS, (0.0,))),
         (":bias", Local("bias")),
