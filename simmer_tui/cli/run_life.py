@@ -20,12 +20,11 @@ from simmer_tui.config.dialects import SERIAL
 from simmer_tui.errors import ProgramError
 from simmer_tui.events import NOT_CONNECTED, Action, ActionName, Event, MissionEnd, Notice, NoticeKind, Result
 from simmer_tui.phrases import NOTHING_SENT, exit_text
-from simmer_tui.program import Program, ProgramOutput, not_started
-from simmer_tui.program.program_command import out_of_reach
 from simmer_tui.server import Server
 
 if TYPE_CHECKING:
     from simmer_tui.mission import Referee
+    from simmer_tui.program import Program, ProgramOutput
     from simmer_tui.report.verdict import Verdict
     from simmer_tui.run.run_history import RunHistory
     from simmer_tui.web.page_server import PageServer
@@ -115,7 +114,8 @@ class RunLife:
         self._interruptions: list[int] = []
         """The exit codes of signals, as they came."""
         self._mission_end = MissionEnd(lambda: self.front.finish(0))
-        self._output = self._new_output()
+        self._output: ProgramOutput | None = None
+        """The output of the program that was started last."""
         self._program_code: int | None = None
         self._latest = ""
         """Command of the program that was started last."""
@@ -140,7 +140,7 @@ class RunLife:
                 front.show_links(self.page.shown_links)
             return self._exit_code(front.show())
         except ProgramError as error:
-            server.tell(not_started(str(error), server.engine.present))
+            self._tell_not_started(error)
             if front.wants_verdict:
                 return ExitCode.NOT_STARTED
             raise
@@ -178,29 +178,36 @@ class RunLife:
             front.set_example(self._run_example)
         front.set_restart(self._again)
 
-    def _new_output(self) -> ProgramOutput:
-        server = self.server
-        return ProgramOutput(
-            lambda: server.engine.present, lambda why: server.tell(Notice(NoticeKind.FAULT, why))
-        )
-
     def _run_program(self, command: str) -> None:
         """Start a program beside the run. Raises ProgramError."""
-        if SERIAL.purpose in self.server.ports and (why := out_of_reach(command)):
+        # Imported here because it takes a thirtieth of a start without a program.
+        from simmer_tui.program import Program, ProgramOutput
+        from simmer_tui.program.program_command import out_of_reach
+
+        server = self.server
+        if SERIAL.purpose in server.ports and (why := out_of_reach(command)):
             from simmer_tui.links.dialect_link import NO_HOOK_ADVICE
 
-            self.server.tell(Notice(NoticeKind.FAULT, f"{NOT_CONNECTED}: {why}. {NO_HOOK_ADVICE}"))
+            server.tell(Notice(NoticeKind.FAULT, f"{NOT_CONNECTED}: {why}. {NO_HOOK_ADVICE}"))
+        self._output = ProgramOutput(
+            lambda: server.engine.present, lambda why: server.tell(Notice(NoticeKind.FAULT, why))
+        )
         self._shutdown.program = Program(
             command,
-            self.server.environment,
+            server.environment,
             self._program_ended,
             self.front.program_output,
             output=self._output,
             adopts=True,
         )
-        self.server.note_output(self._shutdown.program.settle_output)
+        server.note_output(self._shutdown.program.settle_output)
         self._latest = command
-        self.server.note_program(self._shutdown.program.pid)
+        server.note_program(self._shutdown.program.pid)
+
+    def _tell_not_started(self, error: ProgramError) -> None:
+        from simmer_tui.program import not_started
+
+        self.server.tell(not_started(str(error), self.server.engine.present))
 
     def _again(self) -> None:
         """Restart the run and its program. A program that still runs is ended first."""
@@ -216,12 +223,11 @@ class RunLife:
             return
         with self._lock:
             self._program_code, self._end_told = None, False
-            self._output = self._new_output()
             self._program_over.clear()
         try:
             self._run_program(self._latest)
         except ProgramError as error:
-            server.tell(not_started(str(error), server.engine.present))
+            self._tell_not_started(error)
             self._program_over.set()
 
     def _run_example(self, command: str) -> None:
@@ -253,7 +259,7 @@ class RunLife:
         """Tell once that the program has ended, after its last command."""
         code = self._program_code
         with self._lock:
-            if code is None or self._end_told or not self.server.running:
+            if code is None or self._output is None or self._end_told or not self.server.running:
                 return
             self._end_told = True
         ended = self._output.end(code, self.server.engine.present, stopped=self._is_stopped)

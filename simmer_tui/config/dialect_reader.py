@@ -11,7 +11,6 @@ from msgspec.structs import replace
 from simmer_tui.config.dialect_parts import READING, Names, RuleParts, is_number, is_whole, without_gaps
 from simmer_tui.config.dialect_toml import (
     COMMAND_KEYS,
-    FILE,
     FRAME,
     HEAD_KEYS,
     LONGEST_TIME,
@@ -21,6 +20,7 @@ from simmer_tui.config.dialect_toml import (
     TABLE_NAMES,
     UNKNOWN_KEYS,
 )
+from simmer_tui.config.dialects import DIALECT_FILE
 from simmer_tui.config.toml_file import TomlFile
 from simmer_tui.dialect import expressions
 from simmer_tui.dialect.dialect_rules import (
@@ -79,7 +79,7 @@ _STEPS = "there are d1-6, run d1, run d1 for 2 s, pause 0.2, stop, name = expres
 def load_dialect(directory: Path, parts: Parts, problems: list[Problem]) -> DialectRules:
     """The dialect.toml of a set; mistakes go to `problems`."""
     before = len(problems)
-    file = TomlFile.read(directory / FILE, problems)
+    file = TomlFile.read(directory / DIALECT_FILE, problems)
     # If the file cannot be read, missing parts are not reported as well.
     if len(problems) > before:
         return DialectRules()

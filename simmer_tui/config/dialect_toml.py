@@ -11,7 +11,6 @@ from simmer_tui.dialect.frames import FrameKind
 from simmer_tui.sim.rules import FlagRule, IntegerRule, NumberRule, RawTextRule, Rule, WordRule
 from simmer_tui.sim.values import Value
 
-FILE = "dialect.toml"
 # An hour: a longer time in a protocol is a mistake in the unit.
 LONGEST_TIME = 3600.0
 """Longest time in a rule, seconds."""

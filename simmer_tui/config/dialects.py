@@ -71,7 +71,9 @@ BELIEFS = DialectPort("beliefs", "belief_port", 9002, "port where programs send 
 SERIAL = DialectPort("serial", "dialect_port", 9003, "port of programs that open a serial port, 0 for any")
 
 TEAM = "dialect"
-"""The name of the team's own language, which a set with a dialect.toml has."""
+"""The name of the team's own language, which a set with a `DIALECT_FILE` has."""
+DIALECT_FILE = "dialect.toml"
+"""The file of a set that describes the team's own language."""
 DIALECTS: dict[str, Dialect] = {
     # First in the table, so that typed commands are written as MATLAB programs write them, unless only
     # packets are served.

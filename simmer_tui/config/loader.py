@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Any
 from msgspec import Struct, field
 from msgspec.structs import asdict, astuple, replace
 
-from simmer_tui.config import dialect_toml
 from simmer_tui.config.device_trust import DeviceUse
-from simmer_tui.config.dialects import TEAM
+from simmer_tui.config.dialects import DIALECT_FILE, TEAM
 from simmer_tui.config.drive_csv import DriveRows, load_drives
 from simmer_tui.config.maze_csv import FLOOR_FILE, load_maze
 from simmer_tui.config.mission_toml import FILE as MISSION_FILE
@@ -22,7 +21,6 @@ from simmer_tui.config.set_devices import DeviceStatus, set_devices
 from simmer_tui.config.sets import FILES, find_set, init_set, set_name
 from simmer_tui.config.settings import NO_WHEELS, Settings
 from simmer_tui.config.settings_file import LoadedSettings, Override, load_settings
-from simmer_tui.dialect.dialect_rules import DialectRules, Parts
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim.command import shown_path
 from simmer_tui.sim.obstacles import placement_problems
@@ -37,8 +35,9 @@ from simmer_tui.sim.specs import (
     WheelsSpec,
 )
 
-if TYPE_CHECKING:  # few sets have devices
+if TYPE_CHECKING:  # few sets have devices, or a dialect
     from simmer_tui.config.device_file import DeviceFile
+    from simmer_tui.dialect.dialect_rules import DialectRules
 
 __all__ = ["Configuration", "Override", "find_set", "init_set", "load"]
 
@@ -167,9 +166,10 @@ def _dialect(
     motion is timed."""
     listeners = settings.server.listeners
     dialect = None
-    if (directory / dialect_toml.FILE).exists():
+    if (directory / DIALECT_FILE).exists():
         # Few sets have one, and its reader takes time to import.
         from simmer_tui.config.dialect_reader import load_dialect
+        from simmer_tui.dialect.dialect_rules import Parts
 
         parts = Parts(sensors, rows.drives, rows.gripper, rows.velocities)
         dialect = load_dialect(directory, parts, problems)
@@ -179,10 +179,10 @@ def _dialect(
             server = replace(settings.server, listeners=listeners)
             settings = replace(settings, server=server, motion=replace(settings.motion, motion="timed"))
     elif TEAM in listeners:
-        what = f"names {TEAM}, but the set has no {dialect_toml.FILE}; {_WRITES_ONE}"
+        what = f"names {TEAM}, but the set has no {DIALECT_FILE}; {_WRITES_ONE}"
         problems.append(Problem(loaded.places["server.listeners"], what))
     if settings.server.pty and TEAM not in listeners:
-        what = f"is the serial port of a set with a {dialect_toml.FILE}; {_WRITES_ONE}"
+        what = f"is the serial port of a set with a {DIALECT_FILE}; {_WRITES_ONE}"
         problems.append(Problem(loaded.places["server.pty"], what))
     return dialect, settings
 
@@ -226,5 +226,5 @@ def simulation_of(
 
 def _texts(directory: Path) -> dict[str, str]:
     """The files of a set, unchanged: line ends and byte-order marks stay."""
-    paths = [directory / name for name in (*FILES, FLOOR_FILE, MISSION_FILE, dialect_toml.FILE)]
+    paths = [directory / name for name in (*FILES, FLOOR_FILE, MISSION_FILE, DIALECT_FILE)]
     return {path.name: path.read_bytes().decode() for path in paths if path.is_file()}

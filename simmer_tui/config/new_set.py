@@ -31,6 +31,7 @@ from simmer_tui.config.csv_table import (
     plain_rows,
     rows_by_header,
 )
+from simmer_tui.config.dialects import DIALECT_FILE
 from simmer_tui.config.examples import EXAMPLE, example_files
 from simmer_tui.config.sets import (
     LOCAL_FOLDER,
@@ -78,7 +79,7 @@ def with_comments(files: Mapping[str, bytes], nominal: str = "") -> dict[str, by
             made[name] = data  # a device, whose hash must not change
             continue
         text = decoded(name, data)
-        if name == dialect_toml.FILE:
+        if name == DIALECT_FILE:
             text = naming_schema(name, text)
         elif name in (settings_file.FILE, mission_toml.FILE):
             complete = with_all_settings(text, {"nominal": nominal}) if name == settings_file.FILE else text
@@ -128,7 +129,7 @@ def with_dialect(files: Mapping[str, bytes], kind: FrameKind) -> dict[str, bytes
         ("TURN", drives.get("rot", "r1")),
     ):
         text = text.replace(word, code)
-    return {**files, dialect_toml.FILE: text.encode()}
+    return {**files, DIALECT_FILE: text.encode()}
 
 
 def _device_tables(files: Mapping[str, bytes]) -> dict[str, str]:
@@ -221,7 +222,7 @@ def schemas() -> dict[str, Schema]:
     return {
         settings_file.FILE: settings_schema(),
         mission_toml.FILE: mission_schema(),
-        dialect_toml.FILE: dialect_schema(),
+        DIALECT_FILE: dialect_schema(),
     }
 
 

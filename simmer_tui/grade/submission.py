@@ -8,8 +8,8 @@ from pathlib import Path, PureWindowsPath
 
 from msgspec.structs import replace
 
-from simmer_tui.config import dialect_toml, settings_file
-from simmer_tui.config.dialects import TEAM
+from simmer_tui.config import settings_file
+from simmer_tui.config.dialects import DIALECT_FILE, TEAM
 from simmer_tui.config.given_path import given_path
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.set_devices import SETTING
@@ -90,7 +90,7 @@ def _own_set(team: Team, home: Path) -> Path | None:
         raise ConfigurationError([Problem("config", "must lie in the team's folder")])
     if not given.exists():
         raise ConfigurationError([Problem("config", f'there is no "{escape(team.config)}"')])
-    if given.is_dir() and any((given / name).is_file() for name in (*ROBOT_FILES, dialect_toml.FILE)):
+    if given.is_dir() and any((given / name).is_file() for name in (*ROBOT_FILES, DIALECT_FILE)):
         return given
     goal = home / OWN_SET
     if goal.exists():
@@ -102,13 +102,13 @@ def _own_set(team: Team, home: Path) -> Path | None:
 def _composed(home: Path, own: Path, course: Path, *, dialects: bool) -> Path:
     """The course's set with the team's robot and, if the course accepts `dialects`, its dialect. Raises
     ConfigurationError."""
-    has_dialect = (own / dialect_toml.FILE).is_file()
+    has_dialect = (own / DIALECT_FILE).is_file()
     if has_dialect and not dialects:
         what = (
             "the course takes no team's own language: let the program speak one of the course's protocols "
             "(dialects = true in course.toml would allow it)"
         )
-        raise ConfigurationError([Problem(dialect_toml.FILE, what)])
+        raise ConfigurationError([Problem(DIALECT_FILE, what)])
     goal = home / _SET
     if goal.exists():
         shutil.rmtree(goal)
@@ -116,7 +116,7 @@ def _composed(home: Path, own: Path, course: Path, *, dialects: bool) -> Path:
     for path in course.iterdir():
         if path.is_file() and path.suffix in (".csv", ".toml"):
             shutil.copyfile(path, goal / path.name)
-    for name in (*ROBOT_FILES, *([dialect_toml.FILE] if has_dialect else [])):
+    for name in (*ROBOT_FILES, *([DIALECT_FILE] if has_dialect else [])):
         if (own / name).is_file():
             shutil.copyfile(own / name, goal / name)
     return goal

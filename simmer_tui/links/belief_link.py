@@ -6,14 +6,12 @@ connection.
 
 from __future__ import annotations
 
-import json
 import socket
 
 from simmer_tui.config.dialects import BELIEFS
 from simmer_tui.engine import Engine
 from simmer_tui.errors import UnknownSensorError
 from simmer_tui.events import EventHandler
-from simmer_tui.links.belief_parser import parse_belief
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.peer import MOST_WAITING, Peer, ReadBudget
 from simmer_tui.sim.command import parse_command
@@ -57,6 +55,8 @@ class RefusalReasons(EventHandler[None]):
         # Nearly every line is a belief, and may be long: it is parsed only once.
         if len(line) > 1024 or b'"why"' not in line:
             return None
+        import json  # few programs ask, and it takes time to load
+
         try:
             question = json.loads(line)
         except (ValueError, RecursionError):
@@ -157,6 +157,9 @@ class _BeliefPeer(Peer):
             if not self.write(answer):  # it keeps asking, and never reads
                 self.abort()
             return
+        # Imported here, since few programs send beliefs and it takes a hundredth of the start.
+        from simmer_tui.links.belief_parser import parse_belief
+
         engine = self._link.engine
         time, simulator = engine.now(), engine.simulator
         try:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pkgutil
 import socket
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from msgspec import Struct, field
 
@@ -13,7 +13,6 @@ from simmer_tui.backend import BackendSwitch, Message
 from simmer_tui.config import dialects
 from simmer_tui.config.dialects import Dialect, DialectPort
 from simmer_tui.config.settings import ServerSettings, value_of
-from simmer_tui.dialect.dialect_rules import DialectRules
 from simmer_tui.engine import Engine
 from simmer_tui.links.access import AccessCheck
 from simmer_tui.links.driver_lock import DriverLock
@@ -22,6 +21,9 @@ from simmer_tui.links.processes import ProcessLookup
 from simmer_tui.links.pty_port import PtyDevice
 from simmer_tui.program_clock import ProgramClock
 from simmer_tui.sim.command import Command
+
+if TYPE_CHECKING:  # few sets have a dialect
+    from simmer_tui.dialect.dialect_rules import DialectRules
 
 
 class Link(Protocol):

@@ -600,8 +600,9 @@ settings = replace(found.settings, server=with_any_ports(found.settings.server))
 server = Server(replace(found, settings=settings))
 server.keep_history()
 server.stop()
-later = {"textual", "rich", "serial", "numpy.random", "hashlib", "secrets"}
-later |= {f"simmer_tui.{name}" for name in ("atlas", "document", "program.crash")}
+later = {"textual", "rich", "serial", "numpy.random", "hashlib", "secrets", "json"}
+parts = ("atlas", "dialect.dialect_rules", "document", "links.belief_parser", "program")
+later |= {f"simmer_tui.{name}" for name in parts}
 print(sorted(later & set(sys.modules)))
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=SECONDS)
