@@ -82,7 +82,7 @@ def test_the_distance_of_a_movement_is_that_of_the_totals(noisy_spec: Simulation
 @pytest.mark.parametrize("kind", [kind for kind in DriveKind if not kind.turns])
 def test_every_drive_has_a_direction_in_words(kind: DriveKind) -> None:
     """A drive that is added is worded by its direction, without an entry anywhere."""
-    assert kind.meaning.startswith(f"drive {asked_text(kind, 3.0).split()[-1]} ")
+    assert kind.meaning.split()[1] == asked_text(kind, 3.0).split()[-1]
     there, back = (asked_text(kind, value).split()[-1] for value in (3.0, -3.0))
     assert {there, back} in ({"forward", "back"}, {"left", "right"})
 

@@ -292,7 +292,7 @@ def test_a_random_bias_is_a_mapping_of_the_same_numbers() -> None:
     bias = RandomBias(5, (0.1, 2.0))
     drawn = random_bias(5, (0.1, 2.0))
     assert dict(bias) == drawn
-    assert (len(bias), list(bias), repr(bias)) == (5, list(DriveKind), repr(drawn))
+    assert (len(bias), list(bias), repr(bias)) == (len(DriveKind), list(DriveKind), repr(drawn))
 
 
 def results() -> Iterator[CommandResult]:

@@ -19,6 +19,7 @@ from textual.widgets._toast import Toast
 from simmer_tui.operating.orders import CONSOLE_COMMANDS
 from simmer_tui.sim.angles import half_turn
 from simmer_tui.sim.records import Pose
+from simmer_tui.sim.specs import Axes
 from simmer_tui.tui.help import CommandProvider, HelpScreen
 from simmer_tui.tui.log_panel import LogPanel
 from simmer_tui.tui.maze.view import MazeView
@@ -242,7 +243,7 @@ def test_orders_that_change_the_simulation(fly: Fly) -> None:
             (":block 54 30", lambda: (simulator.block.x, simulator.block.y) == (54.0, 30.0)),
             (":noise off", lambda: not simulator.noise),
             (":noise on", lambda: simulator.noise),
-            (":bias off", lambda: all(axes.x == axes.r == 0 for axes in simulator.bias.values())),
+            (":bias off", lambda: all(simulator.bias[each.kind] == Axes() for each in simulator.spec.drives)),
             (":bias on", lambda: any(axes.r for axes in simulator.bias.values())),
             (":speed 4", lambda: engine.time_scale == 4.0),
             (":pause", lambda: engine.paused),
