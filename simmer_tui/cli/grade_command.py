@@ -35,6 +35,7 @@ from simmer_tui.grade.team_result import TeamResult, TeamStatus, team_results
 from simmer_tui.phrases import counted
 from simmer_tui.runlog.writer import moment_name
 from simmer_tui.sim.noise import SEED_BITS, SEEDS
+from simmer_tui.trials.cluster import check_package
 from simmer_tui.trials.sequential import CAP_RULE, MARGIN, REQUIRED_RATE, shown_test
 from simmer_tui.trials.trial import TrialResult
 
@@ -103,6 +104,8 @@ def run_grade(options: argparse.Namespace) -> int:
     """Grade the programs of a course. All get the same missions from a secret seed. Each runs in its own
     sandbox, with as few runs as a sequential test needs to decide. COURSE is a teams.toml, or a folder with
     one folder a team."""
+    if options.dask is not None:
+        check_package()
     folder = _resumed(options) if options.resume or options.regrade else _begun(options)
     if options.dask is None:
         check_isolation(folder)

@@ -43,7 +43,7 @@ from simmer_tui.errors import ConfigurationError, Problem, TrialsError
 from simmer_tui.phrases import counted
 from simmer_tui.runlog.writer import moment_name
 from simmer_tui.sim.command import escape, shown_path
-from simmer_tui.trials.cluster import pack
+from simmer_tui.trials.cluster import check_package, pack
 from simmer_tui.trials.explanations import Explanations
 from simmer_tui.trials.failures import success_rate
 from simmer_tui.trials.figures import write_run_pages
@@ -70,6 +70,8 @@ def run_trials(options: argparse.Namespace) -> int:
     and show how often it succeeds and where it fails. With a mission.toml in the configuration set, success
     is to do the mission; without one it is exit code 0."""
     _check_sure(options)
+    if options.dask is not None:
+        check_package()
     folder = _resumed(options) if options.resume else _begun(options)
     test = None if options.sure is None else _test(options, folder.plan.runs)
     if test is not None:

@@ -6,6 +6,7 @@ The program's files and its command are sent there, results and logs come back. 
 
 from __future__ import annotations
 
+import importlib
 import os
 import shlex
 import subprocess
@@ -178,14 +179,21 @@ AnyTrial = TypeVar("AnyTrial", bound=Trial)
 AnyFiles = TypeVar("AnyFiles")
 
 
-def connect(address: str) -> Client:
-    """A client of the cluster's scheduler, such as `tcp://10.0.0.7:8786`. Raises ClusterError,
-    TrialsError."""
+def check_package() -> None:
+    """Raises TrialsError if the package of Dask is not installed."""
     try:
-        from distributed import Client
+        importlib.import_module("distributed")
     except ImportError:
         needed = f"--dask needs the package distributed: pip install '{requirement('dask')}'"
         raise TrialsError(needed) from None
+
+
+def connect(address: str) -> Client:
+    """A client of the cluster's scheduler, such as `tcp://10.0.0.7:8786`. Raises ClusterError,
+    TrialsError."""
+    check_package()
+    from distributed import Client
+
     try:
         return Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
     except ValueError as error:

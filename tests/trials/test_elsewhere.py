@@ -21,6 +21,7 @@ from typing import Any
 import pytest
 
 from simmer_tui import platform_has
+from simmer_tui.cli.main import main
 from simmer_tui.config.loader import find_set, load
 from simmer_tui.errors import ClusterError, InterruptedTrialError, RunLogError, TrialsError
 from simmer_tui.trials import cluster, local
@@ -160,6 +161,16 @@ def test_a_scheduler_is_connected_to_in_ten_seconds(monkeypatch: pytest.MonkeyPa
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(TrialsError, match=r"--dask needs the package distributed: pip install '.*dask.*'"):
         connect("x")
+
+
+def test_without_the_package_no_folder_is_made(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """A second try, after it was installed, would find a folder with trials already."""
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    out, course = tmp_path / "out", tmp_path / "course"
+    (course / "red").mkdir(parents=True)
+    for arguments in (["trials", "--run", "python x.py"], ["grade", str(course)]):
+        assert main([*arguments, "--out", str(out), "--dask", "tcp://127.0.0.1:1"]) == 2
+        assert not out.exists()
 
 
 class Future:
