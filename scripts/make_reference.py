@@ -184,16 +184,16 @@ def files() -> str:
             "## floor.csv\n",
             f"{maze_csv.FLOOR_LAYOUT} Without it the floor is the course's pattern.\n",
             "## robot.csv\n",
-            "What a row says stands in column B (of a corner in B and C); the first column is a label.\n",
+            "The value of a row is in column B (of a corner in B and C). Column A is a label.\n",
             table(("row", "meaning"), robot_csv.ROWS.items()),
             "## sensors.csv\n",
-            "A row a sensor. The robot's frame: x ahead, y to the left, z up, from its centre.\n",
+            "One row for each sensor. The robot's frame: x ahead, y to the left, z up, from its centre.\n",
             table(("type", "what it measures", "unit"), kinds),
-            "The first ten columns must be there. In brackets what a blank cell of others means; formulas "
-            "are in [Sensors and drives](../sensors.md).\n",
+            "The first ten columns must be there. A blank cell of another column means its default, in "
+            "brackets here. Formulas are in [Sensors and drives](../sensors.md).\n",
             table(("column", "allowed", "of", "meaning"), _sensor_columns()),
             "## drive.csv\n",
-            "A row a movement, and one for the gripper. From `Gain` on columns may be left out.\n",
+            "One row for each movement, and one for the gripper. From `Gain` on columns may be left out.\n",
             table(("column", "meaning"), ((_code(each.name), each.help) for each in drive_csv.COLUMNS)),
             "## mission.toml\n",
             table(("key", "allowed", "meaning"), keys),
@@ -292,7 +292,7 @@ def answers() -> str:
         "# Answers as JSON and CSV\n",
         "With `--json` each table is a list of objects under its key; a record is one object. A key ends "
         "with its unit: `time_s` is seconds, `x_in` inches, `heading_deg` degrees. What does not apply is "
-        "null, a number without bounds too. Sentences stand under `text`, by the key of what they are about, "
+        "null, a number without bounds too. Sentences are under `text`, by the key of what they are about, "
         "and a program's last output under `output`. CSV files have the same keys as columns.\n",
     ]
     for name, tables in ANSWERS.items():
@@ -329,8 +329,9 @@ def messages() -> str:
     """Messages of errors, found in the code, each with `...` for what differs."""
     parts = [
         "# Error messages\n",
-        "Every message, where values stand as `...`. One of a set begins with its place, `file:line:column`; "
-        "`simmer-tui check` lists all of them at once. Search the page for a part of what you read.\n",
+        "All messages, with `...` in place of values. One of a set begins with its place, "
+        "`file:line:column`; `simmer-tui check` lists all of them at once. "
+        "Search the page for a part of what you read.\n",
     ]
     rooms: dict[str, dict[str, None]] = {}
     for path in sorted((ROOT / "simmer_tui").rglob("*.py")):

@@ -44,7 +44,9 @@ _JSON = "json"
 
 
 def _examples_options(parser: OneLineParser) -> None:
-    parser.add_argument("directory", metavar="DIR", type=Path, help="where to; made if it does not exist")
+    parser.add_argument(
+        "directory", metavar="DIR", type=Path, help="the folder to write; made if it does not exist"
+    )
 
 
 @subcommand("examples", _examples_options)

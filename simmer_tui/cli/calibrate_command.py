@@ -63,7 +63,7 @@ def _options(parser: OneLineParser) -> None:
         metavar="N",
         type=by_rule(SEEDS),
         default=0,
-        help="of the search for the path (default: %(default)s); rarely of use",
+        help="seed of the search for the path (default %(default)s); rarely needed",
     )
     parser.add_argument(
         "--anyway",
@@ -89,8 +89,6 @@ def run_calibrate(options: argparse.Namespace) -> int:
     --serial PORT --log FILE), and write them as a configuration set."""
     _check_options(options)
     allow_large(options)
-    if options.seed < 0:
-        raise CalibrationError(f"--seed must be 0 or more, not {options.seed}")
     if importlib.util.find_spec("scipy") is None:
         raise CalibrationError(
             f"this needs scipy, which is not installed: pip install '{requirement('calibrate')}'"

@@ -13,7 +13,7 @@ from simmer_tui.trials.folder import TrialFolder
 
 def _options(parser: OneLineParser) -> None:
     parser.add_argument("first", metavar="A", type=Path, help="a folder of trials")
-    parser.add_argument("second", metavar="B", type=Path, help="another one")
+    parser.add_argument("second", metavar="B", type=Path, help="another folder of trials")
     parser.add_argument(
         "--other-robot",
         action="store_true",

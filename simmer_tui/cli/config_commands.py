@@ -45,9 +45,11 @@ from simmer_tui.sim.command import escape, shown_path
 
 
 def _init_options(parser: OneLineParser) -> None:
-    parser.add_argument("directory", metavar="DIR", type=Path, help="where to; made if it does not exist")
+    parser.add_argument(
+        "directory", metavar="DIR", type=Path, help="the folder to write; made if it does not exist"
+    )
     sets = ", ".join(bundled_sets())
-    parser.add_argument("--from", dest="source", metavar="SET", help=f"another set: {sets}, or a folder")
+    parser.add_argument("--from", dest="source", metavar="SET", help=f"copy this set: {sets}, or a folder")
     add_mission_option(parser)
     parser.add_argument(
         "--term",
@@ -57,7 +59,7 @@ def _init_options(parser: OneLineParser) -> None:
     parser.add_argument(
         "--dialect",
         choices=[each.value for each in FrameKind],
-        help="with a dialect.toml to be edited, for messages that are lines, in brackets, bytes or binary",
+        help="add a dialect.toml to be edited, for messages that are lines, in brackets, bytes or binary",
     )
 
 
@@ -91,7 +93,7 @@ def add_mission_option(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--mission",
         action="store_true",
-        help="with what the mission needs: a gripper, a load sensor and a mission.toml",
+        help="add a gripper, a load sensor and a mission.toml",
     )
 
 
@@ -185,7 +187,7 @@ def _check_against(path: Path, configuration: Configuration, *, as_json: bool) -
 def _import_options(parser: OneLineParser) -> None:
     parser.add_argument("file", metavar="FILE", type=Path, help="config.py, Main.m, or the folder of either")
     parser.add_argument(
-        "directory", metavar="DIR", type=Path, help="where the set is written; made if need be"
+        "directory", metavar="DIR", type=Path, help="the folder to write; made if it does not exist"
     )
     add_mission_option(parser)
 

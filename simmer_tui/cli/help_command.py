@@ -27,7 +27,7 @@ _FOLDERS = {"directory", "mazes", "config", "target", "source", "first", "second
 
 
 def _help_options(parser: OneLineParser) -> None:
-    parser.add_argument("topic", metavar="COMMAND", nargs="?", help=f"which command, or: {SETTINGS}")
+    parser.add_argument("topic", metavar="COMMAND", nargs="?", help=f"the command, or: {SETTINGS}")
 
 
 def topics() -> tuple[str, ...]:
@@ -52,7 +52,7 @@ def run_help(options: argparse.Namespace) -> int:
 
 
 def _completion_options(parser: OneLineParser) -> None:
-    parser.add_argument("shell", choices=tuple(SHELLS), help="which shell")
+    parser.add_argument("shell", choices=tuple(SHELLS), help="the shell")
 
 
 @subcommand(

@@ -52,7 +52,7 @@ RERUN = DataTable(
 def _report_options(parser: OneLineParser) -> None:
     add_log_argument(parser)
     parser.add_argument("--svg", metavar="OUT", type=Path, help="write maze, path and sensors as a picture")
-    parser.add_argument("--csv", metavar="OUT", type=Path, help="write a table with a row a command")
+    parser.add_argument("--csv", metavar="OUT", type=Path, help="write a table with a row for each command")
     parser.add_argument("--html", metavar="OUT", type=Path, help="write all of it as one page")
     parser.add_argument(
         "--nominal",
@@ -129,7 +129,7 @@ def _export_options(parser: OneLineParser) -> None:
         metavar="PIXELS",
         type=by_rule(IntegerRule(160, 3840)),
         default=720,
-        help="of the pictures (default %(default)s)",
+        help="width of the pictures (default %(default)s)",
     )
     parser.add_argument(
         "--speed", metavar="X", type=by_rule(NumberRule(0.01, 1000)), dest="playback_rate",
@@ -137,9 +137,9 @@ def _export_options(parser: OneLineParser) -> None:
         f"{USUAL_SECONDS:g} s long)",
     )  # fmt: skip
     parser.add_argument(
-        "--from", metavar="S", type=seconds, dest="begin", help="where the GIF begins, seconds"
+        "--from", metavar="S", type=seconds, dest="begin", help="beginning of the GIF, seconds"
     )
-    parser.add_argument("--until", metavar="S", type=seconds, help="where it ends")
+    parser.add_argument("--until", metavar="S", type=seconds, help="end of the GIF, seconds")
 
 
 @subcommand("export", _export_options)
@@ -170,9 +170,9 @@ def _rerun_options(parser: OneLineParser) -> None:
 
 @subcommand("rerun", _rerun_options)
 def run_rerun(options: argparse.Namespace) -> int:
-    """Run the commands of a log again, from its configuration and seed, and compare every reply bit for bit,
-    or but for rounding if a machine with other mathematics wrote it. Exits with 0 if all are the same, 1 at
-    the first difference, 2 for a broken log."""
+    """Run the commands of a log again, from its configuration and seed, and compare every reply bit for bit.
+    If a machine with other mathematics wrote the log, differences by rounding are allowed. Exits with 0 if
+    all are the same, 1 at the first difference, 2 for a broken log."""
     path = log_of(options)
     with configuration_of(path):
         rerun = Rerun(path, options.config)

@@ -39,7 +39,7 @@ def _options(parser: OneLineParser) -> None:
         "take over", "a live run that continues from a moment of the log (in the replay: t)"
     )
     take_over.add_argument(
-        "--take-over", metavar="S", type=by_rule(NumberRule()), help="at once, at so many seconds"
+        "--take-over", metavar="S", type=by_rule(NumberRule()), help="take over at once, at S seconds"
     )
     take_over.add_argument("--no-ui", action="store_true", help="without the screen")
     take_over.add_argument("--run", metavar='"CMD ..."', help="run a program, which continues from there")

@@ -57,7 +57,9 @@ rate = by_rule(RATE_RULE)
 
 def add_place_options(parser: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
     """The options `--jobs` and `--dask`: where the runs are done."""
-    parser.add_argument("--jobs", metavar="N", type=count, help="runs at a time (default: one a processor)")
+    parser.add_argument(
+        "--jobs", metavar="N", type=count, help="runs at a time (default: the number of processors)"
+    )
     parser.add_argument(
         "--dask", metavar="ADDRESS", help="send the runs to a Dask cluster (needs simmer-tui[dask])"
     )
@@ -75,7 +77,7 @@ def add_trials_options(parser: OneLineParser) -> None:
         "--runs",
         metavar="N",
         type=count,
-        help=f"how many runs (default {DEFAULT_RUNS}), with --vary of each value",
+        help=f"number of runs (default {DEFAULT_RUNS}); with --vary, for each value",
     )
     add_config_option(group, f"./config with a mission.toml, else {MISSION_SET}")
     mazes = group.add_mutually_exclusive_group()
@@ -118,18 +120,21 @@ def add_trials_options(parser: OneLineParser) -> None:
         "--require",
         metavar="RATE",
         type=rate,
-        help="exit code 1 if the success rate is below, 0 to 1; with --vary if that of every value of one is "
-        f"(and what the program is to keep, default {REQUIRED_RATE:g})",
+        help="exit code 1 if the success rate is below RATE, 0 to 1; with --vary, if no value of a name "
+        f"reaches RATE. The answer to --vary uses RATE, too (default {REQUIRED_RATE:g})",
     )
     group.add_argument(
         "--sure",
         metavar="CONFIDENCE",
         type=by_rule(NumberRule(0.501, 0.9999)),
-        help="with --require: decide by a sequential test, with as few runs as it takes; a program at RATE "
-        "passes, and one at RATE - MARGIN fails, at least this often, such as 0.95; --runs is the cap",
+        help="with --require: decide by a sequential test, with as few runs as possible. A program with "
+        "RATE passes, and one with RATE - MARGIN fails, at least this often, such as 0.95; --runs is the cap",
     )
     group.add_argument(
-        "--margin", metavar="MARGIN", type=rate, help=f"of --sure, a rate (default {MARGIN:g})"
+        "--margin",
+        metavar="MARGIN",
+        type=rate,
+        help=f"with --sure: a success rate this much below RATE fails (default {MARGIN:g})",
     )
     group.add_argument(
         "--vary",
@@ -137,8 +142,8 @@ def add_trials_options(parser: OneLineParser) -> None:
         action="append",
         default=[],
         help="a sweep: --runs N, with the same seeds, for each value of a setting (strength, "
-        "motion.time_scale) or of a column of one sensor or drive (u1.percent_error); more than once, each "
-        "is varied alone; semicolons stand between values that have commas",
+        "motion.time_scale) or of a column of one sensor or drive (u1.percent_error). Of several --vary, "
+        "each is varied alone. Semicolons separate values that have commas",
     )
     group.add_argument(
         "--why",

@@ -295,7 +295,7 @@ ID = "ID"
 POLL_CHARACTER = "Poll Character"
 CODE = CsvColumn(
     CodeRule(),
-    "what a program sends to use it: two characters, in no other row of sensors.csv or drive.csv",
+    "code that a program sends: two characters, in no other row of sensors.csv or drive.csv",
     *("", POLL_CHARACTER, "code"),
     needed=True,
 )

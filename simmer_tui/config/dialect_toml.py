@@ -30,31 +30,35 @@ def _one_of(*members: StrEnum) -> WordRule:
 FRAME = (
     _key(
         *("kind", _one_of(*FrameKind, *CourseProtocol)),
-        "how a message begins and ends, or a protocol of the course, which needs no rules",
+        "beginning and end of a message, or a protocol of the course, which needs no rules",
     ),
-    _key("end", _MARK, "line: what ends a message; binary: what must follow the content"),
+    _key("end", _MARK, "line: end of a message; binary: text that must follow the content"),
     _key(
         *("silence", _SECONDS),
         "time after which bytes without an end are a message (line) or dropped; 0: never",
         "s",
     ),
-    _key("longest", IntegerRule(1, 65536), "bytes that a message may have"),
-    _key("open", _MARK, "bracket: what begins a message"),
-    _key("close", _MARK, "bracket: what ends a message"),
+    _key("longest", IntegerRule(1, 65536), "most bytes of a message"),
+    _key("open", _MARK, "bracket: beginning of a message"),
+    _key("close", _MARK, "bracket: end of a message"),
 )
 """The keys of [frame], by field of `Framing`: the form of messages to the robot."""
 REPLY = (
     _key("end", _MARK, "added to every text reply"),
-    _key("missing", RawTextRule(40), "what a reading without a finite value becomes"),
+    _key("missing", RawTextRule(40), "reply for a reading without a finite value"),
 )
 """The keys of [reply]: common properties of all replies."""
 ROBOT = (
     _key(
         *("busy", _one_of(Busy.WAIT, Busy.REPLACE, Busy.DROP)),
-        "what becomes of a movement that comes during another",
+        "effect of a movement that comes during another",
     ),
-    _key("reads", _one_of(Busy.NOW, Busy.WAIT), "when a message without a movement is answered meanwhile"),
-    _key("buffer", IntegerRule(1, 65536), "bytes that wait at most; later ones are lost"),
+    _key(
+        "reads",
+        _one_of(Busy.NOW, Busy.WAIT),
+        "reply to a message without a movement meanwhile: at once, or after the movement",
+    ),
+    _key("buffer", IntegerRule(1, 65536), "most bytes that wait; later ones are lost"),
     _key("boot", _SECONDS, "time after opening in which bytes are lost", "s"),
     _key("greeting", RawTextRule(256), "text sent after that"),
     _key("halts_after", _SECONDS, "time without any byte after which an untimed run stops; 0: never", "s"),
@@ -64,7 +68,7 @@ ROBOT = (
 HEAD_KEYS = ("head", "names", "body")
 """Keys of [frame] for binary frames: struct format, its fields, and the field with the content's length."""
 COMMAND_KEYS = {
-    "match": "the message: text with {name} where a value stands, or a list of such texts",
+    "match": "the message: text with {name} in place of a value, or a list of such texts",
     "type": "binary: value of the header's field type",
     "unpack": "binary: struct format and names of the content, <hh: x y",
     "if": "a condition on values and state; else the next command is tried",
@@ -73,23 +77,23 @@ COMMAND_KEYS = {
     "reply": "sent when the first step begins: text, a binary frame, or a list of them",
     "done": "sent when the last step has ended",
     "stopped": "sent instead when something else has ended it",
-    "busy": "what becomes of it during a movement: now, wait, replace or drop",
+    "busy": "its effect during a movement: now, wait, replace or drop",
 }
 """Keys of a [[command]]."""
 STREAM_KEYS = {
     "every": "period, seconds",
-    "send": "what is sent, as a reply",
+    "send": "the message, in the form of a reply",
     "if": "a condition on the state",
 }
 """Keys of a [[stream]]."""
-UNKNOWN_KEYS = {"reply": "reply to a message that no command matches, {text} being it"}
+UNKNOWN_KEYS = {"reply": "reply to a message that no command matches; {text} is the message"}
 """Keys of [unknown]."""
 REPLY_KEYS = {
     "type": "value of the header's field type",
     "text": "content as text",
     "pack": "struct format of the content",
     "values": "list of expressions for it",
-    "times": "how many such frames, {k} counting from 0",
+    "times": "number of such frames; {k} counts them from 0",
 }
 """Keys of a binary reply."""
 TABLE_NAMES = ("frame", "reply", "robot", "state", "command", "stream", "unknown")

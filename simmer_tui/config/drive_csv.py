@@ -29,7 +29,7 @@ GRIPPER_ID = "grip"
 COLUMNS: tuple[CsvColumn, ...] = (
     CsvColumn(
         ChoiceRule((*(kind.value for kind in DriveKind), GRIPPER_ID, *(kind.value for kind in VelocityKind))),
-        "which movement: " + "; ".join(f"{kind.value} {kind.meaning}" for kind in DriveKind) + "; "
+        "the movement: " + "; ".join(f"{kind.value} {kind.meaning}" for kind in DriveKind) + "; "
         "grip opens and closes the gripper; velocity and velocity-x, -y, -r set a velocity that lasts; "
         "wheels sets rim speeds",
         name=ID,

@@ -24,12 +24,12 @@ CELLS = {
 """Name and meaning of a cell, by its value."""
 
 LAYOUT = (
-    f"A value a cell of {CELL_SIZE:g} x {CELL_SIZE:g} in, the top row first; "
+    f"One value for each cell of {CELL_SIZE:g} x {CELL_SIZE:g} in, the top row first; "
     f"at most {MAX_CELLS} cells a side."
 )
 FLOOR_LAYOUT = (
-    f"A value a tile of {TILE_SIZE:g} x {TILE_SIZE:g} in, {TILES_PER_CELL} by {TILES_PER_CELL} to a cell: "
-    "0 black, 1 white."
+    f"One value for each tile of {TILE_SIZE:g} x {TILE_SIZE:g} in, {TILES_PER_CELL} by {TILES_PER_CELL} "
+    "to a cell: 0 black, 1 white."
 )
 
 _CELL = IntegerRule(WALL, BLOCK, listed(f"{value} ({name})" for value, (name, _) in CELLS.items()))

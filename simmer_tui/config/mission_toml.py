@@ -42,15 +42,15 @@ class MissionSpec(Struct, frozen=True, kw_only=True):
 
     start: Annotated[
         tuple[float, float] | None,
-        Value(_PLACE, "where the robot's centre starts, inches; any: the middle of any cell of value 2"),
+        Value(_PLACE, "start of the robot's centre, inches; any: the middle of any cell of value 2"),
     ] = None
     heading: Annotated[
         float | Heading,
-        Value(_HEADING, "its heading there, degrees; quarter: any multiple of 90; any: any at all"),
+        Value(_HEADING, "start heading, degrees; quarter: any multiple of 90; any: any at all"),
     ] = Heading.QUARTER
     block: Annotated[
         tuple[float, float] | None,
-        Value(_PLACE, "where the block's centre is, inches; any: anywhere in the cells of value 3"),
+        Value(_PLACE, "place of the block's centre, inches; any: anywhere in the cells of value 3"),
     ] = None
     clearance: Annotated[
         float, Value(NumberRule(0), "least distance between a block that lies anywhere and a wall, inches")
@@ -59,11 +59,11 @@ class MissionSpec(Struct, frozen=True, kw_only=True):
         tuple[float, float] | None,
         Value(
             _PLACE,
-            "where the block is to go: the cell around this place; any: a cell of value 2 but the start's",
+            "drop zone: the cell around this place; any: a cell of value 2 but the start's",
         ),
     ] = None
     time_limit: Annotated[
-        float, Value(NumberRule(0, low_open=True), "simulated time for all of it, seconds")
+        float, Value(NumberRule(0, low_open=True), "simulated time for the mission, seconds")
     ] = 300.0
     contacts: Annotated[int | None, Value(_NUMBER_OF_CONTACTS, "contacts with a wall that are allowed")] = 0
 

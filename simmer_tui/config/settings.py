@@ -131,20 +131,21 @@ def _text(help_text: str, metavar: str = "", option: str = "", *, blank: bool = 
 class ServerSettings(Struct, frozen=True, kw_only=True):
     """The ports and the form of replies."""
 
-    host: Annotated[str, _text("address the ports are taken on", "ADDRESS", blank=False)] = "127.0.0.1"
-    listeners: Annotated[_Names, _talk(SeveralRule(()), "which programs are served")] = ("binary",)
+    host: Annotated[str, _text("address of the ports", "ADDRESS", blank=False)] = "127.0.0.1"
+    listeners: Annotated[_Names, _talk(SeveralRule(()), "dialects that are served")] = ("binary",)
     port: Annotated[int, _port(dialects.COMMANDS)] = dialects.COMMANDS.default
     reply_port: Annotated[int, _port(dialects.REPLIES)] = dialects.REPLIES.default
     reply_format: Annotated[str, _talk(ChoiceRule(("float64", "float32")), "size of a reply")] = "float64"
     byte_order: Annotated[str, _talk(ChoiceRule(("big", "little")), "order of a reply's bytes")] = "big"
     # Programs of Sep and Oct 2020 send no newline, and one command a write: after 5 ms nothing more comes.
     grace: Annotated[
-        float, _talk(NumberRule(0, 10), "how long bytes without a newline stay alone to be a command", "s")
+        float, _talk(NumberRule(0, 10), "silence after which bytes without a newline are a command", "s")
     ] = 0.005
     packet_port: Annotated[int, _port(dialects.PACKETS)] = dialects.PACKETS.default
     packet_reply_port: Annotated[int, _port(dialects.PACKET_REPLIES)] = dialects.PACKET_REPLIES.default
     legacy_reply: Annotated[
-        str, _talk(ChoiceRule(("float64", "float32", "text")), "how packets without brackets are answered")
+        str,
+        _talk(ChoiceRule(("float64", "float32", "text")), "form of the reply to a packet without brackets"),
     ] = "float64"
     idle: Annotated[
         float, _number(0.1, 3600, "silence after which a program that sends packets has left", "s")
@@ -175,12 +176,14 @@ class ServerSettings(Struct, frozen=True, kw_only=True):
 class MotionSettings(Struct, frozen=True, kw_only=True):
     """Motion of the robot."""
 
-    motion: Annotated[str, _choice("instant timed", "whether a movement takes its time")] = "instant"
+    motion: Annotated[
+        str, _choice("instant timed", "instant: a movement is over at once; timed: it takes its time")
+    ] = "instant"
     reply: Annotated[
         str,
         _talk(
             ChoiceRule(("auto", "done", "accepted")),
-            "when a timed drive is answered: at its end, at once, or as its dialect does",
+            "reply to a timed drive; done: at its end, accepted: at once, auto: as its dialect does",
         ),
     ] = "auto"
     clock: Annotated[
@@ -198,11 +201,11 @@ class MotionSettings(Struct, frozen=True, kw_only=True):
         str,
         _choice(
             "drive stop",
-            "what ends a movement at a wall: only the commanded motion, or any contact, by an error too",
+            "end of a movement at a wall; drive: if the commanded motion is blocked, stop: at any contact",
         ),
     ] = "drive"
     clearance: Annotated[
-        float, _number(0, 1, "how far before a contact the robot stands still, along its path", "in")
+        float, _number(0, 1, "distance before a contact at which the robot stops, along its path", "in")
     ] = 0.0
     block_solid: Annotated[bool, _flag("the block stops the robot as a wall does")] = False
     velocity_timeout: Annotated[
@@ -266,9 +269,9 @@ class LinkSettings(Struct, frozen=True, kw_only=True):
 
     latency: Annotated[
         float,
-        _number(0, 10, "simulated time a message is under way between program and robot, each way", "s"),
+        _number(0, 10, "simulated time that a message takes between program and robot, each way", "s"),
     ] = 0.0
-    jitter: Annotated[float, _number(0, 10, "most that is added to it at random", "s")] = 0.0
+    jitter: Annotated[float, _number(0, 10, "largest random addition to it", "s")] = 0.0
 
 
 class SerialSettings(Struct, frozen=True, kw_only=True):
@@ -279,7 +282,7 @@ class SerialSettings(Struct, frozen=True, kw_only=True):
     ] = ""
     baud: Annotated[int, _whole(50, 4_000_000, "bits a second on the port")] = USUAL_BAUD
     timeout: Annotated[
-        float, _number(0.01, 3600, "after how long a command without a reply is answered NaN", "s", _SERIAL)
+        float, _number(0.01, 3600, "time after which a command without a reply is answered NaN", "s", _SERIAL)
     ] = 5.0
     suffix: Annotated[str, _choice("none lf crlf", "line end added to commands that have none", _SERIAL)] = (
         "none"
@@ -288,7 +291,7 @@ class SerialSettings(Struct, frozen=True, kw_only=True):
         str,
         _choice(
             "auto float64 float32 newline bracket quiet",
-            "what ends a reply of the robot; auto: as robot_reply or the program's dialect has it",
+            "end of a reply of the robot; auto: as robot_reply or the program's dialect has it",
         ),
     ] = "auto"
     robot_reply: Annotated[
@@ -301,11 +304,9 @@ class SerialSettings(Struct, frozen=True, kw_only=True):
     robot_byte_order: Annotated[
         str, _choice("big little", "order of the bytes in such a float32 or float64 reply")
     ] = "little"
-    record: Annotated[str, _text("file that keeps what goes to the real robot and comes from it", "FILE")] = (
-        ""
-    )
+    record: Annotated[str, _text("file for the bytes to and from the real robot", "FILE")] = ""
     velocity: Annotated[bool, _flag("the robot knows the commands of continuous motion", _SERIAL)] = False
-    stop: Annotated[str, _text("what stops the robot at once", option=_SERIAL, blank=False)] = "xx"
+    stop: Annotated[str, _text("command that stops the robot at once", option=_SERIAL, blank=False)] = "xx"
 
 
 OFF = "off"
@@ -321,7 +322,7 @@ class WebSettings(Struct, frozen=True, kw_only=True):
         str,
         Setting(
             PortOrOffRule(),
-            f"show the run in browsers: port of the page, 0 for any free one; alone {WEB_PORT}",
+            f"show the run in browsers: port of the page, 0 for any free one; without a number {WEB_PORT}",
             option="--web",
             metavar="PORT",
             alone=WEB_PORT,
@@ -345,13 +346,13 @@ class ScreenSettings(Struct, frozen=True, kw_only=True):
         float,
         Setting(
             PACES,
-            "how fast movements are shown when motion is instant, times real speed",
+            "rate at which movements of instant motion are shown, times real speed",
         ),
     ] = 4.0
     color: Annotated[str, _choice("auto truecolor 256 16 none", "colours of the terminal")] = "auto"
-    glyphs: Annotated[
-        str, _choice("auto quadrant sextant octant half ascii", "characters the maze is drawn with")
-    ] = "auto"
+    glyphs: Annotated[str, _choice("auto quadrant sextant octant half ascii", "characters for the maze")] = (
+        "auto"
+    )
     theme: Annotated[str, _choice("dark light high-contrast", "colours of the screen")] = "dark"
     mouse: Annotated[bool, _flag("use the mouse, else it is left to the terminal")] = True
     step: Annotated[float, _number(0, 1000, "length of a key's drive", "in")] = 3.0
@@ -359,7 +360,7 @@ class ScreenSettings(Struct, frozen=True, kw_only=True):
     turn: Annotated[float, _number(0, 3600, "angle of a key's turn", "deg")] = 15.0
     fine_turn: Annotated[float, _number(0, 3600, "the same with Shift", "deg")] = 3.0
     keys_velocity: Annotated[
-        bool, _flag("a key that is held drives at a velocity until it is let go, not by steps")
+        bool, _flag("a key that is held drives at a velocity until it is released, not by steps")
     ] = False
     # 6 in/s crosses a cell of the course's maze in 2 s, and 45 deg/s a quarter turn: slow enough to react to.
     keys_speed: Annotated[
@@ -404,17 +405,19 @@ class KeySettings(Struct, frozen=True, kw_only=True):
 class Settings(Struct, frozen=True, kw_only=True):
     """settings.toml and the options together. Units: inches, degrees, seconds."""
 
-    bot_center: Annotated[_Pair, Setting(PairRule(), "where the robot's centre starts", "in")] = (9.5, 42.0)
+    bot_center: Annotated[_Pair, Setting(PairRule(), "start of the robot's centre", "in")] = (9.5, 42.0)
     bot_rot: Annotated[
         float, Setting(NumberRule(), "start heading, counter-clockwise from +X", "deg", metavar="ANGLE")
     ] = 0.0
-    block_center: Annotated[_Pair, Setting(PairRule(), "where the block's centre is", "in")] = (25.0, 41.0)
+    block_center: Annotated[_Pair, Setting(PairRule(), "place of the block's centre", "in")] = (25.0, 41.0)
     blocksize: Annotated[
         float, Setting(NumberRule(0), "side length of the block, 0 for no block at all", "in")
     ] = 3.0
-    num_segments: Annotated[int, _whole(1, 10_000, "equal parts each movement is cut into")] = 10
+    num_segments: Annotated[int, _whole(1, 10_000, "equal parts of each movement")] = 10
     step_time: Annotated[float, _number(0, 3600, "pause after every command, before its reply", "s")] = 0.0
-    randerror: Annotated[bool, _flag("random errors differ from run to run, else come from seed")] = True
+    randerror: Annotated[
+        bool, _flag("random errors differ from run to run; otherwise they come from seed")
+    ] = True
     seed: Annotated[int, Setting(SEEDS, "seed of the random errors; the option implies --no-randerror")] = 0
     randbias: Annotated[bool, _flag("draw the drives' biases at random at start, not from drive.csv")] = True
     strength: Annotated[

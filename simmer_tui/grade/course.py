@@ -123,7 +123,7 @@ KEYS: dict[str, tuple[Value, ...]] = {
     ),
     "decide": (
         _key("require", RATE_RULE, "the success rate that passes", REQUIRED_RATE),
-        _key("margin", RATE_RULE, "how far below it fails", MARGIN),
+        _key("margin", RATE_RULE, "a success rate this much lower fails", MARGIN),
         _key("risk", _RISK, "error rate of the decision", RISK),
         _key("cap", CAP_RULE, "most runs of a team"),
     ),

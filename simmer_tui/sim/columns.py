@@ -64,18 +64,18 @@ _UPRIGHT = NumberRule(0, 180, high_open=True)
 
 X = _base(
     *("X Position (in)", _ANY, _FREE),
-    "how far ahead of the robot's centre it sits (negative: behind)",
+    "distance ahead of the robot's centre (negative: behind)",
     field="x",
 )
 Y = _base(
     *("Y Position (in)", _ANY, _FREE),
-    "how far to the left of the robot's centre it sits (negative: to the right)",
+    "distance to the left of the robot's centre (negative: to the right)",
     field="y",
 )
-Z = _base("Z Position (in)", _NOT_NEGATIVE, _FREE, "its height above the floor", field="z")
+Z = _base("Z Position (in)", _NOT_NEGATIVE, _FREE, "height above the floor", field="z")
 ROTATION = _base(
     *("Rotation (deg)", _ANY, _FREE),
-    "which way it looks, or rolls: 0 to the front, 90 to the left, counter-clockwise",
+    "direction in which it looks, or rolls: 0 to the front, 90 to the left, counter-clockwise",
 )
 ERROR = _base(
     *("Percent Error (0-1)", _SHARE, _AT_LEAST),
@@ -84,7 +84,7 @@ ERROR = _base(
     is_error=True,
 )
 FIELD_OF_VIEW = _base(
-    "Field of View (deg)", NumberRule(0, 360), _SAME, "angle from edge to edge of what it sees"
+    "Field of View (deg)", NumberRule(0, 360), _SAME, "angle of its view, from edge to edge"
 )
 THRESHOLD = _base("Threshold", _SHARE, _FREE, "share of the seen floor that must have the colour for a 1")
 
@@ -92,15 +92,13 @@ BASE = (X, Y, Z, ROTATION, ERROR, FIELD_OF_VIEW, THRESHOLD)
 """The columns that every file has after ID, Poll Character and Enabled. A kind that does not use one of these
 accepts any number there, or a blank."""
 
-GAIN = _column("Gain", _ANY, _SAME, "what the value is multiplied by (1)")
+GAIN = _column("Gain", _ANY, _SAME, "factor of the value (1)")
 ABSOLUTE_ERROR = _error(
     *("Absolute Error", _NOT_NEGATIVE, _AT_LEAST),
     "standard deviation of a random error of its own, in the unit of the reading",
 )
-BIAS = _error("Bias", _ANY, _SHIFT, "what is always added, in the unit of the reading")
-DRIFT = _error(
-    "Drift (per s)", _ANY, _SHIFT, "what is added for each second of simulated time", label="drift/s"
-)
+BIAS = _error("Bias", _ANY, _SHIFT, "constant that is added, in the unit of the reading")
+DRIFT = _error("Drift (per s)", _ANY, _SHIFT, "addition for each second of simulated time", label="drift/s")
 MIN_RANGE = _column("Min Range (in)", _NOT_NEGATIVE, _AT_LEAST, "its reading of anything nearer", label="min")
 MAX_RANGE = _column(
     *("Max Range (in)", _NOT_NEGATIVE, _AT_MOST),
@@ -136,17 +134,17 @@ CROSS_TALK = _error(
 )
 TICKS = _column(
     *("Ticks per Inch", _NOT_NEGATIVE, _AT_MOST),
-    "counts of the wheel an inch, to which readings are rounded (0: not)",
+    "ticks of the wheel in an inch, to which readings are rounded (0: not)",
     label="ticks/in",
 )
 RANDOM_WALK = _error(
     *("Random Walk (deg/sqrt s)", _NOT_NEGATIVE, _AT_LEAST),
-    "error of the angle that walks at random, deviation after one second (0)",
+    "standard deviation of the angle's random walk after one second (0)",
 )
 HARD_IRON = _error(
-    "Hard Iron (deg)", _ANY, _SAME, "greatest deviation once a turn, by magnets on the robot (0)"
+    "Hard Iron (deg)", _ANY, _SAME, "largest deviation by magnets on the robot, one period a turn (0)"
 )
-SOFT_IRON = _error("Soft Iron (deg)", _ANY, _SAME, "greatest deviation twice a turn, by iron nearby (0)")
+SOFT_IRON = _error("Soft Iron (deg)", _ANY, _SAME, "largest deviation by iron nearby, two periods a turn (0)")
 ANSWER = _column(
     *("Answer", _ANSWER, _SAME),
     "digital: 1 or 0 by the threshold; analog: the share itself, 0 to 1 (digital)",
@@ -209,7 +207,7 @@ DRIVE_AXES = (
     *_axes("Bias", "bias", _ANY, _SAME, _BIAS_HELP),
 )
 """The columns of drive.csv that every file has after ID, Poll Character and Enabled, in their order."""
-DRIVE_GAIN = _column("Gain", _ANY, _FREE, "what the commanded value is multiplied by (1)")
+DRIVE_GAIN = _column("Gain", _ANY, _FREE, "factor of the commanded value (1)")
 SPEED = _column(
     *("Speed", _POSITIVE, _AT_MOST),
     f"inches, degrees or (grip) closings a second ({TRANSLATION_SPEED:g}, {ROTATION_SPEED:g}, 2)",
@@ -222,10 +220,10 @@ ACCELERATION = _column(
 )
 REACH = _column(
     *("Reach", _POSITIVE, _AT_MOST),
-    "grip only: how far ahead of the robot it takes a block by its centre, inches (3)",
+    "grip only: length of the window ahead of the robot for the centre of a block, inches (3)",
     unit="in",
 )
-WIDTH = _column("Width", _POSITIVE, _AT_MOST, "grip only: how wide that window is, inches (4)", unit="in")
+WIDTH = _column("Width", _POSITIVE, _AT_MOST, "grip only: width of that window, inches (4)", unit="in")
 MOVEMENT = (*DRIVE_AXES, DRIVE_GAIN, SPEED, START_LAG, ACCELERATION)
 """The columns of drive.csv for a movement, by field of `DriveSpec`."""
 GRIPPER = (SPEED, REACH, WIDTH)

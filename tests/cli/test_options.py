@@ -115,7 +115,7 @@ def test_help_groups_options_and_names_units_and_defaults(monkeypatch: pytest.Mo
     text = parser().format_settings()
     for title in ("start positions:", "movement and random errors:", "server:", "motion:"):
         assert f"\n{title}\n" in f"\n{text}"
-    assert "where the robot's centre starts (in, default 9.5,42)" in text
+    assert "start of the robot's centre (in, default 9.5,42)" in text
     assert "--bot-rot ANGLE" in text
     assert "(deg, default 0)" in text
     assert "--randbias, --no-randbias" in text

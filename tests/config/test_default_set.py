@@ -81,13 +81,13 @@ def test_settings_file_of_a_new_set_holds_every_setting_with_its_default_and_not
 def test_a_new_set_has_the_settings_that_the_source_lacks() -> None:
     """So a new setting needs no line in the bundled sets: its comment is made of its description."""
     text = (bundled_folder() / "settings.toml").read_text()
-    block = '# What stops the robot at once. A program\'s xx is sent as this too.\nstop = "xx"\n'
+    block = '# Command that stops the robot at once. A program\'s xx is sent as this too.\nstop = "xx"\n'
     assert block in text
     lacking = text.replace(block, "").replace("[link]", "[other]").replace("realistic = false\n", "")
     made = with_all_settings(lacking)
     given = tomllib.loads(made)
     assert (given["serial"]["stop"], given["realistic"], given["link"]["jitter"]) == ("xx", False, 0.0)
-    assert '# What stops the robot at once: a line of text.\nstop = "xx"\n\n[screen]' in made
+    assert '# Command that stops the robot at once: a line of text.\nstop = "xx"\n\n[screen]' in made
     complete = with_all_settings(text, {"nominal": "default"})
     assert tomllib.loads(complete)["nominal"] == "default"
     assert with_all_settings(complete) == complete
