@@ -54,7 +54,7 @@ def _init_options(parser: OneLineParser) -> None:
     parser.add_argument(
         "--term",
         action="store_true",
-        help="a whole course around it: mission, samples, a page for students, devcontainer, CI, grading",
+        help="write a whole course: set, mission, samples, a page for students, devcontainer, CI, grading",
     )
     parser.add_argument(
         "--dialect",
