@@ -690,7 +690,6 @@ class _PacketLink:
         did not read."""
         items = message.strip("[]").split(",")
         answers: list[str] = []
-        # From the end: the items before are replies that an earlier program did not read.
         for command in reversed(commands):
             while items and items[-1][:3] != f"{command[:2]}:":
                 items.pop()

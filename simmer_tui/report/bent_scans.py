@@ -99,7 +99,7 @@ def scans_table(bent: BentScans) -> DataTable:
         rows.append((each.title, each.scans, each.moved, *off))
     note = (
         "Off: the true distance of a ray at its own moment, less that from where the robot was at the end of "
-        "the scan. A program that knows its motion can set it right."
+        "the scan. A program that knows its motion can correct it."
     )
     if any(each.moved > each.measured for each in bent.found.values()):
         note += f" The first {MOST_MEASURED:,} scans in motion of a lidar are measured."

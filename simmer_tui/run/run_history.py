@@ -147,7 +147,7 @@ class SensorTotals(Struct):
 
 
 class CodeTotals(Struct):
-    """Number of commands with one code, and of those that did nothing."""
+    """Commands with one code: all, those that did nothing, and their contacts."""
 
     count: int = 0
     refused: int = 0

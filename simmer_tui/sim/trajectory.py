@@ -15,8 +15,8 @@ from simmer_tui.sim.specs import Axes, DriveKind
 
 class VelocityProfile(Struct, frozen=True):
     """Trapezoidal speed over time: 0 for `lag` seconds, then a ramp up to `speed`, and a ramp down to the
-    end, both at `acceleration` (0: at once). `distance` (0 or more) is what is commanded in inches or
-    degrees. A short one never reaches full speed; one of 0 takes no time."""
+    end, both at `acceleration` (0: at once). `distance` (0 or more) is the commanded length or angle,
+    inches or degrees. A short one never reaches full speed; one of 0 takes no time."""
 
     distance: float
     speed: float
