@@ -19,7 +19,7 @@ CELLS = {
     WALL: ("wall", "the robot cannot go there; outside of the maze is wall too"),
     EMPTY: ("empty", "free floor"),
     START: ("robot start", "free; a mission may start in its middle, and a drop zone is one of these"),
-    BLOCK: ("block", "free; the loading zone, in which a mission lays the block"),
+    BLOCK: ("block", "free; the loading zone, where a mission puts the block"),
 }
 """Name and meaning of a cell, by its value."""
 

@@ -33,7 +33,7 @@ class Nominal(Struct, frozen=True):
 
 def nominal_of(configuration: Configuration, chosen: str | None = None) -> Nominal | None:
     """The nominal set of a run with this configuration, None if there is none that can be read. By default it
-    is the one that the run's set names, else the bundled one of which it is a variant.
+    is the one that the run's set names, else the bundled set that it is a variant of.
 
     Raises ConfigurationError if a `chosen` one cannot be read.
     """

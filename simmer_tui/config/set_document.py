@@ -53,7 +53,7 @@ _SENSOR_VALUES = tuple(
 )
 CHECK = DataTable("check", "The set", _columns("ok name directory"), record=True)
 PROBLEMS = DataTable("problems", "Its mistakes", _columns("where text"))
-WARNINGS = DataTable("warnings", "What may not be as its author expects", _columns("text"))
+WARNINGS = DataTable("warnings", "Warnings", _columns("text"))
 _MAZE = DataTable("maze", "The maze, the first row on top", _columns("cell_size_in cells floor"), record=True)
 _ROBOT = DataTable(
     "robot",

@@ -178,7 +178,7 @@ class Expression:
             raise ValueError(f"has {len(self.source)} characters; {_LONGEST} are allowed")
         try:
             self.tree = ast.parse(self.source, mode="eval").body
-            """It taken apart."""
+            """The parsed source."""
         except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
             reason = error.msg if isinstance(error, SyntaxError) else str(error)
             raise ValueError(f"'{self.source}' is no expression: {reason}") from None

@@ -228,7 +228,7 @@ def _last_lines(folder: GradeFolder, team_result: TeamResult) -> Bullets:
 
 
 def _team_page(folder: GradeFolder, team_result: TeamResult, links: dict[int, str]) -> Document:
-    """The page of a team: its runs, of which some have a page of their own."""
+    """The page of a team: its runs. Some have a page of their own."""
     rows = []
     for each in team_result.results:
         number_of = number_in_team(each)

@@ -238,7 +238,7 @@ def _compass(fields: Fields, _: float) -> dict[str, Any]:
 
 
 def _usual(fields: Fields, _: float) -> dict[str, Any]:
-    """A device of which only place, direction and error are used here, such as a motor."""
+    """A device such as a motor: only its place, direction and error are used here."""
     return {"error": fields.number("error", 0.0, _SHARE), "rotation": _turn(fields)}
 
 

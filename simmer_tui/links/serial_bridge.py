@@ -103,7 +103,7 @@ class SerialBridge(RealRobot):
         self._moving_until = -math.inf
         """Until when the robot may be in a movement that it has not answered, by the event loop's clock."""
         self._velocity_told = False
-        """True once the answer to the first velocity has been told."""
+        """True once the answer to the first velocity has been reported."""
         self._gate = LoopTimer(self._advance, self._loop)
         self._deadline = LoopTimer(self._ring, self._loop)
         """A timer for `_due` or earlier. It stays from one reply to the next: a new timer for each would

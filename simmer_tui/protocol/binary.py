@@ -57,9 +57,9 @@ class CommandReader:
         and a sender that waits for the answer may continue only after it."""
         self._just_taken = False
         self._known: dict[bytes, Command] = {}
-        """Lines taken apart before: programs ask the same few things over and over."""
+        """Commands by the lines that were parsed before: programs repeat the same few."""
         self.sent: list[bytes] = []
-        """The bytes of the commands handed out last, line ends and all; none of one cut short."""
+        """Bytes of the commands returned last, with their line ends; empty for one that was cut short."""
 
     @property
     def idle_timeout(self) -> float | None:

@@ -69,7 +69,7 @@ from simmer_tui.sim.trajectory import Trajectory
 from simmer_tui.sim.velocity_commands import WAIT
 
 _KEPT = 200_000
-"""Commands of which rows are kept. A minute of the fastest program has 150,000."""
+"""Most rows of commands that are kept. A minute of the fastest program has 150,000."""
 KEPT_BELIEFS = 15_000
 """Beliefs kept. Programs send one a movement, and a tenth of commands are movements."""
 KEPT_OBJECTS = 500
@@ -248,7 +248,7 @@ class RunHistory:
             counters_known: True if counting sensors begin at 0.
             paths: Record of the paths, if they are to be drawn.
             now: Clock of real time, for events that come without one.
-            kept: Commands of which rows are kept.
+            kept: Most rows of commands that are kept.
             nominal: Reads the set that the run's own is a variant of; called on first use, as it takes time.
         """
         self._read_nominal = nominal

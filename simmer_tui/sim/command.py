@@ -1,4 +1,4 @@
-"""The text of a command, `CC` or `CC-V`, taken apart."""
+"""The text of a command, `CC` or `CC-V`, parsed."""
 
 import re
 

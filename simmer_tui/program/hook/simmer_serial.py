@@ -58,7 +58,7 @@ def _connected(timeout: float) -> socket.socket:
 class _Piece:
     """Bytes that the robot has written in one piece, with the time of their beginning and of each byte.
 
-    They become readable a packet at a time, of which the first may be shorter.
+    They become readable packet by packet. The first packet may be shorter.
     """
 
     def __init__(self, start: float, byte: float, packet: int, data: bytes) -> None:
