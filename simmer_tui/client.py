@@ -178,7 +178,8 @@ class Robot:
 
         Raises:
             UnknownCodeError: there is no such sensor, or it is disabled.
-            CommandRefusedError: a code is a lidar's.
+            CommandRefusedError: a code is a lidar's, or the sensor did not answer. The message says why, if
+                the simulator tells.
         """
         codes = [_checked_code(each) for each in (code, *more)]
         commands = [self._link.checked(each) for each in codes]
@@ -186,7 +187,7 @@ class Robot:
             values = self._link.exchange(commands, self.timeout)
         for each, value in zip(codes, values):
             if math.isnan(value):
-                raise _no_such("sensor", each, self._reasons.why(each))
+                raise _not_read(self._reasons.why(each), each)
         return tuple(values) if more else values[0]
 
     def scan(self, code: str) -> list[float]:
@@ -766,6 +767,12 @@ def _no_lidar(code: str, answer: str) -> CommandRefusedError:
     return CommandRefusedError(
         f"{code!r} is no lidar: it answered {answer}. Read it with robot.read({code!r})"
     )
+
+
+def _not_read(why: _Why, code: str) -> CommandRefusedError:
+    if why.kind == "sensor" and why.reason:
+        return CommandRefusedError(f"the robot refused {code!r}: {why.reason}")
+    return _no_such("sensor", code, why)
 
 
 def _not_scanned(why: _Why, code: str) -> CommandRefusedError:

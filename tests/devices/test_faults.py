@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from simmer_tui.client import CommandRefusedError, UnknownCodeError
 from simmer_tui.config.device_trust import DeviceUse
 from simmer_tui.config.loader import load
 from simmer_tui.errors import ConfigurationError, DeviceError
@@ -17,6 +18,7 @@ from simmer_tui.sim.command import parse_command
 from simmer_tui.sim.records import Status
 from simmer_tui.sim.sensors import sensor_of
 from tests.devices.conftest import DEVICE, THERMAL, MakeSet, trust
+from tests.links.test_questions import robot_of, serving
 
 READS = "        return self.spec.ambient + pose.x / 10, None\n"
 
@@ -96,6 +98,17 @@ def test_a_reading_that_fails_has_no_answer_and_the_run_goes_on(
     assert said in result.reason
     lines = (line_of(text, f"        {body}"), line_of(text, "def observe"))
     assert result.reason.startswith(tuple(f"{DEVICE}:{line}: " for line in lines))
+
+
+def test_the_client_names_the_fault_and_not_an_unknown_sensor(make_set: MakeSet) -> None:
+    folder = make_set(THERMAL.replace(READS, "        1 / 0\n"))
+    with serving(folder) as (server, _), robot_of(server) as robot:
+        with pytest.raises(
+            CommandRefusedError, match=rf"^the robot refused 'h1': {DEVICE}:\d+: .*zero"
+        ) as raised:
+            robot.read("u1", "h1")
+        assert not isinstance(raised.value, UnknownCodeError)
+        assert robot.read("u1") > 0.0, "the connection is still good"
 
 
 @pytest.mark.parametrize(
