@@ -2,8 +2,8 @@
 
     simmer-tui --run "python samples/course/step1_first_command.py"
 
-u1 looks ahead, d1 drives forward. Both err by a few percent, so that one long movement misses the mark;
-half of what is left, again and again, does not.
+u1 looks ahead, d1 drives forward. Both have errors of a few percent, so one long movement misses the goal.
+Half of the remaining distance, again and again, reaches it.
 """
 
 from __future__ import annotations
@@ -13,19 +13,19 @@ import sys
 from simmer_tui.client import Robot
 
 GOAL = 24.0  # in, from the sensor to the wall
-CLOSE = 0.5  # in, that are close enough
-MOST = 20  # movements
+CLOSE = 0.5  # in, from the goal: close enough
+MOST = 20  # movements before it gives up
 
 
 def approach(robot: Robot) -> float:
-    """Drive up to the wall; returns how far it is at the end, inches."""
+    """Drive up to the wall; returns the last distance to it, inches."""
     ahead = robot.read("u1")
     for _ in range(MOST):
         if abs(ahead - GOAL) < CLOSE:
             break
         movement = robot.drive("d1", (ahead - GOAL) / 2)
         ahead = robot.read("u1")
-        print(f"{movement.command}: the robot has said {movement.reply}, the wall is {ahead:.2f} in ahead")
+        print(f"{movement.command}: the robot answered {movement.reply}, the wall is {ahead:.2f} in ahead")
     return ahead
 
 

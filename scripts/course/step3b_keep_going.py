@@ -3,8 +3,8 @@
     simmer-tui --run "python samples/course/step3b_keep_going.py"
 
 `vv-4;0;10` is a velocity: 4 in/s ahead, 0 to the left, 10 deg/s counter-clockwise. It lasts until the next
-one. While the robot drives, each turn of a loop that reads and steers is 0.02 s of its time. It keeps 4 in
-of room to the wall on its left, once around the maze, and stops when dead reckoning says it is back.
+one. While the robot drives, each pass of a loop that reads and steers takes 0.02 s of its time. The robot
+keeps 4 in from the wall on its left, once around the maze. It stops when dead reckoning says it is back.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ from simmer_tui.client import Robot
 GAP = 4.0  # in, between the robot's outline and the wall, on the left and ahead
 RADIUS = 3.0  # in, of the robot; u2 is on its outline
 BESIDE = RADIUS + GAP  # in, from the centre to the wall
-LOOK = 47.5  # deg to the left, where u2 looks: it sees 45 +- 2.5, and the nearest counts
-LEFT = BESIDE / math.sin(math.radians(LOOK)) - RADIUS  # in, what it reads then
-OPEN = 10.0  # in, of u2: from here on it looks past the end of the wall
+LOOK = 47.5  # deg to the left: u2 sees 45 +- 2.5, and reads the nearest
+LEFT = BESIDE / math.sin(math.radians(LOOK)) - RADIUS  # in, the reading of u2 at this distance
+OPEN = 10.0  # in: from this reading on u2 looks past the end of the wall
 SPEED, SLOW = 4.0, 2.0  # in/s, ahead and back
-STEER, SHARPEST = 13.0, 40.0  # deg/s for each inch that u2 reads too much, and at most
-HOLD, FASTEST = 8.0, 90.0  # deg/s for each degree that the gyroscope is off, and at most
-ROUND = -350.0  # deg, of the gyroscope: a round along an outer wall is one whole turn to the right
+STEER, SHARPEST = 13.0, 40.0  # deg/s for each inch that u2 reads too much, and the most
+HOLD, FASTEST = 8.0, 90.0  # deg/s for each degree of error of the heading, and the most
+ROUND = -350.0  # deg, turned: once around along an outer wall is one whole turn to the right
 NEAR = 6.0  # in from the start: it is back
-LONGEST = 500.0  # in, after which it gives up; a round is about 310
+LONGEST = 500.0  # in, after which it gives up; once around is about 310
 Velocity = tuple[float, float]  # ahead, in/s, and counter-clockwise, deg/s
 
 
 class Follower:
-    """A robot that follows the wall on its left, what it reads, and where it thinks it is."""
+    """A robot that follows the wall on its left: its readings and its believed pose."""
 
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
@@ -43,7 +43,7 @@ class Follower:
         self.look()
 
     def look(self) -> None:
-        """Read everything. The codes come again: 0.02 s pass before they are read."""
+        """Read all sensors. The same codes come again, so 0.02 s pass before."""
         motion = self._odometry.motion()
         self.ahead, self.left = self._robot.read("u1", "u2")
         self.pose.add(motion)
@@ -53,13 +53,13 @@ class Follower:
         self.ended = (self.pose.heading < ROUND and off < NEAR) or self.gone > LONGEST
 
     def velocities(self) -> Iterator[Velocity]:
-        """The velocity to send now, again and again: each is asked for after a new look."""
+        """The velocities to send, one after each call of `look`."""
         while True:
             if self.ahead < GAP:
                 yield from self.turn_right()
             elif self.left > OPEN:
                 yield from self.around_corner()
-            else:  # u2 looks ahead: a turn to the wall shortens what it reads at once, which steadies
+            else:  # a turn to the wall shortens the reading of u2 at once: that damps the motion
                 self.last_left = self.left
                 turn = STEER * (self.left - LEFT)
                 yield SPEED, max(-SHARPEST, min(SHARPEST, turn))
@@ -69,12 +69,12 @@ class Follower:
         return 90.0 * round(self.pose.heading / 90.0)
 
     def towards(self, heading: float, speed: float, rate: float = 0.0) -> Velocity:
-        """The velocity that brings the robot to this heading, which itself changes at `rate`, deg/s."""
+        """The velocity that turns the robot to a heading, which itself changes at `rate`, deg/s."""
         turn = rate + HOLD * (heading - self.pose.heading)
         return speed, max(-FASTEST, min(FASTEST, turn))
 
     def turn_right(self) -> Iterator[Velocity]:
-        """On the spot, since a wall is ahead; then back until there is room, and the wall is in sight."""
+        """A turn on the spot, since a wall is ahead; then back, until there is room and u2 sees the wall."""
         goal = self.along() - 90.0
         while abs(self.pose.heading - goal) > 1.0:
             yield self.towards(goal, 0.0)
@@ -82,7 +82,7 @@ class Follower:
             yield self.towards(goal, -SLOW)
 
     def around_corner(self) -> Iterator[Velocity]:
-        """The wall ends where u2 saw it last: so far straight on, then an arc around that end."""
+        """Straight on to where u2 saw the wall last, which is its end; then an arc around that end."""
         goal = self.along()
         spot = math.radians(LOOK + self.pose.heading - goal)
         end = self.gone + (RADIUS + self.last_left) * math.cos(spot)
@@ -110,7 +110,7 @@ def once_around(robot: Robot) -> Follower:
 if __name__ == "__main__":
     with Robot() as robot:
         ended = once_around(robot)
-        # The walls of the maze are at x = 0 and y = 48: face each, and see how far it really is.
+        # The walls of the maze are at x = 0 and y = 48: face each, and measure the distance.
         robot.drive("r1", round(math.remainder(90.0 - ended.pose.heading, 360.0), 2))
         y = 48.0 - 3.0 - robot.read("u1")
         robot.drive("r1", 90.0)

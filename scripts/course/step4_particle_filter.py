@@ -18,11 +18,11 @@ from simmer_tui import Robot, Simulator
 
 RANGES = ("u1", "u2", "u3", "u4")  # the range sensors, all of which look over the block
 MANY, FEW = 8000, 800  # particles at first, and once the robot knows about where it is
-BLUR = 0.4  # in, by which particles are beside the truth even where they are right
-OUTLIER = 1e-3  # likelihood of a reading that nothing explains, so that one of them proves nothing
-SURE, DOUBT = 0.8, 0.4  # in, spread when it is sure; share of explained readings below which it is lost
+BLUR = 0.4  # in, error of the best particles: none is exactly at the true pose
+OUTLIER = 1e-3  # likelihood of an unexplained reading: a single one proves little
+SURE, DOUBT = 0.8, 0.4  # in, spread when sure; share of explained readings when lost
 CELL = 12.0  # in
-NO_ECHO = 120.0  # in, taken for a reading of inf: longer than any straight line through the maze
+NO_ECHO = 120.0  # in, in place of inf: longer than any straight line through the maze
 
 Array = NDArray[np.float64]
 
@@ -31,13 +31,13 @@ class Localizer:
     """A particle filter. Each particle is a pose: x, y (in) and heading (deg)."""
 
     def __init__(self, simulator: Simulator, random: np.random.Generator) -> None:
-        self._simulator, self._random = simulator, random  # it only says what sensors would see
+        self._simulator, self._random = simulator, random  # only computes expected readings
         self.particles: Array = np.empty((0, 3))
         self.weights: Array = np.empty(0)
-        self.fit = 0.0  # share of the last readings that the guesses explain
+        self.fit = 0.0  # share of the last readings that the particles explain
 
     def scatter(self, heading: float, deviation: float) -> None:
-        """Anywhere on free floor, with about this heading."""
+        """Restart with particles anywhere on free floor, with about this heading."""
         rows = self._simulator.spec.maze.cells[::-1]
         free = [(x, y) for y, row in enumerate(rows) for x, value in enumerate(row) if value]
         cells = np.array(free)[self._random.integers(len(free), size=MANY)]
@@ -46,12 +46,12 @@ class Localizer:
         self.weights = np.full(MANY, 1 / MANY)
 
     def predict(self, motion: Motion) -> None:
-        """The robot has moved: every particle does the same, each with an error of its own."""
+        """Move every particle as the robot has moved, each with a random error."""
         counted = np.array((motion.forward, motion.left, motion.turn))
         noise = (0.015, 0.015, 0.012) * np.abs(counted) + (0.02, 0.02, 0.1)
         forward, left, turn = (counted + noise * self._random.standard_normal(self.particles.shape)).T
-        way = turned(forward, left, self.particles[:, 2] + turn / 2)
-        self.particles += np.column_stack((*way, turn))
+        moved = turned(forward, left, self.particles[:, 2] + turn / 2)
+        self.particles += np.column_stack((*moved, turn))
 
     def update(self, readings: Array) -> None:
         """Weigh the particles by a reading of each of RANGES."""
@@ -86,7 +86,7 @@ class Localizer:
 
 
 def look(robot: Robot, localizer: Localizer, note: str = "") -> float:
-    """Read the range sensors, weigh, and show the result; returns how far it is free ahead, 0 if unknown."""
+    """Read the range sensors, update, and show the belief; returns the free distance ahead, 0 if unknown."""
     readings = robot.read(*RANGES)
     localizer.update(np.array(readings))
     robot.believe(*localizer.pose, localizer.spread, localizer.particles[:200], note)
@@ -95,7 +95,7 @@ def look(robot: Robot, localizer: Localizer, note: str = "") -> float:
 
 def localize(robot: Robot, localizer: Localizer, odometry: Odometry) -> bool:
     """Turn on the spot and read the sensors until the robot is localized; if places look alike, drive on."""
-    compass = np.radians(robot.read(*["c1"] * 25))  # it reads heading times (1 + error)
+    compass = np.radians(robot.read(*["c1"] * 25))  # a reading is heading times (1 + error)
     heading = np.degrees(np.arctan2(np.sin(compass).mean(), np.cos(compass).mean())) % 360
     localizer.scatter(heading, 5 + 0.03 * heading)
     for _ in range(4):

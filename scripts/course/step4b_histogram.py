@@ -1,8 +1,9 @@
-"""Step 4b, a histogram filter: find out where the robot is by a probability for every cell and heading.
+"""Step 4b, a histogram filter: localize the robot by a probability for every cell and heading.
 
     simmer-tui --run "python samples/course/step4b_histogram.py"
 
-Step 4 draws guesses. This one keeps every pose of a grid: a reading multiplies them, a movement shifts them.
+Step 4 has random particles. This one has every pose of a grid. A reading multiplies the probabilities, a
+movement shifts them.
 Thrun, Burgard, Fox, Probabilistic Robotics, 2005, chapters 4 and 8: histogram filter, grid localization.
 """
 
@@ -17,10 +18,10 @@ from step4_particle_filter import NO_ECHO, RANGES, Array
 from simmer_tui import Robot, Simulator
 
 STEP, HEADINGS = 2.0, 36  # in, the side of a cell; directions, evenly spaced from 0
-TURN = 360.0 / HEADINGS  # deg, between two of them
-BLUR = 1.0  # in, by which a robot elsewhere in the cell reads otherwise
-OUTLIER = 0.02  # likelihood of a reading that nothing explains, so that one of them proves nothing
-SURE = 0.9  # share of the belief around the best pose when it is sure
+TURN = 360.0 / HEADINGS  # deg, between two directions
+BLUR = 1.0  # in, change of a reading within a cell
+OUTLIER = 0.02  # likelihood of an unexplained reading: a single one proves little
+SURE = 0.9  # probability around the best pose when sure
 
 
 class Histogram:
@@ -36,7 +37,7 @@ class Histogram:
         # `simmer-tui atlas atlas.npz --step 2 --headings 36` writes these ranges into a file.
         ranges = np.minimum(simulator.true_ranges(poses, RANGES), NO_ECHO)
         self._expected: Array = ranges.reshape(*x.shape, len(RANGES))
-        # Half a heading aside a sensor reads otherwise: little on a wall, much past a corner.
+        # Change of a reading over half a step of heading: small at a wall, large past a corner.
         aside = np.abs(np.roll(self._expected, 1, axis=2) - np.roll(self._expected, -1, axis=2)) / 8
         errors = np.array([simulator.sensor(code).error for code in RANGES])
         self._variance: Array = (errors * self._expected) ** 2 + BLUR**2 + np.minimum(aside, 6) ** 2
@@ -44,14 +45,14 @@ class Histogram:
         self.belief: Array = self._free / self._free.sum()
 
     def scatter(self, heading: float, deviation: float) -> None:
-        """Anywhere on free floor, with about this heading."""
+        """Restart with a belief anywhere on free floor, with about this heading."""
         off = (self.heading - heading + 180) % 360 - 180
         self._set(self._free * np.exp(-0.5 * (off / deviation) ** 2))
 
     def predict(self, motion: Motion) -> None:
-        """The robot has moved: so does the belief, that of each heading its own way."""
-        ways = turned(motion.forward, motion.left, self.heading + motion.turn / 2).T / STEP
-        for k, (x, y) in enumerate(ways):
+        """Shift the belief as the robot has moved: each heading in its own direction."""
+        moved = turned(motion.forward, motion.left, self.heading + motion.turn / 2).T / STEP
+        for k, (x, y) in enumerate(moved):
             self.belief[:, :, k] = shifted(shifted(self.belief[:, :, k], -y, 0), x, 1)
         whole, part = divmod(motion.turn / TURN, 1)
         before, after = (np.roll(self.belief, int(whole) + more, axis=2) for more in (0, 1))

@@ -1,10 +1,10 @@
-"""Step 5, planning: find the way to another cell and go there, looking where the robot is on each stride.
+"""Step 5, planning: find a path to another cell and follow it, localizing the robot after each stride.
 
     simmer-tui --run "python samples/course/step5_planning.py"
 
-Breadth-first search finds the way from cell to cell. Each short stride begins where the particle filter says
-that the robot really is, so that no error lives longer. This robot drives in any direction (d1 ahead, w1 to
-the left): it keeps its heading, and need not turn at corners.
+Breadth-first search finds the path from cell to cell. Each short stride begins at the pose that the particle
+filter estimates, so errors do not add up. This robot drives in any direction (d1 ahead, w1 to the left): it
+keeps its heading, and need not turn at corners.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from step4_particle_filter import CELL, DOUBT, Array, Localizer, localize, look
 
 from simmer_tui import Robot, Simulator
 
-STRIDE = 4.0  # in
-CLOSE = 0.7  # in, from a place that are close enough
-STRAIGHT = 1.5  # deg, off the heading that are not worth a turn
+STRIDE = 4.0  # in, the longest movement between two looks
+CLOSE = 0.7  # in, from a place: close enough
+STRAIGHT = 1.5  # deg, the smallest turn that is made
 GOAL = (7, 0)  # column and row of the cell to go to, (0, 0) at the bottom left
 
 Cell = tuple[int, int]
@@ -40,7 +40,7 @@ def centre(cell: Cell) -> Array:
 
 
 def route(maze: tuple[tuple[int, ...], ...], start: Cell, goal: Cell) -> list[Cell]:
-    """A shortest way, both ends included, empty if there is none; searched for from the goal backwards."""
+    """A shortest path, both ends included; empty if there is none. The search begins at the goal."""
     free = {(x, y) for y, row in enumerate(maze[::-1]) for x, value in enumerate(row) if value}
     towards, waiting = {goal: goal}, deque([goal])
     while waiting:
@@ -48,10 +48,10 @@ def route(maze: tuple[tuple[int, ...], ...], start: Cell, goal: Cell) -> list[Ce
         for near in {(x + 1, y), (x - 1, y), (x, y + 1), (x, y - 1)} & free - towards.keys():
             towards[near] = (x, y)
             waiting.append(near)
-    way = [start] if start in towards else []
-    while way and way[-1] != goal:
-        way.append(towards[way[-1]])
-    return way
+    path = [start] if start in towards else []
+    while path and path[-1] != goal:
+        path.append(towards[path[-1]])
+    return path
 
 
 class Pilot:
@@ -72,7 +72,7 @@ class Pilot:
         return localize(self.robot, self.localizer, self._odometry)
 
     def move(self, code: str, value: float) -> None:
-        """One movement, and what the counters make of it."""
+        """Make one movement, and predict the belief from the counters."""
         self.robot.drive(code, round(value, 2))
         self.localizer.predict(self._odometry.motion())
 
@@ -89,10 +89,10 @@ class Pilot:
         """Go straight to a place, stride by stride, with this heading. Raises LostError."""
         for _ in range(80):
             self.face(heading)
-            way = place - self.pose[:2]
-            if (distance := float(np.hypot(*way))) < close:
+            offset = place - self.pose[:2]
+            if (distance := float(np.hypot(*offset))) < close:
                 return
-            stride = turned(*(way * min(STRIDE / distance, 1)), -self.pose[2])
+            stride = turned(*(offset * min(STRIDE / distance, 1)), -self.pose[2])
             for code, value in zip(("d1", "w1"), stride, strict=True):
                 if abs(value) > 0.15:
                     self.move(code, value)
@@ -105,7 +105,7 @@ class Pilot:
         raise LostError(f"the robot does not get to {place.round(1)}")
 
     def travel(self, goal: Cell, heading: float, ahead: float = 0.0) -> None:
-        """Go from cell to cell, with the point so far `ahead` of the robot's centre in their middles."""
+        """Go from cell to cell. A point `ahead` inches of the robot's centre goes through their middles."""
         shift = turned(ahead, 0, heading)
         for cell in route(self.maze, cell_at(self.pose[:2] + shift), goal):
             self.go(centre(cell) - shift, heading)

@@ -2,8 +2,8 @@
 
     simmer-tui --config mission --run "python samples/course/step6_block.py"
 
-u5 and u1 look ahead from the same place, u5 low and u1 over the block: where u5 reads less, there is the
-block. The robot turns around looking so, goes before the block, looks again from near, and closes in.
+u5 and u1 look ahead from the same place: u5 sees the block, u1 looks over it. Where u5 reads less, there is
+the block. The robot turns around with both, drives to the block, measures again from near, and takes it.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from step5_planning import Cell, Pilot, cell_at, centre, route
 
 from simmer_tui import Robot
 
-RADIUS, BLOCK, GAP = 3.0, 3.0, 0.3  # in: the robot's, the block's side, what is left between them
-GRIP = RADIUS + GAP + BLOCK / 2  # in, from the robot's centre to that of the block it takes
-AWAY = 4.0  # in, before it, from where it looks again
-AROUND, NEAR = [7.5] * 48, [-18.0, *[6.0] * 6, -18.0]  # deg, the turns of a search, and of a closer look
-BESIDE = (0.0, 0.6, -0.6, 1.2, -1.2)  # in, by which the block may lie beside the middle of the gripper
+RADIUS, BLOCK, GAP = 3.0, 3.0, 0.3  # in: of the robot; side of the block; between both
+GRIP = RADIUS + GAP + BLOCK / 2  # in, between the centres of robot and block at the grip
+AWAY = 4.0  # in, before that place: there it looks again
+AROUND, NEAR = [7.5] * 48, [-18.0, *[6.0] * 6, -18.0]  # deg, turns of a search, and of a closer look
+BESIDE = (0.0, 0.6, -0.6, 1.2, -1.2)  # in, offsets of the block from the middle of the gripper
 ZONE = 3  # the value of the loading zone's cells in maze.csv
 
 
@@ -40,12 +40,12 @@ class Fetcher:
         self._walls = np.array([centre(cell) for cell in grid if cell not in free])
 
     def room(self, places: Array) -> float:
-        """Distance of the robot from all walls at each of these places, inches."""
+        """Least distance of the robot from all walls at these places, inches."""
         beyond = np.maximum(np.abs(places[:, None] - self._walls) - CELL / 2, 0)
         return float(np.hypot(beyond[..., 0], beyond[..., 1]).min()) - RADIUS
 
     def scan(self, turns: Iterable[float]) -> Array | None:
-        """Turn, looking low and high; where the block is, or None if it was not seen."""
+        """Turn and read both sensors; returns the block's place, or None if it was not seen."""
         seen = []
         for number, turn in enumerate(turns):
             self.pilot.move("r1", turn)
@@ -65,7 +65,7 @@ class Fetcher:
         return any(np.abs(place - centre(cell)).max() < CELL / 2 + BLOCK for cell in self.zone)
 
     def approach(self, block: Array) -> tuple[float, Array]:
-        """The heading to take the block with, and the place where the robot then is: with most room."""
+        """The heading and the place of the robot at the grip: those with most room."""
         plans = []
         for heading in (0.0, 90.0, 180.0, 270.0):
             ahead, left = turned(1, 0, heading), turned(0, 1, heading)
@@ -89,7 +89,7 @@ class Fetcher:
         return None
 
     def fetch(self) -> bool:
-        """Search the block and take it; whether the gripper holds it."""
+        """Find the block and take it. True if the gripper holds it."""
         block = self.search()
         for _ in range(2 if block is not None else 0):
             heading, place = self.approach(block)
@@ -107,7 +107,7 @@ class Fetcher:
         return self.holds()
 
     def holds(self) -> bool:
-        """Reading of the load sensor; it errs now and then."""
+        """True if most readings of the load sensor say so: a few are wrong."""
         return sum(self.robot.read(*["l1"] * 9)) > 4.5
 
 

@@ -1,10 +1,10 @@
-"""Step 7, the whole mission under honest time: find out where you are, fetch the block, deliver it.
+"""Step 7, the whole mission, in which readings take time: localize, fetch the block, deliver it.
 
     simmer-tui --mission --run "python samples/course/step7_mission.py"
     simmer-tui trials --runs 50 --run "python samples/course/step7_mission.py" --require 0.9
 
-All parts are there. What is new is what to do when one of them fails, and the way with the block: it
-sticks out ahead, and robot and block together are too long to turn in a corridor. This robot need not turn.
+The other steps have all parts. New are the recovery when a part fails, and driving with the block. Robot and
+block together are too long to turn in a corridor, so this robot keeps its heading.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from simmer_tui import Robot
 LENGTH = 2 * RADIUS + GAP + BLOCK  # in, of robot and block together
 MIDDLE = LENGTH / 2 - RADIUS  # in, from the robot's centre to the middle of both
 TRIES = 4
-BLUR = (2.0, 2.0, 4.0)  # in, in, deg: where to look for a robot that is lost and cannot turn around
+BLUR = (2.0, 2.0, 4.0)  # in, in, deg: spread of the particles for a lost robot that cannot turn
 
 
 class Mission:
-    """The robot, and what it has to do."""
+    """The robot, and the parts of its mission."""
 
     def __init__(self, pilot: Pilot, random: np.random.Generator) -> None:
         self.pilot, self.fetcher, self.random = pilot, Fetcher(pilot), random
@@ -35,7 +35,7 @@ class Mission:
         self.located = False
 
     def run(self, drop_zone: tuple[float, float]) -> bool:
-        """Do all of it, and what has failed again; whether the block has been delivered."""
+        """Do all parts, and repeat those that fail. True if the block has been delivered."""
         for _ in range(TRIES):
             try:
                 if not self.located:
@@ -62,7 +62,7 @@ class Mission:
         self.pilot.robot.drive("p1", 0)
 
     def step_back(self) -> None:
-        """The gripper has closed on nothing: open it, and away from where the block may be."""
+        """After a grip that took nothing: open the gripper, and back away from the block."""
         self.say("missed it")
         self.pilot.robot.drive("p1", 0)
         back = self.pilot.pose[:2] - turned(3.0, 0, self.pilot.pose[2])

@@ -10,6 +10,6 @@ values = simmer_send(robot, varargin);
 unknown = find(isnan(values), 1);
 if ~isempty(unknown)
     error('simmer:refused', ...
-        'the robot knows no sensor %s (or it is disabled): see its sensors.csv', varargin{unknown});
+        'the robot knows no sensor %s, or it is disabled or did not answer: see sensors.csv', varargin{unknown});
 end
 end
