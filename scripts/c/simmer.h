@@ -10,11 +10,14 @@
  *     simmer_drive(&robot, "d1", 3.0, NULL);          // returns when the movement has ended
  *     simmer_close(&robot);
  *
- * C99 (with -std=c99 add -D_POSIX_C_SOURCE=200112L) or C++11; Linux, macOS, Windows (link with ws2_32; not tried). Every function returns SIMMER_OK, SIMMER_REFUSED
- * (the robot did nothing; the connection continues) or SIMMER_FAILED (the connection has ended); robot.error
- * says why. The protocol: a command is a line of ASCII on one connection, its reply one IEEE 754 number (of a
- * lidar a count and so many numbers), on a second connection where the simulator takes one. Infinity says that a movement has ended (at a wall, too),
- * NaN that a command was refused. A microcontroller without sockets sends the same lines over its own link.
+ * C99 (with -std=c99 add -D_POSIX_C_SOURCE=200112L) or C++11; Linux, macOS, Windows (link with ws2_32; not tried).
+ * Every function returns SIMMER_OK, SIMMER_REFUSED (the robot did nothing; the connection continues) or
+ * SIMMER_FAILED (the connection has ended); robot.error says why.
+ *
+ * The protocol: a command is a line of ASCII on one connection. Its reply is one IEEE 754 number, for a lidar a
+ * count and that many numbers, on a second connection if the simulator has one. Infinity says that a movement has
+ * ended (at a wall, too), NaN that a command was refused. A microcontroller without sockets sends the same lines
+ * over its own link.
  */
 #ifndef SIMMER_H
 #define SIMMER_H
