@@ -52,6 +52,8 @@ from simmer_tui.trials.trial import TrialResult, maze_faults, timed_seconds, wit
 COURSE, _RUNS = "course", "runs"
 _MOST_NAMED = 5
 """Files of a team that are named as not copied; judged: a linked environment has thousands."""
+_CUT_OFF = "were not copied to the end: grade this team again with --regrade"
+"""The reason to refuse a team while its files are copied again."""
 _NUMBERS = 100_000
 """Numbers of runs reserved for each team: more than the largest cap of a test."""
 
@@ -261,20 +263,26 @@ class GradeFolder:
             raise GradeError(f'there is no team "{shown_name(name)}" in this grading; there are {names}')
         if not entry.team.folder.is_dir():
             raise GradeError(f"{shown_name(str(entry.team.folder), LONG)} is not a folder any more")
-        team = entry.team
-        with self.store.reported("written"), closing(SubmissionReader()) as reader:
+        team, attempt = entry.team, entry.planned.attempt + 1
+        with self.store.locked(), self.store.reported("written"), closing(SubmissionReader()) as reader:
+            # If the copy is cut off, the earlier results must not count for a part of the new files.
+            self._plan_team(entry, PlannedTeam(team, attempt, refused=_CUT_OFF))
             for place in (self.home(team), self.runs / team.slug):
                 if place.exists():
                     shutil.rmtree(place)
-            planned = PlannedTeam(team, entry.planned.attempt + 1)
-            entry.planned = _kept(planned, self.path, self.course.command, reader)
-        entry.results = {}
-        self._write_plan(structs.replace(self.plan, teams=tuple(each.planned for each in self.entries)))
+            kept = _kept(PlannedTeam(team, attempt), self.path, self.course.command, reader)
+            self._plan_team(entry, kept)
         self._check_submissions([entry])
 
     def hide_names(self, *, hidden: bool) -> None:
         """Change whether pages have codes in place of names. Raises GradeError."""
-        self._write_plan(structs.replace(self.plan, hides_names=hidden))
+        with self.store.locked():
+            self._write_plan(structs.replace(self.plan, hides_names=hidden))
+
+    def _plan_team(self, entry: Entry, planned: PlannedTeam) -> None:
+        """Write the plan with a team's next grading, which has no results yet."""
+        entry.planned, entry.results = planned, {}
+        self._write_plan(structs.replace(self.plan, teams=tuple(each.planned for each in self.entries)))
 
     def _write_plan(self, plan: GradePlan) -> None:
         self.store.write_plan(plan)

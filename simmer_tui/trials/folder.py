@@ -179,8 +179,9 @@ class TrialFolder:
         self.results[result.number] = result
 
     def write_plan(self, plan: TrialPlan) -> None:
-        """Replace the plan. Raises TrialsError."""
-        self.store.write_plan(plan)
+        """Replace the plan, if no run is being done. Raises TrialsError."""
+        with self.store.locked():
+            self.store.write_plan(plan)
         self.plan = plan
 
     def _check_mazes(self) -> None:

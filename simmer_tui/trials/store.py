@@ -8,7 +8,7 @@ Trials and gradings are such folders, with these guarantees:
   done again.
 - Other files appear whole or not at all.
 - Plan and results are typed: a value that does not fit is one error with its place.
-- One process at a time adds results.
+- One process at a time adds results or changes the plan.
 """
 
 from __future__ import annotations
@@ -171,9 +171,9 @@ class RunStore(Generic[Plan, Line]):
 
     @contextlib.contextmanager
     def locked(self) -> Iterator[None]:
-        """Prevent other processes from adding results meanwhile: two would do the same runs. The system
-        releases the lock of a process that is killed. On Windows there is none. A line that was cut off is
-        removed: under the lock no other process is writing it."""
+        """Prevent other processes from adding results meanwhile: two would do the same runs, or runs of two
+        plans. The system releases the lock of a process that is killed. On Windows there is none. A line that
+        was cut off is removed: under the lock no other process is writing it."""
         with self.reported("written"):
             file = self.results.open("ab")
         with file:

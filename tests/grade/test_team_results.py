@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import hmac
+import os
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,6 +14,7 @@ import pytest
 from msgspec import structs
 
 from simmer_tui.errors import GradeError
+from simmer_tui.grade import grade_folder
 from simmer_tui.grade.course import read_course
 from simmer_tui.grade.grade_folder import Entry, GradeFolder
 from simmer_tui.grade.grading import Grading
@@ -124,6 +128,46 @@ def test_team_that_nobody_knows_is_not_graded_again(folder: GradeFolder) -> None
     again = GradeFolder.read(folder.path)
     assert [entry.planned.attempt for entry in again.entries] == [2, 1, 1, 1]
     assert again.entries[0].results == {}
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there is no lock on Windows")
+def test_nobody_changes_a_grading_that_runs(folder: GradeFolder) -> None:
+    """Its runs read the files of the team, and its results are those of the plan that it has read."""
+    other = GradeFolder.read(folder.path)
+    changes = (lambda: other.regrade("a"), lambda: other.hide_names(hidden=True))
+    before = {
+        path: path.stat().st_mtime_ns for path in folder.path.rglob("*") if path.name != "results.jsonl"
+    }
+    with folder.store.locked():
+        for change in changes:
+            with pytest.raises(GradeError, match="another simmer-tui is adding results"):
+                change()
+    assert before == {path: path.stat().st_mtime_ns for path in before}
+    for change in changes:
+        change()
+
+
+def test_team_whose_files_are_not_copied_to_the_end_is_not_graded_by_the_rest(
+    folder: GradeFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The disk was full, or the process was killed. Half of the new files were run as the old ones."""
+
+    def full(source: Path, goal: Path, most_bytes: int) -> dict[str, str]:
+        goal.mkdir(parents=True)
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    fill(folder, "a", "x")
+    with monkeypatch.context() as patched:
+        patched.setattr(grade_folder, "copy_submission", full)
+        with pytest.raises(GradeError, match="cannot be written"):
+            folder.regrade("a")
+    again = GradeFolder.read(folder.path)
+    assert not again.is_open(again.entries[0])
+    assert team_results(again, hidden=False)[0].summary == (
+        "files: were not copied to the end: grade this team again with --regrade"
+    )
+    again.regrade("a")
+    assert again.is_open(again.entries[0])
 
 
 @pytest.mark.parametrize(

@@ -53,6 +53,14 @@ def test_folder_gives_back_plan_set_options_and_results(
     assert again.to_do == [2, 4]
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="there is no lock on Windows")
+def test_plan_stays_while_its_runs_are_done(folder: TrialFolder, plan: TrialPlan) -> None:
+    other = TrialFolder.read(folder.path)
+    with folder.store.locked(), pytest.raises(TrialsError, match="another simmer-tui is adding results"):
+        other.write_plan(msgspec.structs.replace(plan, command="python b.py"))
+    assert TrialFolder.read(folder.path).plan == other.plan == plan
+
+
 def test_line_that_was_cut_off_is_a_run_not_done(
     folder: TrialFolder, made_result: Callable[..., TrialResult]
 ) -> None:
