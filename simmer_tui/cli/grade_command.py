@@ -107,8 +107,6 @@ def run_grade(options: argparse.Namespace) -> int:
     if options.dask is not None:
         check_package()
     folder = _resumed(options) if options.resume or options.regrade else _begun(options)
-    if options.dask is None:
-        check_isolation(folder)
     say(f"simmer-tui grade: {counted(len(folder.entries), 'team')}, results in {typed_path(folder.path)}")
     say(f"simmer-tui grade: {shown_test(folder.test)}")
     isolation = _isolation_line(folder.plan.isolation, is_here=options.dask is None)
@@ -142,6 +140,8 @@ def _begun(options: argparse.Namespace) -> GradeFolder:
     path = options.out or _usual_place(course)
     seed = secrets.randbits(SEED_BITS) if options.seed is None else options.seed
     _check_outside(path, course)
+    if options.dask is None:
+        check_isolation(isolation, path, course.read_only)
     return GradeFolder.create(path, course, seed, isolation, hides_names=bool(options.hide_names))
 
 
@@ -201,6 +201,8 @@ def _resumed(options: argparse.Namespace) -> GradeFolder:
     if path is None:
         raise GradeError("there is no grading here to resume: name its folder with --out")
     folder = GradeFolder.read(path)
+    if options.dask is None:
+        check_isolation(folder.plan.isolation, path, folder.course.read_only)
     for name in options.regrade:
         folder.regrade(name)
     if options.hide_names is not None:

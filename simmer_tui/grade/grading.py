@@ -95,17 +95,18 @@ def here(folder: GradeFolder, jobs: int) -> RunSource:
     return lambda trials: run_locally(trials, folder.runs, jobs, GradeRun)
 
 
-def check_isolation(folder: GradeFolder) -> None:
-    """Raises GradeError if programs cannot be sandboxed as asked."""
-    missing = what_is_missing(folder.plan.isolation)
+def check_isolation(isolation: Isolation, path: Path, read_only: Sequence[str]) -> None:
+    """Check a grading in the folder `path`, whose programs may also read `read_only`. Raises GradeError if
+    they cannot be sandboxed as asked."""
+    missing = what_is_missing(isolation)
     if missing:
         raise GradeError(
             f"programs cannot be sandboxed: {missing}. Without it, a program can read this grading's seed, "
             "logs and results; --isolation none grades without it"
         )
-    seen = bubblewrap.seen_folders(folder.course.read_only)
-    inside = [place for place in seen if folder.path.resolve().is_relative_to(place.resolve())]
-    if folder.plan.isolation is Isolation.BWRAP and inside:
+    seen = bubblewrap.seen_folders(read_only)
+    inside = [place for place in seen if path.resolve().is_relative_to(place.resolve())]
+    if isolation is Isolation.BWRAP and inside:
         raise GradeError(f"the grading would lie in {inside[0]}, which programs can read: name another --out")
 
 

@@ -204,6 +204,8 @@ def test_without_a_sandbox_it_says_what_is_missing(
     assert "apt-get install bubblewrap" in capsys.readouterr().err
     assert run_grade([str(file), "--out", str(tmp_path / "two"), "--isolation", "docker"]) == 2
     assert "docker is not installed" in capsys.readouterr().err
+    # The same command with another sandbox finds a free folder.
+    assert [each.name for each in tmp_path.iterdir() if each.name in ("out", "two")] == []
 
 
 @pytest.mark.slow

@@ -107,18 +107,20 @@ def test_a_fault_counts_three_times_for_each_run(folder: GradeFolder) -> None:
 
 
 def test_programs_must_not_see_the_grading(folder: GradeFolder, monkeypatch: pytest.MonkeyPatch) -> None:
-    check_isolation(folder)
+    def check(isolation: Isolation) -> None:
+        check_isolation(isolation, folder.path, folder.course.read_only)
+
+    check(Isolation.NONE)
     monkeypatch.setattr(bubblewrap, "seen_folders", lambda extra: [folder.path.parent])
-    check_isolation(folder)  # without a sandbox they see it anyway
+    check(Isolation.NONE)  # without a sandbox they see it anyway
     monkeypatch.setattr(bubblewrap, "what_is_missing", lambda: "")
-    folder.plan = structs.replace(folder.plan, isolation=Isolation.BWRAP)
     with pytest.raises(GradeError, match=r"the grading would lie in .* name another --out"):
-        check_isolation(folder)
+        check(Isolation.BWRAP)
     monkeypatch.setattr(bubblewrap, "seen_folders", lambda extra: [folder.path / "teams"])
-    check_isolation(folder)
+    check(Isolation.BWRAP)
     monkeypatch.setattr(bubblewrap, "what_is_missing", lambda: "a reason")
     with pytest.raises(GradeError, match=r"programs cannot be sandboxed: a reason. Without it, a program"):
-        check_isolation(folder)
+        check(Isolation.BWRAP)
     monkeypatch.setattr(container, "what_is_missing", lambda engine: f"no {engine}")
     assert [what_is_missing(each) for each in Isolation] == ["a reason", "no docker", "no podman", ""]
 
