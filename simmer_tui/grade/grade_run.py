@@ -42,6 +42,10 @@ class GradeTrial(Trial):
     def name(self) -> str:
         return f"{self.slug}/{self.repetition:04}"
 
+    @property
+    def label(self) -> str:
+        return f"run {self.repetition} of {self.slug}"
+
 
 class GradeRun(TrialRun):
     """One run of a team. Make it, call `run` once; `interrupt` ends it from another thread."""

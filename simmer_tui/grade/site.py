@@ -184,7 +184,9 @@ def _index_page(folder: GradeFolder, team_results: list[TeamResult], isolation: 
     passed, teams = statuses[TeamStatus.PASSED], len(team_results)
     silent = [each for each in team_results if each.never_started]
     tone = Tone.GOOD if passed == teams else Tone.MIXED if passed else Tone.BAD
-    never = f" Never started: {', '.join(each.label for each in silent[:_MOST_SILENT])}." if silent else ""
+    names = ", ".join(each.label for each in silent[:_MOST_SILENT])
+    more = f" and {len(silent) - _MOST_SILENT} more" if len(silent) > _MOST_SILENT else ""
+    never = f" Never started: {names}{more}." if silent else ""
     verdict = VerdictBox(
         key="answer",
         text=_answer(team_results),

@@ -61,6 +61,11 @@ class Trial:
         return f"{self.number:04}"
 
     @property
+    def label(self) -> str:
+        """Name of the run for people."""
+        return f"run {self.number}"
+
+    @property
     def longest(self) -> float:
         """Largest real time that it may take, seconds: twice its limit if it may be repeated."""
         may_repeat = self.configuration.settings.motion.clock == ELSE_REAL

@@ -97,6 +97,7 @@ def test_codes_and_seeds_tell_nothing_without_the_secret(folder: GradeFolder) ->
     seed = hmac.new(b"3", b"seed of run 5", hashlib.sha256).digest()[16:]
     assert trial.seed == int.from_bytes(seed) == folder.trial(folder.entries[0], 5).seed
     assert (trial.number, trial.repetition, trial.name) == (100_005, 5, "b/0005")
+    assert trial.label == "run 5 of b"
     assert (trial.time_limit, trial.fixed_ports) == (7.0, False)
 
 

@@ -501,7 +501,7 @@ def test_a_fault_of_one_run_leaves_the_others(
 
 @pytest.mark.parametrize(
     ("command", "said"),
-    [("refused", "full"), ("cannot be made", "run 2: a file No space left on device")],
+    [("refused", "full"), ("cannot be made", "run 2: a file: No space left on device")],
 )
 def test_a_run_that_cannot_be_done_ends_all(
     workers: list[str], trials: list[Trial], tmp_path: Path, command: str, said: str
@@ -516,7 +516,7 @@ def test_a_run_that_cannot_be_done_ends_all(
 @pytest.mark.usefixtures("workers")
 def test_a_run_that_cannot_be_written_names_its_folder(trials: list[Trial], tmp_path: Path) -> None:
     results = run_locally(commanded(trials, "cannot be written"), tmp_path, 1, Run)  # type: ignore[arg-type]
-    with pytest.raises(TrialsError, match=rf"^run 1: {tmp_path} No space left on device$"):
+    with pytest.raises(TrialsError, match=rf"^run 1: {tmp_path}: No space left on device$"):
         next(results)
 
 
