@@ -244,10 +244,13 @@ def _write(folder: GradeFolder, found: list[TeamResult], isolation: str) -> None
     """Write the files of the answer. Raises GradeError."""
     files = {_GRADES: table_csv(grades_table(folder, found)), _JUNIT: junit_xml(folder, found)}
     for each in found:
+        if each.status is TeamStatus.UNDER_WAY:
+            continue  # Gradescope would show 0 points and "failed"
         files[f"{_GRADESCOPE}/{each.entry.team.slug}/results.json"] = gradescope_json(folder, each)
     shown = team_results(folder, hidden=True) if folder.plan.hides_names else found
     files |= {f"{_SITE}/{page}": text for page, text in site(folder, shown, isolation).items()}
-    shutil.rmtree(folder.path / _SITE, ignore_errors=True)  # possibly with other names before
+    for name in (_SITE, _GRADESCOPE):  # possibly with other names before, or decisions
+        shutil.rmtree(folder.path / name, ignore_errors=True)
     for name, text in files.items():
         folder.store.write(name, text)
     written = f"{_GRADES}, {_JUNIT}, {_GRADESCOPE}/ and {_SITE}/{INDEX}"

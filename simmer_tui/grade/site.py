@@ -23,7 +23,7 @@ from simmer_tui.document.model import (
 )
 from simmer_tui.grade.grade_folder import GradeFolder, number_in_team
 from simmer_tui.grade.team_result import TeamResult, TeamStatus, code_of, last_failure, ranked
-from simmer_tui.phrases import SHOWN_OUTPUT
+from simmer_tui.phrases import SHOWN_OUTPUT, counted
 from simmer_tui.sim.command import escape, escape_passage
 from simmer_tui.sim.fingerprint import math_fingerprint
 from simmer_tui.trials.figures import log_page, map_figure
@@ -137,7 +137,7 @@ def _left_out(folder: GradeFolder, team_results: list[TeamResult]) -> list[Bulle
 def _answer(team_results: list[TeamResult]) -> str:
     passed = sum(each.status is TeamStatus.PASSED for each in team_results)
     runs = sum(each.runs for each in team_results)
-    return f"{passed} of {len(team_results)} teams passed, {runs} runs counted"
+    return f"{passed} of {len(team_results)} teams passed, {counted(runs, 'run')} counted"
 
 
 def _notes(folder: GradeFolder, isolation: str) -> list[DocumentPart]:
@@ -199,13 +199,14 @@ def _index_page(folder: GradeFolder, team_results: list[TeamResult], isolation: 
         third = str(left), "under way"
     failed = statuses[TeamStatus.FAILED] - sum(each.status is TeamStatus.FAILED for each in silent)
     runs = sum(each.runs for each in team_results)
+    graded = f"{folder.course.name} · {counted(teams, 'team')} · {counted(runs, 'run')}"
     table = replace(grades_table(folder, ranked(team_results), links=True), title="", sortable=True)
     # The output of a program may name its team.
     shown = () if folder.plan.hides_names else silent[:_MOST_SILENT]
     return Document(
         folder.course.name,
         (
-            Paragraph(f"{folder.course.name} · {teams} teams · {runs} runs", kind="run"),
+            Paragraph(graded, kind="run"),
             verdict,
             KeyFigures(((str(passed), "passed"), (str(failed), "did not pass"), third)),
             table,

@@ -22,6 +22,7 @@ from simmer_tui.document.formats import (
 )
 from simmer_tui.document.model import DataColumn, DataTable, Document, DocumentPart, Paragraph
 from simmer_tui.events import Goal
+from simmer_tui.phrases import counted
 from simmer_tui.report.causes import Kind
 from simmer_tui.sim.command import escape, shown_path
 from simmer_tui.trials.chance_control import CONTROL
@@ -54,6 +55,11 @@ def _shown_runs(runs: tuple[int, int]) -> str:
     return f"{done}" if done == planned else f"{done} of {planned}"
 
 
+def _shown_contacts(contacts: tuple[int, int]) -> str:
+    number, runs = contacts
+    return f"{number} in {counted(runs, 'run')}"
+
+
 _COUNTED = tuple(DataColumn(key, COUNT) for key in ("runs", "successes"))
 _RATE, _CONTACTS = DataColumn("success_rate", estimate(".2f")), DataColumn("contacts", COUNT)
 _OPTIONS = Format(lambda options: ", ".join(f"{name} {escape(str(it))}" for name, it in options.items()))
@@ -72,7 +78,7 @@ TRIALS = DataTable(
         DataColumn("runs", Format(_shown_runs, ("", "_planned"), tuple)),
         DataColumn("successes"),
         DataColumn("success_rate", ESTIMATE),
-        DataColumn("contacts", Format("{0[0]} in {0[1]} runs".format, ("", "_in_runs"), tuple)),
+        DataColumn("contacts", Format(_shown_contacts, ("", "_in_runs"), tuple)),
     ),
     record=True,
 )

@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 from msgspec import structs
 
+from simmer_tui.cli import grade_command
 from simmer_tui.errors import GradeError
 from simmer_tui.grade import grade_folder
 from simmer_tui.grade.course import read_course
@@ -84,6 +85,22 @@ def test_best_comes_first_and_of_equals_the_faster(folder: GradeFolder) -> None:
     fill(folder, "c", "ssss", times=(8.0,) * 4)
     fill(folder, "d", "sxsssss")
     assert [each.label for each in ranked(team_results(folder, hidden=False))] == ["c", "b", "d", "a"]
+
+
+def test_team_without_a_decision_has_no_points_to_upload(
+    folder: GradeFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An interrupted grading wrote "failed" and 0 points for a team that had no run yet."""
+
+    def interrupted(*args: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(grade_command, "grade", interrupted)
+    fill(folder, "a", "xx")
+    fill(folder, "b", "s")
+    for words, teams in ((["--resume"], ["a"]), (["--regrade", "a"], [])):
+        assert grade_command.run_grade([*words, "--out", str(folder.path)]) == 130
+        assert [path.parent.name for path in folder.path.glob("gradescope/*/results.json")] == teams
 
 
 def test_codes_and_seeds_tell_nothing_without_the_secret(folder: GradeFolder) -> None:
