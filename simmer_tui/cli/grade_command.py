@@ -26,7 +26,7 @@ from simmer_tui.config.settings import CLOCKS
 from simmer_tui.document.as_data import table_csv
 from simmer_tui.errors import GradeError
 from simmer_tui.grade import bubblewrap
-from simmer_tui.grade.course import LONG, PLAN_FILE, Course, read_course, shown_name
+from simmer_tui.grade.course import LONG, PLAN_FILE, Course, not_teams, read_course, shown_name
 from simmer_tui.grade.grade_folder import GradeFolder
 from simmer_tui.grade.grading import check_isolation, grade, here, what_is_missing
 from simmer_tui.grade.sandbox import Isolation
@@ -136,6 +136,9 @@ def _begun(options: argparse.Namespace) -> GradeFolder:
         if (value := getattr(options, name)) is not None
     }
     course = dataclasses.replace(course, **given)
+    if others := not_teams(course):
+        names = ", ".join(map(shown_name, others))
+        say(f"simmer-tui grade: not graded, because they are no folders: {names}")
     isolation = _isolation(options)
     path = options.out or _usual_place(course)
     seed = secrets.randbits(SEED_BITS) if options.seed is None else options.seed

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
+import shutil
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -34,6 +35,7 @@ _LARGEST_TEAM_FILE = 65536
 # Judged: a name is a cell of a table; a path and a mistake with its advice need more room to be understood.
 _SHORT, LONG = 60, 300
 """Characters shown of the name of a team, and of a path or a mistake."""
+_ARCHIVES = tuple(ending for _, endings, _ in shutil.get_unpack_formats() for ending in endings)
 _WORD = re.compile(r"[^a-z0-9]+")
 
 
@@ -245,6 +247,16 @@ def _below(folder: Path, directory: Path, command: str, problems: list[Problem])
         Team(path.name, path, command)
         for path in paths
         if not path.name.startswith(".") and path.resolve() not in others and path not in others
+    ]
+
+
+def not_teams(course: Course) -> list[str]:
+    """Names of links to folders and of archives among the folders of teams: each may be a submission."""
+    return [
+        path.name
+        for folder in course.team_folders
+        for path in sorted(folder.iterdir())
+        if (path.is_symlink() if path.is_dir() else path.name.endswith(_ARCHIVES))
     ]
 
 

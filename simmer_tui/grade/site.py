@@ -194,10 +194,12 @@ def _index_page(folder: GradeFolder, team_results: list[TeamResult], isolation: 
         tone=tone,
         sentence=(f"A success rate of {folder.test.rate:g} passes.{never}",),
     )
-    third = str(statuses[TeamStatus.REFUSED] + len(silent)), "refused or never started"
+    # Each team is in one of the three numbers.
+    failed, refused = statuses[TeamStatus.FAILED], statuses[TeamStatus.REFUSED]
     if left := statuses[TeamStatus.UNDER_WAY]:
-        third = str(left), "under way"
-    failed = statuses[TeamStatus.FAILED] - sum(each.status is TeamStatus.FAILED for each in silent)
+        failed, third = failed + refused, (str(left), "under way")
+    else:
+        failed, third = failed - len(silent), (str(refused + len(silent)), "refused or never started")
     runs = sum(each.runs for each in team_results)
     graded = f"{folder.course.name} · {counted(teams, 'team')} · {counted(runs, 'run')}"
     table = replace(grades_table(folder, ranked(team_results), links=True), title="", sortable=True)

@@ -8,11 +8,12 @@ from pathlib import Path
 
 import pytest
 
+from simmer_tui.cli.grade_command import run_grade
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import find_set
 from simmer_tui.errors import ConfigurationError, GradeError
 from simmer_tui.grade import submission_copy
-from simmer_tui.grade.course import Course, Rules, Team, read_course, shown_name, submitted_team
+from simmer_tui.grade.course import Course, Rules, Team, not_teams, read_course, shown_name, submitted_team
 from simmer_tui.grade.limits import Limits
 from simmer_tui.grade.submission import check_submission, reference
 from simmer_tui.grade.submission_copy import copy_submission
@@ -184,6 +185,24 @@ def test_teams_are_the_folders_that_are_neither_hidden_nor_the_courses(teams: Pa
     (teams / "course.toml").write_text('set = "set"\n')
     assert [team.name for team in read_course(teams).teams] == ["a", "b", "folder", "plan"]
     assert read_course(teams).directory == teams / "set"
+
+
+def test_links_and_archives_among_the_folders_of_teams_are_named(
+    teams: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Each may be a submission, and grades without that team look complete."""
+    (teams / "notes.txt").touch()
+    assert not_teams(read_course(teams)) == []
+    for name in ("late.zip", "b.tar.gz"):
+        (teams / name).touch()
+    (teams / "link").symlink_to(teams / "a")
+    (teams / "link.txt").symlink_to(teams / "notes.txt")
+    assert not_teams(read_course(teams)) == ["b.tar.gz", "late.zip", "link"]
+    for name in ("a", "b"):
+        (teams / name / "team.toml").write_text("no = 1")  # refused: nothing has to be run
+    run_grade([str(teams), "--isolation", "none", "--out", str(tmp_path / "out")])
+    said = "not graded, because they are no folders: b.tar.gz, late.zip, link"
+    assert f"simmer-tui grade: {said}\n" in capsys.readouterr().err
 
 
 def test_a_teams_own_file_has_64_kibibytes(tmp_path: Path) -> None:

@@ -99,6 +99,13 @@ def test_pages_of_a_course(folder: GradeFolder, paged: list[tuple[str, str]], hi
     assert_kept({"grades": grades["grades"], "answer": grades["text"]["answer"]}, KEPT, f"grades {name}")
 
 
+def test_each_team_is_in_one_of_the_three_numbers(folder: GradeFolder, paged: list[tuple[str, str]]) -> None:
+    said = words(site(folder, team_results(folder, hidden=False), "")["index.html"])
+    numbers = {name: int(said[said.index(name) - 1]) for name in ("passed", "did not pass", "under way")}
+    assert numbers == {"passed": 2, "did not pass": 10, "under way": 2}
+    assert sum(numbers.values()) == len(folder.entries)
+
+
 def test_files_for_other_programs(folder: GradeFolder) -> None:
     results = team_results(folder, hidden=False)
     assert_kept(junit_xml(folder, results), KEPT, "junit")
