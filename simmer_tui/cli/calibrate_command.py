@@ -30,7 +30,7 @@ from simmer_tui.config.loader import Override, load
 from simmer_tui.config.sets import check_free, find_set
 from simmer_tui.document.as_html import html_page
 from simmer_tui.errors import CalibrationError
-from simmer_tui.sim.command import shown_path
+from simmer_tui.sim.command import shown_path, typed_path
 from simmer_tui.sim.noise import SEEDS
 from simmer_tui.version import requirement
 
@@ -192,9 +192,9 @@ def _learn(run: MeasuredRun, options: argparse.Namespace) -> int:
     load(out, devices=DeviceUse.PARSE)
     print_answer(answer, as_json=options.json)
     if not options.json:
-        shown = shown_path(out)
-        sys.stdout.write(f"Wrote {', '.join(sorted(texts))} and {CALIBRATION_PAGE} to {shown}\n")
-        sys.stdout.write(f"Try it: simmer-tui --config {shown}\n")
+        wrote = f"{', '.join(sorted(texts))} and {CALIBRATION_PAGE}"
+        sys.stdout.write(f"Wrote {wrote} to {shown_path(out)}\n")
+        sys.stdout.write(f"Try it: simmer-tui --config {typed_path(out)}\n")
     return ExitCode.DONE
 
 

@@ -41,7 +41,7 @@ from simmer_tui.importer.device_skeletons import with_skeletons
 from simmer_tui.importer.files import read_path
 from simmer_tui.importer.set_writer import set_files
 from simmer_tui.phrases import counted
-from simmer_tui.sim.command import escape, shown_path
+from simmer_tui.sim.command import escape, shown_path, typed_path
 
 
 def _init_options(parser: OneLineParser) -> None:
@@ -77,14 +77,15 @@ def run_init(options: argparse.Namespace) -> int:
     if options.term:
         files = term_files(files)
     wrote = _write(options.directory, files)
-    shown = shown_path(options.directory)
+    check = f"simmer-tui check {typed_path(options.directory)}"
     if options.term:
+        shown = shown_path(options.directory)
         sys.stdout.write(
             f"Wrote {len(files)} files of a course to {shown}; README.md is the page for students\n"
-            f"Edit {LOCAL_FOLDER} and course.toml in it, then: simmer-tui check {shown}\n"
+            f"Edit {LOCAL_FOLDER} and course.toml in it, then: {check}\n"
         )
     else:
-        sys.stdout.write(f"{wrote}\nEdit them, then: simmer-tui check {shown}\n")
+        sys.stdout.write(f"{wrote}\nEdit them, then: {check}\n")
     return ExitCode.DONE
 
 
@@ -213,5 +214,5 @@ def run_import(options: argparse.Namespace) -> int:
         return ExitCode.NO
     if skeletons:
         sys.stdout.write(f"To finish: {', '.join(skeletons)} (docs/devices.md says how)\n")
-    sys.stdout.write(f"Try it: simmer-tui --config {shown_path(options.directory)}\n")
+    sys.stdout.write(f"Try it: simmer-tui --config {typed_path(options.directory)}\n")
     return ExitCode.DONE

@@ -21,7 +21,7 @@ from simmer_tui.cli.command_line import (
     say,
     subcommand,
 )
-from simmer_tui.cli.trials_options import add_place_options, newest_folder, rate, run_to_end, typed_path
+from simmer_tui.cli.trials_options import add_place_options, newest_folder, rate, run_to_end
 from simmer_tui.config.settings import CLOCKS
 from simmer_tui.document.as_data import table_csv
 from simmer_tui.errors import GradeError
@@ -34,6 +34,7 @@ from simmer_tui.grade.site import INDEX, grades_document, grades_table, gradesco
 from simmer_tui.grade.team_result import TeamResult, TeamStatus, team_results
 from simmer_tui.phrases import counted
 from simmer_tui.runlog.writer import moment_name
+from simmer_tui.sim.command import typed_path
 from simmer_tui.sim.noise import SEED_BITS, SEEDS
 from simmer_tui.trials.cluster import check_package
 from simmer_tui.trials.sequential import CAP_RULE, MARGIN, REQUIRED_RATE, shown_test

@@ -32,7 +32,7 @@ from simmer_tui.report.page import report_page
 from simmer_tui.report.run_statistics import CommandTable, RunStatistics
 from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.runlog.rerun import Rerun
-from simmer_tui.sim.command import escape, escape_passage, escape_word, shown_path
+from simmer_tui.sim.command import escape, escape_passage, escape_word, printable, shown_path
 from simmer_tui.sim.rules import IntegerRule, NumberRule
 from simmer_tui.version import __version__
 from simmer_tui.whole_file import whole_file, write_whole
@@ -70,12 +70,12 @@ def run_report(options: argparse.Namespace) -> int:
     _check_outputs(path, (options.svg, options.csv, options.html))
     run = build_report(path, options.csv, recorded=options.html is not None, nominal=options.nominal)
     print_answer(
-        report_document(run, path.name, "" if options.file is None else shown_path(path)),
+        report_document(run, path.name, "" if options.file is None else str(path)),
         as_json=options.json,
     )
     for output, make in ((options.svg, svg_picture), (options.html, report_page)):
         if output is not None:
-            _write_text(output, make(run, escape_passage(path.name)))
+            _write_text(output, make(run, printable(path.name)))
     for output in (options.svg, options.csv, options.html):
         if output is not None and not options.json:
             sys.stdout.write(_wrote(output))

@@ -31,7 +31,6 @@ from simmer_tui.cli.trials_options import (
     add_trials_options,
     newest_folder,
     run_to_end,
-    typed_path,
 )
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.sets import find_mission_set, find_set
@@ -42,7 +41,7 @@ from simmer_tui.document.formats import ESTIMATE
 from simmer_tui.errors import ConfigurationError, Problem, TrialsError
 from simmer_tui.phrases import counted
 from simmer_tui.runlog.writer import moment_name
-from simmer_tui.sim.command import escape, shown_path
+from simmer_tui.sim.command import escape, shown_path, typed_path
 from simmer_tui.trials.cluster import check_package, pack
 from simmer_tui.trials.explanations import Explanations
 from simmer_tui.trials.failures import success_rate

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import shlex
 from collections.abc import Callable
 from pathlib import Path
 
@@ -18,7 +17,6 @@ from simmer_tui.cli.command_line import (
 )
 from simmer_tui.config.sets import MISSION_SET
 from simmer_tui.errors import ClusterError
-from simmer_tui.sim.command import shown_path
 from simmer_tui.sim.rules import IntegerRule, NumberRule
 from simmer_tui.trials.explanations import EXPLAINED
 from simmer_tui.trials.sequential import MARGIN, RATE_RULE, REQUIRED_RATE
@@ -32,11 +30,6 @@ def newest_folder(prefix: str, plan: str, *places: Path) -> Path | None:
     """The newest folder with a plan in the first of these places that has one."""
     found = (max(place.glob(f"{prefix}*/{plan}"), default=None) for place in places)
     return next((path.parent for path in found if path is not None), None)
-
-
-def typed_path(path: Path) -> str:
-    """A path as it can be typed in a shell."""
-    return shlex.quote(shown_path(path))
 
 
 def run_to_end(work: Callable[[], None]) -> tuple[ExitCode, str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from dataclasses import replace
 from heapq import nlargest
 from operator import itemgetter
@@ -43,7 +42,7 @@ from simmer_tui.report.traces import traces
 from simmer_tui.report.verdict import Verdict
 from simmer_tui.run.run_history import OTHER_CODES, STOPS
 from simmer_tui.run.table import BINS, Errors
-from simmer_tui.sim.command import escape_passage
+from simmer_tui.sim.command import escape_passage, typed_path
 from simmer_tui.sim.velocity_commands import WAIT
 
 _ROWS = 20
@@ -224,7 +223,7 @@ def report_document(run: RunStatistics, name: str, path: str | None = None) -> D
 
 def again(name: str) -> Paragraph:
     """Commands that show the run again."""
-    argument = f" {shlex.quote(name)}" if name else ""
+    argument = f" {typed_path(name)}" if name else ""
     commands: tuple[Prose, ...] = (
         *("Play it: ", Code(f"simmer-tui replay{argument}")),
         *(". Compare every reply: ", Code(f"simmer-tui rerun{argument}")),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -33,7 +32,7 @@ from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.report.traces import traces
 from simmer_tui.report.verdict import Outcome, Verdict, goals_met
 from simmer_tui.run.attempt import Attempt, Task
-from simmer_tui.sim.command import escape, escape_passage, escape_word
+from simmer_tui.sim.command import escape, escape_passage, escape_word, typed_path
 
 _TONES = {Outcome.SUCCEEDED: Tone.GOOD, Outcome.FAILED: Tone.BAD, Outcome.CRASHED: Tone.BAD}
 _CRASH_SIGN = "!"
@@ -128,7 +127,7 @@ def _cards(run: RunStatistics, attempt: Attempt, log: str) -> Iterator[DocumentP
     """Cards: the reasons, the next steps and the goals. `log` is empty where the reader has none."""
     verdict = run.verdict
     yield Bullets("Why", verdict.reasons, kind="card")
-    file = shlex.quote(log)
+    file = typed_path(log)
     steps: list[tuple[Prose, ...] | str] = [verdict.advice] if verdict.advice else []
     if log:
         steps.append(("See it: ", Code(f"simmer-tui replay {file}")))

@@ -1,6 +1,7 @@
 """The text of a command, `CC` or `CC-V`, parsed."""
 
 import re
+import shlex
 
 from msgspec import Struct
 
@@ -75,6 +76,11 @@ def printable(text: str) -> str:
     if text.isprintable():
         return text
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
+def typed_path(path: object) -> str:
+    """A path as it can be typed in a shell, unless it has control characters."""
+    return shlex.quote(printable(str(path)))
 
 
 def parse_command(text: str, source: str = "client") -> Command:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -24,7 +23,7 @@ from simmer_tui.document.model import DataColumn, DataTable, Document, DocumentP
 from simmer_tui.events import Goal
 from simmer_tui.phrases import counted
 from simmer_tui.report.causes import Kind
-from simmer_tui.sim.command import escape, shown_path
+from simmer_tui.sim.command import escape, typed_path
 from simmer_tui.trials.chance_control import CONTROL
 from simmer_tui.trials.explanations import CHANGED_RUNS, WHY_FAILED, explanation_tables
 from simmer_tui.trials.failures import (
@@ -331,5 +330,5 @@ def _failures(folder: TrialFolder, results: list[TrialResult]) -> DataTable:
 def _listed(folder: TrialFolder, result: TrialResult, what: object) -> tuple[object, ...]:
     """A row for a run; `what` happened, and the command that plays it again."""
     log = folder.log(result.number)
-    command = f"simmer-tui replay {shlex.quote(shown_path(log))}" if log.exists() else ""
+    command = f"simmer-tui replay {typed_path(log)}" if log.exists() else ""
     return result.number, result.time, what, command

@@ -15,8 +15,24 @@ from simmer_tui.config.set_summary import summarize
 from simmer_tui.config.sets import FILES, bundled_folder, bundled_sets, find_set, init_set
 from simmer_tui.config.settings_file import Override
 from simmer_tui.errors import ConfigurationError
+from simmer_tui.sim.command import typed_path
 
 Edit = Callable[[str, str, str], None]
+
+
+def test_commands_to_type_name_a_folder_as_it_is_called(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They had `\\xdc` for the letter, and no quotes around the space."""
+    monkeypatch.chdir(tmp_path)
+    assert run_init(["Übung 1"]) == 0
+    assert run_init(["Übung 2", "--term"]) == 0
+    last = [line for line in capsys.readouterr().out.splitlines() if line.startswith("Edit ")]
+    assert [line.partition(": ")[2] for line in last] == [
+        "simmer-tui check 'Übung 1'",
+        "simmer-tui check 'Übung 2'",
+    ]
+    assert (typed_path("a\x1bb"), typed_path(Path("команда"))) == (r"'a\x1bb'", "'команда'")
 
 
 def test_init_writes_a_set_that_check_accepts(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
