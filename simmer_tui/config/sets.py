@@ -23,6 +23,8 @@ MISSION_SET = "mission"
 """The name of the bundled set that missions use when no other is named."""
 LOCAL_FOLDER = "config"
 """The folder of the working directory that is used when none is named."""
+_MOST_NAMED = 5
+"""Files in the way that a message names: all of a set without a mission. A course has ten times as many."""
 
 
 PACKAGE = Path(__file__).resolve().parent.parent
@@ -170,7 +172,9 @@ def write_files(destination: Path, files: Mapping[str, bytes]) -> tuple[Path, ..
     # Before anything is written: a mixture of two sets would be worse than none.
     present = [name for name in files if (destination / name).exists()]
     if present:
-        what = f"has {', '.join(present)} already; nothing is overwritten, name another folder"
+        more = f" and {len(present) - _MOST_NAMED} more" if len(present) > _MOST_NAMED else ""
+        names = ", ".join(present[:_MOST_NAMED])
+        what = f"has {names}{more} already; nothing is overwritten, name another folder"
         raise ConfigurationError([Problem(shown, what)])
     written: list[Path] = []
     try:

@@ -35,6 +35,18 @@ def test_commands_to_type_name_a_folder_as_it_is_called(
     assert (typed_path("a\x1bb"), typed_path(Path("команда"))) == (r"'a\x1bb'", "'команда'")
 
 
+def test_course_that_is_there_already_is_told_in_two_lines(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """All of its 51 files were named."""
+    for code in (0, 2):
+        assert run_init([str(tmp_path), "--term"]) == code
+    said = capsys.readouterr().err.removeprefix(f"{tmp_path}: ")
+    assert said.startswith("has config/drive.csv, ")
+    assert " more already; nothing is overwritten" in said
+    assert len(said) < 240
+
+
 def test_init_writes_a_set_that_check_accepts(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     place = tmp_path / "new" / "deep"
     assert run_init([str(place)]) == 0
