@@ -58,7 +58,7 @@ def _seed(simulator: Simulator, seed: float) -> str:
 
 def _noise(simulator: Simulator, on: float) -> str:
     simulator.noise = bool(on)
-    return f"noise {'on' if on else 'off'}"
+    return f"random errors {'on' if on else 'off'}"
 
 
 def _bias(simulator: Simulator, on: float) -> str:

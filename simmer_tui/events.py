@@ -171,6 +171,11 @@ class ActionName(StrEnum):
         """True if it makes a mission easier: robot or block put elsewhere, errors taken away."""
         return self in (ActionName.TELEPORT, ActionName.BLOCK, ActionName.BIAS)
 
+    @property
+    def switches(self) -> bool:
+        """True if its argument is 1 or 0 for on and off."""
+        return self in (ActionName.NOISE, ActionName.BIAS)
+
 
 class Action(Struct, frozen=True):
     """One action: `teleport` takes x, y and heading, `block` x and y, `seed` a whole number, `speed`

@@ -141,7 +141,8 @@ class LogReader(Closing):
     def lines(self) -> Iterator[tuple[int, AnyRecord | BrokenLine]]:
         """The records in the order of the log, with the numbers of their lines."""
         with reading_log(self.shown):
-            yield from enumerate(self._stream, 2)
+            for record in self._stream:
+                yield self._stream.line, record
 
     def __iter__(self) -> Iterator[Logged | BrokenLine]:
         # Line by line: reading can continue after any line, and nothing is read ahead and lost.

@@ -166,14 +166,15 @@ class _Wording(EventHandler[EventWords]):
         return EventWords(event.source or "robot", "velocity", lambda: text)
 
     def on_action(self, event: events.ActionDone) -> EventWords:
-        name = event.action.name.value
-        # Seeds are whole numbers with all their digits; places have at most 13.
-        numbers = event.action.arguments
-        arguments = "".join(f" {each}" if isinstance(each, int) else f" {each:.13g}" for each in numbers)
+        name, numbers = event.action.name, event.action.arguments
+        if name.switches and numbers:
+            arguments = f" {'on' if numbers[0] else 'off'}"
+        else:  # seeds are whole numbers with all their digits; places have at most 13
+            arguments = "".join(f" {each}" if isinstance(each, int) else f" {each:.13g}" for each in numbers)
         done: StyledLine = ((event.text, "danger" if event.refused else "good"),)
-        refusal = f"{name}: {event.text}" if event.refused else ""
+        refusal = f"{name.value}: {event.text}" if event.refused else ""
         source = event.action.source
-        subject = f"{name}{arguments}"
+        subject = f"{name.value}{arguments}"
         return EventWords(source, subject, lambda: done, refusal, is_answer=source in PEOPLE)
 
     def on_belief(self, event: Belief) -> EventWords:

@@ -16,8 +16,9 @@ from simmer_tui.grade.sandbox import Isolation
 WORDS = (b"null", b"[]", b"{}", b"1e999", b'"inf"', rb"\ud800", b"Infinity", b"true", b"-1")
 
 
-@pytest.mark.parametrize("cases", [15, pytest.param(1000, marks=pytest.mark.slow)])
-def test_broken_plans(cases: int, tmp_path: Path, mutate: Any) -> None:
+# As written the file is accepted. Of few changed ones all may be refused, since paths and times in it differ.
+@pytest.mark.parametrize(("cases", "most"), [(15, 15), pytest.param(1000, 999, marks=pytest.mark.slow)])
+def test_broken_plans(cases: int, most: int, tmp_path: Path, mutate: Any) -> None:
     team = tmp_path / "teams" / "alpha"
     team.mkdir(parents=True)
     (team / "robot.py").write_text("pass\n")
@@ -25,7 +26,6 @@ def test_broken_plans(cases: int, tmp_path: Path, mutate: Any) -> None:
     out = tmp_path / "out"
     GradeFolder.create(out, read_course(tmp_path / "teams"), 5, Isolation.NONE)
     good = (out / "grade.json").read_bytes()
-    # As written it is accepted; of few changed ones all may be refused, since paths and times in it differ.
     GradeFolder.read(out)
     refused = 0
     for seed in range(cases):
@@ -37,4 +37,4 @@ def test_broken_plans(cases: int, tmp_path: Path, mutate: Any) -> None:
         except Exception as error:
             error.add_note(f"seed {seed}")
             raise
-    assert 0 < refused < max(cases, 16)
+    assert 0 < refused <= most

@@ -38,6 +38,16 @@ def test_every_kind_of_line_comes_back(varied_log: Path) -> None:
     assert kinds == {ActionRecord, AnswerRecord, BeliefRecord, MoveRecord, NoticeRecord, ReadingRecord}
 
 
+def test_a_log_that_grows_is_read_on_with_the_numbers_of_its_lines(varied_log: Path, tmp_path: Path) -> None:
+    data = varied_log.read_bytes()
+    path, lines = tmp_path / "run.jsonl", data.splitlines(keepends=True)
+    path.write_bytes(b"".join(lines[:3]))
+    with LogReader(path) as log:
+        assert [number for number, _ in log.lines()] == [2, 3]
+        path.write_bytes(data)
+        assert [number for number, _ in log.lines()] == [*range(4, len(lines) + 1)]
+
+
 @pytest.mark.parametrize("whole", [True, False])
 def test_a_compressed_log_is_read(varied_log: Path, tmp_path: Path, whole: bool) -> None:
     packed = gzip.compress(varied_log.read_bytes())

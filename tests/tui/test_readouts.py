@@ -454,7 +454,7 @@ def test_movements_contacts_refusals_and_actions_have_a_line_each(run: Run) -> N
     run.engine.perform(Action(ActionName.TELEPORT, (54.0, 42.0, 0.0)))
     lines = texts(run.log())
     assert lines[:4] == [
-        "00:00.0  noise 0 noise off  by console",
+        "00:00.0  noise off random errors off  by console",
         "00:00.0          1 reading",
         "00:16.7  w1-100  X contact left after 3.0 in  nearest u2 said 5.3 in",
         "00:16.7  d1-x    NaN  'x' is not a finite decimal number, such as 3, -2.5 or 1e-3",
