@@ -421,6 +421,8 @@ def _texts(node: ast.expr, names: Texts, constants: Constants) -> list[str]:
         return _texts(node.body, names, constants) + _texts(node.orelse, names, constants)
     if isinstance(node, ast.Name):
         return list(names.get(node.id, (_PLACE,)))
+    if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "counted":
+        return [f"{_PLACE} {noun}s" for noun in _texts(node.args[1], names, constants)]
     return [_PLACE]
 
 

@@ -8,6 +8,7 @@ from simmer_tui.config.settings import TIME_SCALES
 from simmer_tui.errors import SimmerError
 from simmer_tui.events import Action, ActionName
 from simmer_tui.sim import noise
+from simmer_tui.sim.command import counted
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.simulator import Simulator
 
@@ -21,7 +22,8 @@ def apply(simulator: Simulator, action: Action) -> str:
     # Checked here, not in the parsers: actions come from keys, the console and logs alike.
     takes, function = _EFFECTS[action.name]
     if len(action.arguments) != takes:
-        raise SimmerError(f"{action.name.value} takes {takes} numbers, not {len(action.arguments)}")
+        wanted = counted(takes, "number")
+        raise SimmerError(f"{action.name.value} takes {wanted}, not {len(action.arguments)}")
     return function(simulator, *action.arguments)
 
 

@@ -32,9 +32,10 @@ from simmer_tui.events import (
     MovementPlanned,
     Result,
 )
-from simmer_tui.phrases import contacts_text, counted
+from simmer_tui.phrases import contacts_text
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import MissionProgress, State, TimeSpent
+from simmer_tui.sim.command import counted
 from simmer_tui.sim.legs import Leg
 from simmer_tui.sim.pose import Pose
 

@@ -10,7 +10,7 @@ import math
 from simmer_tui.events import MovementEnded, ProgramEnded
 from simmer_tui.sim.angles import half_turn, side_name
 from simmer_tui.sim.arcs import Twist
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import counted, escape
 from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import Grip, LidarScan
@@ -47,11 +47,6 @@ def computing_text(timing: str) -> str:
 def capitalized(text: str) -> str:
     """A phrase as the beginning of a sentence; names within keep their letters."""
     return f"{text[0].upper()}{text[1:]}"
-
-
-def counted(number: int, noun: str) -> str:
-    """`1 contact`, `3 contacts`."""
-    return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 def contacts_text(number: int) -> str:

@@ -39,7 +39,7 @@ from simmer_tui.document.model import (
 from simmer_tui.phrases import capitalized
 from simmer_tui.report.figure import PICTURE_WIDTH, WALLS
 from simmer_tui.sim.arrays import FloatArray
-from simmer_tui.sim.command import escape_passage
+from simmer_tui.sim.command import counted, escape_passage
 from simmer_tui.sim.specs import CELL_SIZE, WALL, SimulationSpec
 
 _READ_FAMILIES: tuple[int, ...] = (COUNTER, RANGE, OBSERVATION)
@@ -314,11 +314,11 @@ def _title(fit: Fit) -> str:
 
 def _about(fit: Fit, estimates: Sequence[ParameterEstimate]) -> str:
     run = fit.run
-    identified = sum(each.identified for each in estimates)
+    identified = counted(sum(each.identified for each in estimates), "parameter")
     changed = sum(each.changed for each in estimates)
     readings = sum(len(each.values) for each in run.readings.values())
-    log = f"{len(run.movements)} movements, {readings} readings"
-    found = f'{identified} parameters estimated, {changed} differ from the set "{run.configuration.name}"'
+    log = f"{counted(len(run.movements), 'movement')}, {counted(readings, 'reading')}"
+    found = f'{identified} estimated, {changed} differ from the set "{run.configuration.name}"'
     return escape_passage(f"{log}; {found}")
 
 

@@ -27,9 +27,8 @@ from simmer_tui.cli.progress_bar import progress_bar
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import find_set
 from simmer_tui.errors import AtlasError
-from simmer_tui.phrases import counted
 from simmer_tui.sim import Simulator
-from simmer_tui.sim.command import shown_path
+from simmer_tui.sim.command import counted, shown_path
 from simmer_tui.whole_file import write_whole
 
 _FORMATS: dict[str, Callable[[Atlas], bytes]] = {

@@ -28,9 +28,8 @@ from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.sets import find_set
 from simmer_tui.config.variables import HOST, SERIAL_NAMES
 from simmer_tui.errors import ConfigurationError, Problem
-from simmer_tui.phrases import counted
 from simmer_tui.program.program_command import with_hook
-from simmer_tui.sim.command import shown_path
+from simmer_tui.sim.command import counted, shown_path
 
 # Loopback answers in less than a millisecond, another machine of the same network in a few.
 _LOOK = 0.5

@@ -30,7 +30,7 @@ from simmer_tui.config.loader import Override, load
 from simmer_tui.config.sets import check_free, find_set
 from simmer_tui.document.as_html import html_page
 from simmer_tui.errors import CalibrationError
-from simmer_tui.sim.command import shown_path, typed_path
+from simmer_tui.sim.command import counted, shown_path, typed_path
 from simmer_tui.sim.noise import SEEDS
 from simmer_tui.version import requirement
 
@@ -104,7 +104,8 @@ def run_calibrate(options: argparse.Namespace) -> int:
     with configuration_of(options.logs[0]):
         run = read_runs(options.logs)
     notes = ["the robot in these logs was a simulated one"] if run.simulated else []
-    more = [f"and {len(run.notes) - _NOTES} lines more"] if len(run.notes) > _NOTES else []
+    rest = len(run.notes) - _NOTES
+    more = [f"and {counted(rest, 'line')} more"] if rest > 0 else []
     for note in (*notes, *run.notes[:_NOTES], *more):
         (sys.stderr if options.json else sys.stdout).write(f"note: {note}\n")
     if options.check is not None:

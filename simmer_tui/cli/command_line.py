@@ -26,7 +26,7 @@ from simmer_tui.errors import (
     SimmerError,
     reason_of,
 )
-from simmer_tui.sim.command import escape, escape_passage, shown_path
+from simmer_tui.sim.command import counted, escape, escape_passage, shown_path
 from simmer_tui.sim.rules import FlagRule, Rule, did_you_mean
 
 if TYPE_CHECKING:  # a run has no documents, and must start quickly
@@ -177,7 +177,7 @@ def _question(file: DeviceFile, directory: Path) -> list[str]:
     lines = file.text.splitlines()
     shown = [f"  {number:3} {escape(line, _WIDTH)}" for number, line in enumerate(lines[:_LINES], 1)]
     rest = len(lines) - len(shown)
-    more = [f"      ... {rest} lines more: read them in an editor"] if rest > 0 else []
+    more = [f"      ... {counted(rest, 'line')} more: read them in an editor"] if rest > 0 else []
     return [
         f"The set contains a sensor of its own, a Python file that runs with your rights: {path}",
         f"SHA-256 {file.sha256}, {len(file.data):,} bytes",

@@ -40,8 +40,7 @@ from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.importer.device_skeletons import with_skeletons
 from simmer_tui.importer.files import read_path
 from simmer_tui.importer.set_writer import set_files
-from simmer_tui.phrases import counted
-from simmer_tui.sim.command import escape, shown_path, typed_path
+from simmer_tui.sim.command import counted, escape, shown_path, typed_path
 
 
 def _init_options(parser: OneLineParser) -> None:

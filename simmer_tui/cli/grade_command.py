@@ -32,9 +32,8 @@ from simmer_tui.grade.grading import check_isolation, grade, here, what_is_missi
 from simmer_tui.grade.sandbox import Isolation
 from simmer_tui.grade.site import INDEX, grades_document, grades_table, gradescope_json, junit_xml, site
 from simmer_tui.grade.team_result import TeamResult, TeamStatus, team_results
-from simmer_tui.phrases import counted
 from simmer_tui.runlog.writer import moment_name
-from simmer_tui.sim.command import typed_path
+from simmer_tui.sim.command import counted, typed_path
 from simmer_tui.sim.noise import SEED_BITS, SEEDS
 from simmer_tui.trials.cluster import check_package
 from simmer_tui.trials.sequential import CAP_RULE, MARGIN, REQUIRED_RATE, shown_test
@@ -236,7 +235,7 @@ def _run_all(folder: GradeFolder, options: argparse.Namespace) -> None:
             if status is not None:
                 left = sum(folder.is_open(entry) for entry in folder.entries)
                 runs = sum(len(entry.results) for entry in folder.entries)
-                status.update(f"{runs} runs done, {left} teams undecided")
+                status.update(f"{counted(runs, 'run')} done, {counted(left, 'team')} undecided")
 
         grade(folder, source, show)
 

@@ -29,7 +29,7 @@ from simmer_tui.links.robot_bridge import bridge_to
 from simmer_tui.links.serial_link import SerialLink
 from simmer_tui.protocol.replies import ReplyForm, ReplyFormat
 from simmer_tui.runlog.writer import RunLog
-from simmer_tui.sim.command import parse_command
+from simmer_tui.sim.command import counted, parse_command
 from simmer_tui.sim.records import CommandResult
 from simmer_tui.sim.simulator import Simulator
 
@@ -146,5 +146,5 @@ def progress_picture(guide: SessionPlanner, what: str, link: str, height: int) -
         bar = "#" * max(1, min(20, round(20 * float(doubts[index]))))
         cells = (middle, f"{low} to {high}") if is_identified else ("?", "not known yet")
         figures.add_row(parameter.owner, parameter.label, *cells, bar)
-    rest = Text(f"and {len(order) - room} parameters that are known better" if len(order) > room else "")
+    rest = Text(f"and {counted(len(order) - room, 'parameter')} known better" if len(order) > room else "")
     return Group(head, goals, figures, rest)

@@ -27,7 +27,7 @@ from simmer_tui.events import (
 from simmer_tui.phrases import contact_ending
 from simmer_tui.run.message_trail import MessageTrail
 from simmer_tui.server import Server
-from simmer_tui.sim.command import printable
+from simmer_tui.sim.command import counted, printable
 from simmer_tui.sim.records import CommandResult, Status
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ class LinePrinter:
             self._missed += 1
             return
         if self._missed:
-            line = f"... {self._missed} lines not shown\n{line}"
+            line = f"... {counted(self._missed, 'line')} not shown\n{line}"
             self._missed = 0
         self._lines.put(line)
 

@@ -25,14 +25,13 @@ from simmer_tui.cli.log_options import add_device_options, add_log_argument, con
 from simmer_tui.cli.progress_bar import progress_bar
 from simmer_tui.document.model import Bullets, DataColumn, DataTable, Document
 from simmer_tui.errors import ExportError, RunLogError
-from simmer_tui.phrases import counted
 from simmer_tui.report.animation import USUAL_SECONDS, shots, write_gif
 from simmer_tui.report.content import maze_picture, report_document, svg_picture
 from simmer_tui.report.page import report_page
 from simmer_tui.report.run_statistics import CommandTable, RunStatistics
 from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.runlog.rerun import Rerun
-from simmer_tui.sim.command import escape, escape_passage, escape_word, printable, shown_path
+from simmer_tui.sim.command import counted, escape, escape_passage, escape_word, printable, shown_path
 from simmer_tui.sim.rules import IntegerRule, NumberRule
 from simmer_tui.version import __version__
 from simmer_tui.whole_file import whole_file, write_whole

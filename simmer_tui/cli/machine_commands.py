@@ -23,9 +23,8 @@ from simmer_tui.errors import ConfigurationError, PortError
 from simmer_tui.links import port_list
 from simmer_tui.links.link import port_requests
 from simmer_tui.links.ports import take_port
-from simmer_tui.phrases import counted
 from simmer_tui.runlog.saved_runs import BEFORE, saved_runs_folder
-from simmer_tui.sim.command import escape, escape_word
+from simmer_tui.sim.command import counted, escape, escape_word
 from simmer_tui.tui.sizes import SMALLEST_COLUMNS, SMALLEST_ROWS
 from simmer_tui.tui.terminal import GlyphMode, choose
 from simmer_tui.version import __version__, requirement

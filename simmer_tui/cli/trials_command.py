@@ -39,9 +39,8 @@ from simmer_tui.document.as_data import table_csv
 from simmer_tui.document.as_html import html_page
 from simmer_tui.document.formats import ESTIMATE
 from simmer_tui.errors import ConfigurationError, Problem, TrialsError
-from simmer_tui.phrases import counted
 from simmer_tui.runlog.writer import moment_name
-from simmer_tui.sim.command import escape, shown_path, typed_path
+from simmer_tui.sim.command import counted, escape, shown_path, typed_path
 from simmer_tui.trials.cluster import check_package, pack
 from simmer_tui.trials.explanations import Explanations
 from simmer_tui.trials.failures import success_rate

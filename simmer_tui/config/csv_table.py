@@ -13,7 +13,7 @@ from msgspec import Struct
 from simmer_tui.config.given_path import other_case
 from simmer_tui.errors import Problem, reason_of
 from simmer_tui.sim.columns import CsvColumn
-from simmer_tui.sim.command import escape, escape_word, shown_path
+from simmer_tui.sim.command import counted, escape, escape_word, shown_path
 from simmer_tui.sim.rules import CodeRule, IntegerRule, Rule, did_you_mean
 
 T = TypeVar("T")
@@ -182,8 +182,8 @@ def read_grid(table: CsvTable, rule: IntegerRule) -> tuple[tuple[int, ...], ...]
     grid: list[tuple[int, ...]] = []
     for row in table.rows:
         if len(row.cells) != width:
-            what = f"the row has {len(row.cells)} cells, others have {width}; all rows must be equally long"
-            table.add_problem(row, min(len(row.cells), width), what)
+            has = f"the row has {counted(len(row.cells), 'cell')}, others have {width}"
+            table.add_problem(row, min(len(row.cells), width), f"{has}; all rows must be equally long")
         values = [table.value(row, column, rule) for column in range(len(row.cells))]
         grid.append(tuple(value for value in values if value is not None))
     return tuple(grid) if len(table.problems) == before else None

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 from simmer_tui.sim.angles import half_turn, side_name
 from simmer_tui.sim.columns import FIELD_OF_VIEW, CsvColumn
-from simmer_tui.sim.command import escape_word
+from simmer_tui.sim.command import counted, escape_word
 from simmer_tui.sim.rules import did_you_mean
 from simmer_tui.sim.specs import DriveSpec, GripperSpec, SensorSpec, SimulationSpec, VelocitySpec
 from simmer_tui.sim.velocity_commands import WAIT, velocity_shape
@@ -97,7 +97,7 @@ def _view(sensor: SensorSpec) -> str:
     if sensor.kind.has(FIELD_OF_VIEW.field):
         parts.append(f"{sensor.field_of_view:g} deg wide")
     if sensor.kind.is_range:
-        parts.append(f"{sensor.rays} ray{'s' * (sensor.rays != 1)}")
+        parts.append(counted(sensor.rays, "ray"))
     elif sensor.kind.has(FIELD_OF_VIEW.field):
         radius = sensor.z * math.tan(math.radians(sensor.field_of_view / 2))
         parts.append(f"a disc {round(2 * radius, 2):g} in across")

@@ -12,6 +12,7 @@ from simmer_tui.dialect.expressions import Expression
 from simmer_tui.dialect.frames import TYPE, FrameKind, Framing
 from simmer_tui.dialect.kinds import ANY_TYPE, NUMBER_TYPE, StaticType, ValueKind
 from simmer_tui.dialect.templates import BinaryReply, Field, TextReply, check_pack, parsed_reply
+from simmer_tui.sim.command import counted
 from simmer_tui.sim.rules import did_you_mean
 
 # 50 times the cells of the greatest maze.
@@ -109,7 +110,7 @@ class RuleParts:
             return
         size = struct.calcsize(reply.pack) if reply.pack else len(reply.text.source) if reply.text else 0
         if isinstance(framing.body, int) and size != framing.body and reply.pack:
-            self._file.add_problem(place, f"has {size} bytes; the frame has {framing.body}")
+            self._file.add_problem(place, f"has {counted(size, 'byte')}; the frame has {framing.body}")
             return
         try:
             framing.frame(reply.type, bytes(size))

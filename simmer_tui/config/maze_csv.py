@@ -53,7 +53,7 @@ def read_cells(path: Path, problems: list[Problem]) -> Grid | None:
     rows, columns = len(table.rows), max(len(row.cells) for row in table.rows)
     if rows > MAX_CELLS or columns > MAX_CELLS:
         # One problem, not one for each cell: such a file is probably not a maze.
-        what = f"has {rows} rows and {columns} columns; a maze has at most {MAX_CELLS} of each"
+        what = f"has {rows} x {columns} cells; a maze has at most {MAX_CELLS} a side"
         problems.append(Problem(path.name, what))
         return None
     return read_grid(table, _CELL)
@@ -68,7 +68,7 @@ def _read_floor(directory: Path, cells: Grid | None, problems: list[Problem]) ->
         rows, columns = TILES_PER_CELL * len(cells), TILES_PER_CELL * len(cells[0])
         if (len(tiles), len(tiles[0])) != (rows, columns):
             what = (
-                f"has {len(tiles)} rows of {len(tiles[0])} tiles; the maze needs {rows} rows of {columns}, "
+                f"has {len(tiles)} x {len(tiles[0])} tiles; the maze needs {rows} x {columns}, "
                 f"{TILES_PER_CELL} by {TILES_PER_CELL} to a cell"
             )
             problems.append(Problem(FLOOR_FILE, what))

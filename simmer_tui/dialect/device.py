@@ -37,7 +37,7 @@ from simmer_tui.dialect.frames import Deframer, Frame, Noise
 from simmer_tui.dialect.messages import nearest
 from simmer_tui.dialect.templates import LONGEST_REPLY, BinaryReply
 from simmer_tui.errors import ExpressionError
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import counted, escape
 from simmer_tui.sim.sensors import Lidar, sensor_of
 
 # Bytes of noise that a notice shows, so that it fits in a line of the event list.
@@ -259,8 +259,8 @@ class DialectDevice:
     def _tell_noise(self, noise: Noise) -> None:
         shown = escape(noise.data[:_SHOWN].decode("latin-1"), 4 * _SHOWN)
         more = f" and {len(noise.data) - _SHOWN} more" if len(noise.data) > _SHOWN else ""
-        count = "1 byte" if len(noise.data) == 1 else f"{len(noise.data)} bytes"
-        self._faults.note(f"{count} dropped, {noise.why}: '{shown}'{more}", alike=noise.why)
+        dropped = f"{counted(len(noise.data), 'byte')} dropped, {noise.why}"
+        self._faults.note(f"{dropped}: '{shown}'{more}", alike=noise.why)
 
     def _rest_watchdog(self) -> None:
         self._watchdog.cancel()

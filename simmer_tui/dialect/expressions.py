@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, Protocol
 
 from simmer_tui.errors import ExpressionError
+from simmer_tui.sim.command import counted
 
 RealNumber = float | int
 FieldValue = RealNumber | str | tuple["FieldValue", ...]
@@ -112,7 +113,8 @@ def _round(value: FieldValue, digits: FieldValue = 0) -> FieldValue:
 def _pick(index: FieldValue, *values: FieldValue) -> FieldValue:
     place = _number(index)
     if not values or not 0 <= place < len(values):
-        raise ExpressionError(f"pick({_shown(place)}, ...) has {len(values)} values, counted from 0")
+        length = counted(len(values), "value")
+        raise ExpressionError(f"pick({_shown(place)}, ...) has {length}, counted from 0")
     return values[int(place)]
 
 

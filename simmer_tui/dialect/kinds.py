@@ -8,6 +8,7 @@ from msgspec import Struct
 
 from simmer_tui.dialect.expressions import CONSTANTS, Expression, FieldValue, RealNumber
 from simmer_tui.dialect.templates import Field
+from simmer_tui.sim.command import counted
 
 
 class ValueKind(StrEnum):
@@ -142,7 +143,8 @@ class _Reader:
         self._number(index)
         for each in self._numbers(index):
             if not 0 <= each < len(values):
-                self.mistakes.append(f"pick({each:g}, ...) has {len(values)} values, counted from 0")
+                length = counted(len(values), "value")
+                self.mistakes.append(f"pick({each:g}, ...) has {length}, counted from 0")
 
     def _numbers(self, node: ast.expr) -> tuple[RealNumber, ...]:
         """The possible numbers of a part, if they are certain (of a remainder the greatest); else empty."""
@@ -168,7 +170,7 @@ class _Reader:
         for each in self._numbers(index):
             if length is not None and not 0 <= each < length:
                 self.mistakes.append(
-                    f"the list has {length} values, counted from 0; there is none at {each:g}"
+                    f"the list has {counted(length, 'value')}, counted from 0; there is none at {each:g}"
                 )
         # A list from the set is a sensor's, with numbers; one from a message may have texts.
         if of_scan or length is not None:

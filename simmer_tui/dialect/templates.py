@@ -9,6 +9,7 @@ from msgspec import Struct
 
 from simmer_tui.dialect.expressions import Expression, FieldValue, RealNumber, Scope
 from simmer_tui.errors import ExpressionError
+from simmer_tui.sim.command import counted
 
 # The part of Python's format language whose results fit in a line.
 _FORMAT = re.compile(r"(?:.?[<>=^])?[ +-]?#?0?(\d*),?(?:\.(\d+))?[a-zA-Z%]?", re.DOTALL)
@@ -217,4 +218,4 @@ def check_pack(pack: str, count: int) -> None:
         raise ValueError(f"'{pack}' has {size} bytes; {LONGEST_FIELD} are allowed")
     wanted = len(tuple(pack_codes(pack)))
     if wanted != count:
-        raise ValueError(f"'{pack}' has {wanted} values, and {count} are named")
+        raise ValueError(f"'{pack}' has {counted(wanted, 'value')} for {counted(count, 'name')}")

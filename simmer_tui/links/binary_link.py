@@ -18,10 +18,9 @@ from simmer_tui.links.driver_lock import DriverLock
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.peer import MOST_WAITING, PIECE, UNREAD_LIMIT, Peer, ReadBudget, host_of
 from simmer_tui.links.processes import children
-from simmer_tui.phrases import counted
 from simmer_tui.protocol.binary import CommandReader, NumberEncoder
 from simmer_tui.sessions import LoopTimer
-from simmer_tui.sim.command import Command
+from simmer_tui.sim.command import Command, counted
 from simmer_tui.sim.records import CommandResult
 
 # Judged: a wait that nobody notices. A program that is started again connects before the old one's end is

@@ -15,12 +15,11 @@ from simmer_tui.events import Notice, NoticeKind
 from simmer_tui.links.peer import Peer
 from simmer_tui.links.ports import Listener
 from simmer_tui.links.processes import ProcessLookup
-from simmer_tui.phrases import counted
 from simmer_tui.protocol import diagnosis
 from simmer_tui.protocol.diagnosis import Diagnosis
 from simmer_tui.protocol.replies import ReplyForm, ReplyFormat
 from simmer_tui.sessions import LoopTimer
-from simmer_tui.sim.command import Command
+from simmer_tui.sim.command import Command, counted
 from simmer_tui.sim.records import CommandResult, Status
 
 # Judged: longer than a program runs that gives up on replies it cannot read, shorter than a useful run.

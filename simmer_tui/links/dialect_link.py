@@ -23,10 +23,9 @@ from simmer_tui.links.link import LinkContext
 from simmer_tui.links.peer import MOST_WAITING, PIECE, ReadBudget
 from simmer_tui.links.pty_port import PtyPort
 from simmer_tui.links.serial_wire import SerialEndpoint, Wire
-from simmer_tui.phrases import counted
 from simmer_tui.protocol.packets import STOP
 from simmer_tui.sessions import Session
-from simmer_tui.sim.command import Command, escape, escape_word, parse_command
+from simmer_tui.sim.command import Command, counted, escape, escape_word, parse_command
 from simmer_tui.sim.records import REFUSALS, CommandResult, Status
 
 # A stream at 240 Hz would be most of a log, and its messages are all alike.

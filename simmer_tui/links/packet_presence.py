@@ -12,9 +12,9 @@ from simmer_tui.events import Notice, NoticeKind
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.peer import host_of
 from simmer_tui.links.processes import Process
-from simmer_tui.phrases import counted
 from simmer_tui.protocol.packets import Mailbox
 from simmer_tui.sessions import LoopTimer
+from simmer_tui.sim.command import counted
 
 # Judged: a long computation or a coffee. After a longer halt in a debugger a program asks again.
 LONGEST_KEPT = 600.0

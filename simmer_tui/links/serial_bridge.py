@@ -32,7 +32,7 @@ from simmer_tui.protocol.replies import (
 )
 from simmer_tui.sessions import LoopTimer
 from simmer_tui.sim.arrays import FloatArray
-from simmer_tui.sim.command import Command, escape, escape_passage
+from simmer_tui.sim.command import Command, counted, escape, escape_passage
 from simmer_tui.sim.records import CommandResult, LidarScan, Reading, Status, ray_bearings
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.sim.velocity_commands import WAIT, parse_wait
@@ -437,7 +437,7 @@ class SerialBridge(RealRobot):
     def _report_discarded(self) -> None:
         count, sample = self._framer.take_discarded()
         shown = escape(sample.decode("latin-1"))
-        text = f"{count} bytes from the robot discarded, they answer nothing: {shown!r}"
+        text = f"{counted(count, 'byte')} from the robot discarded, no answer to anything: {shown!r}"
         self._tell(NoticeKind.ROBOT, text)
 
     # -- faults -----------------------------------------------------------------------------------

@@ -22,6 +22,7 @@ from simmer_tui.run.facts import DEFAULT_ALLOWED_TURN
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.angles import cos_sin_array, half_turn
 from simmer_tui.sim.arrays import BoolArray, FloatArray, IntArray
+from simmer_tui.sim.command import counted
 from simmer_tui.sim.sensors import CountingSensor, ObservingSensor, modelled_sensor
 from simmer_tui.sim.specs import CELL_SIZE
 
@@ -173,18 +174,18 @@ class BeliefMotion:
 
     def _turn_counters(self) -> list[_Source]:
         return [
-            _Source(sensor.spec.code, counted / lever[2], False)
-            for sensor, counted in self._counters()
+            _Source(sensor.spec.code, counts / lever[2], False)
+            for sensor, counts in self._counters()
             if (lever := sensor.lever)[2] and not lever[:2].any()
         ]
 
     def _way_counters(self) -> list[_Source]:
         found = []
-        for sensor, counted in self._counters():
+        for sensor, counts in self._counters():
             lever = sensor.lever
             with np.errstate(invalid="ignore", divide="ignore"):
                 share = (lever[:2, None] * self._way).sum(axis=0) / self._gone
-                values = (counted - lever[2] * self._true_turn) / share
+                values = (counts - lever[2] * self._true_turn) / share
             # A wheel that hardly rolls does not measure the path.
             found.append(_Source(sensor.spec.code, np.where(np.abs(share) > 0.5, values, np.nan), False))
         return found
@@ -260,7 +261,7 @@ def wrong_heading(attempt: Attempt) -> list[Disagreement]:
         if beyond <= 0.0 or stays.mean() < 0.5:
             continue
         more = f"{abs(value):.0f} {spec.unit} {'more' if value > 0 else 'less'}"
-        text = f"the program used {more} than {code}'s replies in the log ({len(rows)} readings)"
+        text = f"the program used {more} than {code}'s replies in the log ({counted(len(rows), 'reading')})"
         found.append(Disagreement((code,), text, len(rows), two_sided(beyond), 1.0, *moment(believed[0])))
     return found
 

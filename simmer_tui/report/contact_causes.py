@@ -25,7 +25,7 @@ from simmer_tui.run.attempt import Attempt, Collision
 from simmer_tui.run.facts import ALIKE, LastReading, carried_over, facing_sensor
 from simmer_tui.run.history_rows import BeliefRow
 from simmer_tui.sim.angles import half_turn
-from simmer_tui.sim.command import parse_value
+from simmer_tui.sim.command import counted, parse_value
 from simmer_tui.sim.specs import CELL_SIZE
 
 NO_BELIEFS = "No beliefs were sent: the log cannot show where the program thought the robot was."
@@ -218,7 +218,7 @@ class _ContactCauses:
         ):
             if self._saved.get(change):
                 moved = [*met.before[len(met.before) - count :], met.ended]
-                over = f"{len(moved)} movements"
+                over = counted(len(moved), "movement")
                 if met.legs:
                     begun = met.legs[-met.unseen_legs if change is Change.UNSEEN else 0].start_time
                     over = f"the last {met.contact.time - begun:.1f} s"

@@ -42,7 +42,7 @@ from simmer_tui.report.traces import traces
 from simmer_tui.report.verdict import Verdict
 from simmer_tui.run.run_history import OTHER_CODES, STOPS
 from simmer_tui.run.table import BINS, Errors
-from simmer_tui.sim.command import escape_passage, typed_path
+from simmer_tui.sim.command import counted, escape_passage, typed_path
 from simmer_tui.sim.velocity_commands import WAIT
 
 _ROWS = 20
@@ -390,7 +390,8 @@ def _sensors(run: RunStatistics) -> DataTable:
         "true path, slip included."
     )
     if missed:
-        note += f" {missed} readings had a value where nothing was in range, or none where something was."
+        told = counted(missed, "reading")
+        note += f" {told} had a value where nothing was in range, or none where something was."
     return _SENSORS.filled(rows, note)
 
 

@@ -6,7 +6,6 @@ from functools import partial
 from simmer_tui.events import ProgramEnded
 from simmer_tui.phrases import (
     capitalized,
-    counted,
     last_output,
     miss_text,
     outside_text,
@@ -28,7 +27,7 @@ from simmer_tui.run.facts import displacement, missed_zone
 from simmer_tui.run.history_rows import ActionRow
 from simmer_tui.run.progress import HUNDRED
 from simmer_tui.run.run_history import CHAIN
-from simmer_tui.sim.command import escape_passage
+from simmer_tui.sim.command import counted, escape_passage
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import CELL_SIZE
 
@@ -244,13 +243,13 @@ class EndingCauses:
         most = max(parts, key=lambda name: parts[name])
         count = spent.readings.total()
         code, often = next(iter(spent.readings.most_common(1)), ("", 0))
-        readings = f"It read sensors {count} times ({code} {often} times)." if count else "It read no sensor."
+        read = f"sensors {times_text(count)} ({code} {times_text(often)})" if count else "no sensor"
         if self._cut_off and not seen.out_of_time:
             return self._made(
                 Kind.TOO_SLOW,
                 "It was too slow: at the real time limit the program was still running.",
                 f"Most of the {seconds:.1f} simulated seconds{seen.restart} went to {most}.",
-                readings,
+                f"It read {read}.",
                 self._goals(),
             )
         listed = ", ".join(f"{name} {time:.1f} s" for name, time in parts.items() if time >= 0.05)
@@ -258,7 +257,7 @@ class EndingCauses:
         return self._made(
             Kind.TOO_SLOW,
             f"It was too slow: most of its time went to {most} ({listed}).",
-            readings,
+            f"It read {read}.",
             between if spent.between else "",
             self._goals(),
         )

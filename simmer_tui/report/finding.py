@@ -19,9 +19,9 @@ from typing import TypeVar
 
 from simmer_tui.document.formats import COUNT, number
 from simmer_tui.document.model import DataColumn, DataTable
-from simmer_tui.phrases import counted
 from simmer_tui.report.robust_fit import MAD_ERROR, Z_95, RobustFit
 from simmer_tui.run.table import Columns
+from simmer_tui.sim.command import counted
 
 _ERROR = 0.01
 """Probability that a run without a fault has any finding."""

@@ -6,12 +6,12 @@ from collections.abc import Iterator
 
 from simmer_tui.document.formats import COUNT, PASSAGE, QUOTED, number
 from simmer_tui.document.model import DataColumn, DataTable
-from simmer_tui.phrases import WEDGED_TEXT, contact_ending, counted, pose_text, times_text
+from simmer_tui.phrases import WEDGED_TEXT, contact_ending, pose_text, times_text
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.run.episodes import Episode, EpisodeKind
 from simmer_tui.run.history_rows import ContactRow
 from simmer_tui.run.run_history import RunHistory
-from simmer_tui.sim.command import escape_passage, escape_word
+from simmer_tui.sim.command import counted, escape_passage, escape_word
 
 # Readings named in a sentence; it says how many more there are.
 _READINGS = 6

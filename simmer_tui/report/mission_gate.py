@@ -18,9 +18,10 @@ from simmer_tui.events import (
     TwinReading,
     VelocityEnded,
 )
-from simmer_tui.phrases import contacts_text, counted
+from simmer_tui.phrases import contacts_text
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.run_history import RunHistory
+from simmer_tui.sim.command import counted
 
 
 class MissionGate(EventHandler[bool]):

@@ -25,6 +25,7 @@ from simmer_tui.report.robust_fit import (
 )
 from simmer_tui.report.sensor_sample import Alternative, SensorSample
 from simmer_tui.sim.arrays import FloatArray
+from simmer_tui.sim.command import counted
 from simmer_tui.sim.specs import SensorSpec
 
 # Judged: a fault explains the readings if no more than a fifth of them do not fit.
@@ -104,7 +105,7 @@ def change_text(spec: SensorSpec, kind: FindingKind, value: float, other: str | 
         case FindingKind.SWAPPED:
             return f"reads what {other} should read"
         case _:
-            return "is late by one reading" if value == 1 else f"is late by {int(value)} readings"
+            return f"is late by {counted(int(value), 'reading')}"
 
 
 # -- shares ------------------------------------------------------------------------------------------

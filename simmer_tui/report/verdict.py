@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from simmer_tui.events import NOT_CONNECTED, Goal, NoticeKind, ProgramEnded, Result
-from simmer_tui.phrases import capitalized, contacts_text, counted, crash_text, place_text, program_end_text
+from simmer_tui.phrases import capitalized, contacts_text, crash_text, place_text, program_end_text
 from simmer_tui.report.audit import audit
 from simmer_tui.report.cause_search import causes_of
 from simmer_tui.report.causes import Cause, Kind, Sureness
@@ -19,7 +19,7 @@ from simmer_tui.report.finding import Finding
 from simmer_tui.run.attempt import Attempt, Task
 from simmer_tui.run.history_rows import NoticeRow, ProgramRow
 from simmer_tui.run.run_history import RunHistory
-from simmer_tui.sim.command import escape_passage
+from simmer_tui.sim.command import counted, escape_passage
 
 
 class Outcome(StrEnum):

@@ -35,7 +35,7 @@ from simmer_tui.runlog.log_records import (
 from simmer_tui.runlog.logged_scans import LoggedRanges
 from simmer_tui.runlog.reader import LogReader
 from simmer_tui.sim.arrays import FloatArray
-from simmer_tui.sim.command import Command, escape, escape_word, parse_command
+from simmer_tui.sim.command import Command, counted, escape, escape_word, parse_command
 from simmer_tui.sim.fingerprint import math_fingerprint
 from simmer_tui.sim.legs import Leg
 from simmer_tui.sim.path import Contact
@@ -233,9 +233,10 @@ class Rerun(Closing):
             self.difference = differs.difference
             return
         if not self._comparing:
+            before = counted(self.header.number, "command")
             raise RunLogError(
-                f"{self._log.shown} begins after {self.header.number} commands and holds no reset, so its "
-                "beginning is not known; log from the start, with --log"
+                f"{self._log.shown} begins after {before} and holds no reset, so its beginning is not known; "
+                "log from the start, with --log"
             )
         if self._log.note:
             self.notes.append(self._log.note)
@@ -247,9 +248,8 @@ class Rerun(Closing):
         Raises RunLogError if the rerun differs from the log, or is impossible.
         """
         if not self._comparing:
-            raise RunLogError(
-                f"{self._log.shown} begins after {self.header.number} commands: what was before is not known"
-            )
+            before = counted(self.header.number, "command")
+            raise RunLogError(f"{self._log.shown} begins after {before}: what was before is not known")
         try:
             for line, said in self._lines(last):
                 self._cut = time if line == last else math.inf
@@ -267,9 +267,9 @@ class Rerun(Closing):
         """Skip the beginning of a log that began in the middle of a run: a reset restores a known state."""
         if isinstance(said, ActionRecord) and said.action.restarts and not said.refused:
             self._comparing = True
-            before = self.header.number
+            before = counted(self.header.number, "command")
             self.notes.append(
-                f"the log begins after {before} commands; compared from the {said.action} in line {line} on"
+                f"the log begins after {before}; compared from the {said.action} in line {line} on"
             )
 
     def _lines(self, last: float = math.inf) -> Iterator[tuple[int, AnyRecord]]:

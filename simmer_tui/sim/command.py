@@ -83,6 +83,11 @@ def typed_path(path: object) -> str:
     return shlex.quote(printable(str(path)))
 
 
+def counted(number: int, noun: str) -> str:
+    """`1 contact`, `3 contacts`."""
+    return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
 def parse_command(text: str, source: str = "client") -> Command:
     """Parse a command. Never fails: text that cannot be a command is returned with `problem` set.
 

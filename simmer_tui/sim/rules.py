@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Generic, TypeVar
 
 from msgspec import Struct
 
-from simmer_tui.sim.command import NUMBER, escape_word
+from simmer_tui.sim.command import NUMBER, counted, escape_word
 
 _T = TypeVar("_T")
 
@@ -56,7 +56,7 @@ def describe(value: object) -> str:
         # Longer and nested lists would fill the line of the message.
         if len(value) <= 4 and not any(isinstance(item, list | tuple | dict) for item in value):
             return f"[{', '.join(describe(item) for item in value)}]"
-        return f"a list of {len(value)} values"
+        return f"a list of {counted(len(value), 'value')}"
     if isinstance(value, int) and abs(value) >= 10**30:
         # str() refuses more than 4,300 digits.
         return "a far larger whole number"

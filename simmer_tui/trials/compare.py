@@ -13,7 +13,7 @@ from simmer_tui.config.settings import all_settings, value_of
 from simmer_tui.document.formats import COUNT, ESTIMATE, PASSAGE, Format, estimate, number, numbers
 from simmer_tui.document.model import DataColumn, DataTable, Document, Paragraph
 from simmer_tui.errors import TrialsError
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import counted, escape
 from simmer_tui.sim.specs import SimulationSpec
 from simmer_tui.trials.failures import CHANGED_CAUSES, changed_causes, success_rate
 from simmer_tui.trials.folder import TrialFolder
@@ -148,8 +148,8 @@ def _sets(first: TrialFolder, second: TrialFolder, pairs: list[RunPair]) -> Data
         clock = clocks_text([pair[index] for pair in pairs])
         rows.append((name, folder.path, plan.command, plan.configuration, len(folder.results), clock, rated))
     left_out = len(first.results) + len(second.results) - 2 * len(pairs)
-    note = f"Only the {len(pairs)} runs that both have are compared. In brackets: 95 % Wilson intervals."
-    more = f" {left_out} runs that only one of them has are left out." if left_out else ""
+    note = f"Compared: the {counted(len(pairs), 'run')} that both have. In brackets: 95 % Wilson intervals."
+    more = f" Left out: {counted(left_out, 'run')} that only one of them has." if left_out else ""
     if differences := robot_differences(first, second):
         more += f" They differ in {', '.join(differences)}."
     return SETS.filled(rows, note + more)

@@ -21,8 +21,8 @@ from simmer_tui.document.model import (
     Tone,
     VerdictBox,
 )
-from simmer_tui.phrases import capitalized, counted
-from simmer_tui.sim.command import escape
+from simmer_tui.phrases import capitalized
+from simmer_tui.sim.command import counted, escape
 from simmer_tui.trials.explanations import WHY_FAILED
 from simmer_tui.trials.failures import CAUSES, DEVICES, counted_causes, failure_summary, grouped, success_rate
 from simmer_tui.trials.figures import histogram_figure, map_figure
@@ -157,7 +157,7 @@ def _maps(
         parts += [SectionHeading(label, 3)] if label else []
         parts.append(map_figure(folder.maze(group[0].number), group, run_pages, f"Map {label}"))
     if len(drawn) > _MAPS:
-        parts.append(Paragraph(f"and {len(drawn) - _MAPS} more mazes", kind="note"))
+        parts.append(Paragraph(f"and {counted(len(drawn) - _MAPS, 'more maze')}", kind="note"))
     return parts or [Paragraph("No run failed, and no wall was touched.")]
 
 

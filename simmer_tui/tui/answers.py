@@ -15,7 +15,6 @@ from simmer_tui.mission import MissionState
 from simmer_tui.phrases import (
     contact_line,
     contacts_text,
-    counted,
     grip_text,
     movement_text,
     stopped_by_text,
@@ -25,7 +24,7 @@ from simmer_tui.program.crash import own_frames
 from simmer_tui.report.verdict import Outcome, Verdict
 from simmer_tui.report.why import NOTHING_MOVED, WhyFact
 from simmer_tui.run.facts import displacement
-from simmer_tui.sim.command import escape_passage, parse_value, printable
+from simmer_tui.sim.command import counted, escape_passage, parse_value, printable
 from simmer_tui.sim.scan_rays import extremes
 from simmer_tui.sim.specs import Axes, DriveKind
 from simmer_tui.snapshot import LogEntry, Snapshot

@@ -12,7 +12,6 @@ from simmer_tui.events import Belief, EventHandler, MovementEnded, NoticeKind
 from simmer_tui.phrases import (
     WEDGED_TEXT,
     contact_line,
-    counted,
     grip_text,
     movement_text,
     scan_text,
@@ -22,7 +21,7 @@ from simmer_tui.phrases import (
 )
 from simmer_tui.run.facts import displacement
 from simmer_tui.sim.angles import half_turn
-from simmer_tui.sim.command import escape_passage
+from simmer_tui.sim.command import counted, escape_passage
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import CommandResult, Reading, Status
 from simmer_tui.snapshot import LogEntry

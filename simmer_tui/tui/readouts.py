@@ -6,10 +6,10 @@ from msgspec import Struct, field
 
 from simmer_tui.events import EventHandler, Goal, Notice, NoticeKind, Result
 from simmer_tui.mission import MissionState
-from simmer_tui.phrases import counted, progress_text, side_text, velocity_text
+from simmer_tui.phrases import progress_text, side_text, velocity_text
 from simmer_tui.run.state import State, TimeSpent
 from simmer_tui.sim.angles import half_turn
-from simmer_tui.sim.command import escape, parse_value, printable
+from simmer_tui.sim.command import counted, escape, parse_value, printable
 from simmer_tui.sim.records import LidarScan
 from simmer_tui.sim.scan_rays import extremes
 from simmer_tui.sim.specs import SensorSpec
@@ -294,7 +294,10 @@ def status_line(
 def _scan_line(sensor: SensorSpec, scan: LidarScan, *, plain: bool) -> StyledLine:
     """A scan in one line: its points, and the nearest and farthest echo with their directions."""
     found = extremes(scan)
-    pieces: list[tuple[str, str]] = [(sensor.code, "newest"), (f" {len(scan.ranges)} points", "value")]
+    pieces: list[tuple[str, str]] = [
+        (sensor.code, "newest"),
+        (f" {counted(len(scan.ranges), 'point')}", "value"),
+    ]
     if found.nearest is None:
         pieces.append((", no echo", "value"))
     for word, echo in (("nearest", found.nearest), ("farthest", found.farthest)):

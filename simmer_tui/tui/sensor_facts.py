@@ -2,9 +2,9 @@
 
 from collections.abc import Mapping, Sequence
 
-from simmer_tui.phrases import counted
 from simmer_tui.run.state import SensorRow
 from simmer_tui.sim.angles import half_turn
+from simmer_tui.sim.command import counted
 from simmer_tui.sim.records import LidarScan
 from simmer_tui.sim.scan_rays import extremes
 from simmer_tui.sim.sensors import LidarSpec

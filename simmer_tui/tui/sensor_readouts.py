@@ -10,6 +10,7 @@ from msgspec import Struct, field
 from simmer_tui.events import TwinReading
 from simmer_tui.run.reducer import HISTORY
 from simmer_tui.run.state import SensorRow
+from simmer_tui.sim.command import counted
 from simmer_tui.sim.records import LidarScan
 from simmer_tui.sim.scan_rays import extremes
 from simmer_tui.sim.specs import CELL_SIZE, SensorKind, SensorSpec
@@ -222,7 +223,7 @@ class _SensorTable:
         if not self.full:
             return (*begin, (f" {len(scan.ranges)} pts", role))
         found, plain = extremes(scan), self.view.plain
-        line: StyledLine = (*begin, (f" {len(scan.ranges)} points", role))
+        line: StyledLine = (*begin, (f" {counted(len(scan.ranges), 'point')}", role))
         if found.nearest is None or found.farthest is None:
             return (*line, (", no echo", role))
         (near, at), (far, _) = found.nearest, found.farthest

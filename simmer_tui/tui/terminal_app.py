@@ -19,6 +19,7 @@ from textual.app import App
 from textual.color import Color
 from textual.filter import LineFilter
 
+from simmer_tui.sim.command import counted
 from simmer_tui.tui.textual_internals import write_sequence
 
 # The bytes of base64 that xterm accepts, and many other terminals after it.
@@ -152,8 +153,7 @@ def clipboard_sequences(text: str, environment: Mapping[str, str]) -> list[str]:
 def sent_note(text: str, environment: Mapping[str, str]) -> str:
     """Note that text was sent, and the setting that may be needed, in one short line; `ALLOWING` has all of
     them."""
-    count = len(text)
-    said = f"{count} character{'s' * (count != 1)} sent to the terminal's clipboard"
+    said = f"{counted(len(text), 'character')} sent to the terminal's clipboard"
     # Base64 makes four bytes of three.
     if len(text.encode("utf-8", "replace")) * 4 / 3 > _COMMON_LIMIT:
         return f"{said}; many take only {_COMMON_LIMIT * 3 // 4}"

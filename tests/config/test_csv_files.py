@@ -196,7 +196,7 @@ def test_maze_beyond_a_hundred_cells_a_side_is_refused(
     folder: Path, problems: Problems, rows: int, columns: int
 ) -> None:
     (folder / "maze.csv").write_text("\n".join([",".join("1" * columns)] * rows))
-    assert problems() == [f"maze.csv: has {rows} rows and {columns} columns; a maze has at most 100 of each"]
+    assert problems() == [f"maze.csv: has {rows} x {columns} cells; a maze has at most 100 a side"]
 
 
 def test_floor_file_replaces_the_generated_floor(folder: Path) -> None:
@@ -207,7 +207,7 @@ def test_floor_file_replaces_the_generated_floor(folder: Path) -> None:
 
 def test_floor_of_the_wrong_size_or_with_wrong_tiles_is_refused(folder: Path, problems: Problems) -> None:
     (folder / "floor.csv").write_text("0,1\n1,0\n")
-    assert problems() == ["floor.csv: has 2 rows of 2 tiles; the maze needs 16 rows of 32, 4 by 4 to a cell"]
+    assert problems() == ["floor.csv: has 2 x 2 tiles; the maze needs 16 x 32, 4 by 4 to a cell"]
     (folder / "floor.csv").write_text("0,2\n")
     assert problems() == ['floor.csv:1:B: must be 0 (black) or 1 (white), not "2"']
 

@@ -62,7 +62,7 @@ def test_all_ways_toml_writes_the_same_settings_mean_the_same(tmp_path: Path, te
         ("bot_rot = true", "must be a number, not true (unit: deg)"),
         ("bot_rot = 1979-05-27", "must be a number, not 1979-05-27 (unit: deg)"),
         ("bot_rot = {a = 1}", "must be a number, not a table (unit: deg)"),
-        ("bot_rot = [[1]]", "must be a number, not a list of 1 values (unit: deg)"),
+        ("bot_rot = [[1]]", "must be a number, not a list of 1 value (unit: deg)"),
         ("blocksize = -1", "must be a number, 0 or more, not -1 (unit: in)"),
         ("num_segments = 0", "must be a whole number from 1 to 10000, not 0"),
         ("num_segments = 10001", "must be a whole number from 1 to 10000, not 10001"),

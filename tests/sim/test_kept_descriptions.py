@@ -231,7 +231,7 @@ def test_a_message_shortens_what_it_shows() -> None:
     assert rules.describe("x" * 41) == f'"{"x" * 37}..."'
     assert rules.describe([1, 2, 3, True]) == "[1, 2, 3, true]"
     assert rules.describe((1, 2, 3, 4, 5)) == "a list of 5 values"
-    assert rules.describe([(1,)]) == "a list of 1 values"
+    assert rules.describe([(1,)]) == "a list of 1 value"
     assert rules.describe(10**30 - 1) == "9" * 30
     assert rules.describe(-(10**30)) == rules.describe(10**30) == "a far larger whole number"
     assert rules.describe({}) == "a table"
