@@ -211,7 +211,7 @@ def test_the_course_of_the_page_and_of_init_have_the_defaults_of_the_reference(t
         for name in ("decide", "limits"):
             defaults = {value.name: value.default for value in course.KEYS[name]}
             assert given[name] == {key: defaults[key] for key in given[name]}, name
-        assert given["command"] == course.DEFAULT_COMMAND
+        assert given["command"] == "python main.py"
     assert set(tomllib.loads(examples[0])["limits"]) == {value.name for value in course.KEYS["limits"]}
 
 

@@ -27,7 +27,6 @@ PLAN_FILE, TEAMS_FOLDER = "grade.json", "teams"
 """The file and the folder by which a grading is recognized."""
 ROBOT_FILES = (robot_csv.FILE, sensors_csv.FILE, drive_csv.FILE)
 """The files of a set that are the team's; the rest is the course's."""
-DEFAULT_COMMAND = "python main.py"
 USUAL_CONFIGS = ("config", "config.py", "Main.m")
 """Names of a team's robot, one of which is taken if the team names none."""
 _LARGEST_TEAM_FILE = 65536
@@ -80,17 +79,17 @@ class Team:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Course:
-    """The requirements of a course, and its teams."""
+    """The requirements of a course, and its teams. `KEYS` has the defaults of what its file may say."""
 
     name: str
     directory: Path
     """The configuration set: maze, mission, settings, and the robot of teams that have none."""
-    command: str = DEFAULT_COMMAND
+    command: str
     """Default command of the teams."""
-    require: float = REQUIRED_RATE
-    margin: float = MARGIN
-    risk: float = RISK
-    cap: int | None = None
+    require: float
+    margin: float
+    risk: float
+    cap: int | None
     limits: Limits = field(default_factory=Limits)
     rules: Rules = field(default_factory=Rules)
     read_only: tuple[str, ...] = ()
@@ -116,7 +115,7 @@ KEYS: dict[str, tuple[Value, ...]] = {
     "": (
         _NAME,
         _key("set", TextRule(), "the configuration set: a path, or the name of a bundled one", MISSION_SET),
-        _key("command", TextRule(), "command of teams that name no other", DEFAULT_COMMAND),
+        _key("command", TextRule(), "command of teams that name no other", "python main.py"),
         _key("teams", TextRule(), "a folder with one folder a team"),
         _key("image", TextRule(), "the container's image, for docker and podman"),
         _key("read_only", NamesRule(), "more folders that programs may read"),
@@ -160,26 +159,25 @@ def read_course(
     course_file = course_file or _usual_file(target)
     file = TomlFile.read(course_file, problems) if course_file else TomlFile("", "", problems)
     home = Path() if course_file is None else course_file.parent
-    top = file.values(KEYS[""], others=("decide", "limits", "rules", "team"))
-    command = top.get("command", DEFAULT_COMMAND)
-    directory = _set_of(home, top.get("set", MISSION_SET))
+    top = _defaults("") | file.values(KEYS[""], others=("decide", "limits", "rules", "team"))
+    command, directory = top["command"], _set_of(home, top["set"])
     team_folders = () if alone else (target,) if target.is_dir() else _folders_named(home, top)
     teams = [Team(target.resolve().name, target, command)] if alone else []
     teams += _listed(file, home, command) if target.is_file() else []
     for folder in team_folders:
         teams += _below(folder, directory, command, problems)
     course = Course(
-        name=top.get("name", target.resolve().stem),
+        name=top["name"] or target.resolve().stem,
         directory=directory,
         command=command,
         limits=Limits(**file.values(LIMITS, file.table("limits"), "limits.")),
         rules=_rules(file, top),
         # A team that tries its program need not have the course's tools.
         read_only=_read_only(file, home, top, must_exist=is_here and not alone),
-        image=top.get("image", ""),
+        image=top["image"] or "",
         teams=tuple(teams),
         team_folders=team_folders,
-        **file.values(KEYS["decide"], file.table("decide"), "decide."),
+        **_defaults("decide") | file.values(KEYS["decide"], file.table("decide"), "decide."),
     )
     where = file.file or shown
     if not teams and not problems:
@@ -188,6 +186,11 @@ def read_course(
     if problems:
         raise ConfigurationError(problems)
     return course
+
+
+def _defaults(table: str) -> dict[str, Any]:
+    """The default of each key of a table."""
+    return {key.name: key.default for key in KEYS[table]}
 
 
 def _doubled(teams: Iterable[Team], where: str) -> Iterator[Problem]:
@@ -210,12 +213,12 @@ def _set_of(home: Path, name: str) -> Path:
 
 
 def _folders_named(home: Path, top: Mapping[str, Any]) -> tuple[Path, ...]:
-    return (given_path(top["teams"], home),) if "teams" in top else ()
+    return (given_path(top["teams"], home),) if top["teams"] else ()
 
 
 def _read_only(file: TomlFile, home: Path, top: Mapping[str, Any], *, must_exist: bool) -> tuple[str, ...]:
     """More folders that programs may read, by absolute path: a sandbox shows them at the same place."""
-    paths = [str(given_path(each, home).absolute()) for each in top.get("read_only", ())]
+    paths = [str(given_path(each, home).absolute()) for each in top["read_only"] or ()]
     for each in absent(paths) if must_exist else ():
         file.add_problem("read_only", f'"{shown_name(each, LONG)}" does not exist')
     return tuple(paths)
@@ -231,8 +234,8 @@ def _rules(file: TomlFile, top: Mapping[str, Any]) -> Rules:
     return Rules(
         **rules,
         cells=file.values(KEYS["rules.cells"], file.table("rules.cells"), "rules.cells."),
-        dialects=top.get("dialects", False),
-        wheels=top.get("wheels", False),
+        dialects=top["dialects"],
+        wheels=top["wheels"],
     )
 
 

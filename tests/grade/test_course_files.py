@@ -69,8 +69,17 @@ def test_a_course_has_what_its_file_says(teams: Path, tmp_path: Path) -> None:
 def test_a_course_without_a_file_has_the_usual_values(teams: Path) -> None:
     command = "python main.py"
     made = [Team(name, teams / name, command) for name in ("a", "b")]
-    usual = {"name": "teams", "directory": find_set("mission"), "teams": (*made,)}
-    assert read_course(teams) == Course(**usual, team_folders=(teams,))  # type: ignore[arg-type]
+    assert read_course(teams) == Course(
+        name="teams",
+        directory=find_set("mission"),
+        command=command,
+        require=0.9,
+        margin=0.15,
+        risk=0.05,
+        cap=None,
+        teams=(*made,),
+        team_folders=(teams,),
+    )
     alone = read_course(teams, alone=True)
     assert alone.teams == (Team("teams", teams, command),)
     assert alone.team_folders == ()
