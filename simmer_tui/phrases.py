@@ -291,8 +291,9 @@ def crash_text(program: ProgramEnded) -> str:
 
 
 def exit_text(code: int | None) -> str:
-    """Reason of a mission's end: `the program has ended with exit code 3`."""
-    return f"the program has ended with exit code {code}"
+    """End of a program by itself, with its exit code if that is known: `the program ended with exit code 3`.
+    It is the reason of a mission's end, too."""
+    return "the program ended" if code is None else f"the program ended with exit code {code}"
 
 
 def program_end_text(program: ProgramEnded) -> str:
@@ -303,7 +304,7 @@ def program_end_text(program: ProgramEnded) -> str:
         return f"the program {crash_text(program)}"
     if program.crashed:
         return f"the program crashed: {crash_text(program)}"
-    return f"the program ended with exit code {program.exit_code}"
+    return exit_text(program.exit_code)
 
 
 def last_output(program: ProgramEnded) -> str:

@@ -420,7 +420,7 @@ def test_a_program_that_gives_up_ends_the_run_with_exit_code_1(headless: Headles
     ran = headless(*WAY[:2])
     assert ran.returncode == 1
     assert "mission: failed" in ran.stderr
-    assert "the program has ended with exit code 0" in ran.stderr
+    assert "the program ended with exit code 0" in ran.stderr
 
 
 @pytest.mark.slow

@@ -6,7 +6,6 @@ before its end.
 """
 
 import itertools
-import re
 from collections.abc import Collection, Iterator, Sequence
 
 from simmer_tui.events import ProgramEnded
@@ -20,7 +19,6 @@ from simmer_tui.report.reply_audit import ReplyAudit
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.sim.command import counted
 
-_EXIT_CODE = re.compile(r"exit code (-?\d+)")
 # More devices than that are a whole robot that differs: the table of findings has them all.
 _NAMED = 4
 # These remain when nothing else holds: they are never a second cause.
@@ -52,15 +50,12 @@ def causes_of(
         findings: Sensors and drives that are not as they should be.
     """
     over = attempt.over
-    # The exit code of a program that the simulator ended is not the program's own.
-    exit_code = None if program is None or program.stopped else program.exit_code
-    if over is not None and exit_code is None and (found := _EXIT_CODE.search(over.event.reason)):
-        exit_code = int(found[1])
-    if over is None and attempt.task is not None and exit_code is None and not cut_off:
+    has_ended = cut_off or (program is not None and not program.stopped)
+    if over is None and attempt.task is not None and not has_ended:
         return []  # a mission under way
     if over is not None and not attempt.failed:
         return []
-    endings = EndingCauses(attempt, program, exit_code, cut_off)
+    endings = EndingCauses(attempt, program, cut_off)
     device, explained = _device_cause(attempt, findings), _explained(attempt, findings)
     standing = list(_ranked(attempt, endings, device, explained))
     return _first_two(standing, endings, [each for each in (device, explained) if each is not None])

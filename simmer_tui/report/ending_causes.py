@@ -6,6 +6,7 @@ from functools import partial
 from simmer_tui.events import ProgramEnded
 from simmer_tui.phrases import (
     capitalized,
+    exit_text,
     last_output,
     miss_text,
     outside_text,
@@ -44,28 +45,24 @@ _REPLY_CHANGED = undecided_text("a reply was changed")
 
 
 class EndingCauses:
-    """The candidates, each None if it does not hold. `program` and `exit_code` are the end of the program,
-    where they are known. `cut_off` is true if the run was ended because real time was up."""
+    """The candidates, each None if it does not hold. `program` is the end of the program, where it is known.
+    `cut_off` is true if the run was ended because real time was up."""
 
-    def __init__(
-        self, seen: Attempt, program: ProgramEnded | None, exit_code: int | None, cut_off: bool
-    ) -> None:
+    def __init__(self, seen: Attempt, program: ProgramEnded | None, cut_off: bool) -> None:
         self._seen = seen
         self._made = partial(cause_of, seen)
         self._program = program
-        self._exit_code = exit_code
+        # The exit code of a program that the simulator ended is not the program's own.
+        self._exit_code = None if program is None or program.stopped else program.exit_code
         self._last_words = "" if program is None else last_output(program)
         self._cut_off = cut_off
 
     def crash(self) -> Cause | None:
         """The program crashed."""
-        program, code = self._program, self._exit_code
+        program = self._program
         if program is not None and program.crashed and not program.stopped:
             text = program_end_text(program)
             return self._made(Kind.CRASHED, f"{capitalized(text)}.", self._goals() if program.started else "")
-        # An older log has only the exit code: above 128 (plus a signal's number), or below 0, it crashed.
-        if program is None and code is not None and (code < 0 or code > 128):
-            return self._made(Kind.CRASHED, f"The program crashed with exit code {code}.", self._goals())
         return None
 
     def silence(self) -> Cause | None:
@@ -76,7 +73,7 @@ class EndingCauses:
             return None
         text = "The program sent no command at all."
         if self._exit_code:
-            text = f"The program ended with exit code {self._exit_code} before it sent a command."
+            text = f"{capitalized(exit_text(self._exit_code))} before it sent a command."
         said = f"Last output: {self._last_words}." if self._last_words else ""
         return self._made(Kind.NOTHING_SENT, text, said)
 
@@ -318,9 +315,9 @@ class EndingCauses:
         """The program ended, and nothing else explains it."""
         if self._seen.task is None and not self._exit_code:
             return None
-        code = f" with exit code {self._exit_code}" if self._exit_code is not None else ""
+        end = f"{capitalized(exit_text(self._exit_code))} before it was done."
         words = f" Last output: {self._last_words}." if self._last_words else ""
-        return self._made(Kind.ENDED, f"The program ended{code} before it was done.{words}", self._goals())
+        return self._made(Kind.ENDED, f"{end}{words}", self._goals())
 
     # -- text ------------------------------------------------------------------------------------
 

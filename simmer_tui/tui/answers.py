@@ -13,8 +13,10 @@ from msgspec import Struct
 from simmer_tui.events import Event, EventHandler, MovementEnded, ProgramEnded, Result
 from simmer_tui.mission import MissionState
 from simmer_tui.phrases import (
+    capitalized,
     contact_line,
     contacts_text,
+    exit_text,
     grip_text,
     movement_text,
     stopped_by_text,
@@ -388,7 +390,7 @@ def _silent_text(verdict: Verdict) -> str:
     code = program.exit_code
     if not code:
         return "The program ended and never connected."
-    return "" if program.stderr else f"The program ended with exit code {code} and printed no error."
+    return "" if program.stderr else f"{capitalized(exit_text(code))} and printed no error."
 
 
 def _numbers(snapshot: Snapshot) -> StyledLine:

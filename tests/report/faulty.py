@@ -247,7 +247,7 @@ def fly(parts: dict[str, ModuleType], fault: Fault, seed: int) -> tuple[bool, Ca
             code = 0 if mission.run(setting.drop_zone) else 1
         words = next((line for line in reversed(said.getvalue().splitlines()) if line.strip()), "")
     if not robot.referee.state().over:
-        reason = f"the program has ended with exit code {code}" if code is not None else "the wall limit"
+        reason = f"the program ended with exit code {code}" if code is not None else "the wall limit"
         robot.referee.end(reason)
     program = None if code is None else ProgramEnded(0.0, code, stdout=(OutputLine(0.0, words),))
     causes = causes_of(

@@ -58,7 +58,7 @@ class Mission:
         self.engine.tell(Belief(self.simulator.time, believed, pose, spread))
 
     def why(self, code: int = 0, error: str = "", words: str = "") -> Cause:
-        self.referee.end(f"the program has ended with exit code {code}")
+        self.referee.end(f"the program ended with exit code {code}")
         said = (OutputLine(0.0, words),) if words else ()
         return causes_of(self.attempt, ProgramEnded(0.0, code, error=error, stderr=said))[0]
 
@@ -847,7 +847,7 @@ def test_a_crash_has_no_second_cause() -> None:
     mission = begin()
     mission.give("u1", "d1-1", "p1-1")
     mission.believe(spread=20.0)
-    mission.referee.end("the program has ended with exit code 1")
+    mission.referee.end("the program ended with exit code 1")
     found = causes_of(mission.attempt, ProgramEnded(0.0, 1, error="KeyError: 1"))
     assert [each.kind for each in found] == [Kind.CRASHED]
 
@@ -859,7 +859,7 @@ def test_a_belief_against_right_readings_stands_beside_a_crash() -> None:
     mission.give("w1-1")
     mission.believe(ahead=-4.0)
     mission.give(*["u1", "u2"] * 4)
-    mission.referee.end("the program has ended with exit code 1")
+    mission.referee.end("the program ended with exit code 1")
     found = causes_of(mission.attempt, ProgramEnded(0.0, 1, error="LostError: nowhere"))
     assert [each.kind for each in found] == [Kind.CRASHED, Kind.UNDECIDED]
 
@@ -869,7 +869,7 @@ def test_a_person_who_moved_the_robot_stands_beside_a_crash() -> None:
     mission.give("u1", "d1-1")
     teleport(mission, 8.0, 30.0, 90.0)
     mission.give("u1")
-    mission.referee.end("the program has ended with exit code 1")
+    mission.referee.end("the program ended with exit code 1")
     found = causes_of(mission.attempt, ProgramEnded(0.0, 1, error="LostError: nowhere"))
     assert [each.kind for each in found] == [Kind.CRASHED, Kind.MOVED]
 

@@ -46,7 +46,7 @@ CRASH = ProgramEnded(
 )
 SUCCESS = MissionEvent(8.0, Result.SUCCESS, "mission: success")
 BROKEN = MissionEvent(8.0, Result.FAILED, "mission: failed", "1 contact with a wall, 0 allowed")
-GONE = MissionEvent(9.0, Result.FAILED, "mission: failed", "the program has ended with exit code 1")
+GONE = MissionEvent(9.0, Result.FAILED, "mission: failed", "the program ended with exit code 1")
 
 
 @pytest.fixture

@@ -154,7 +154,7 @@ def test_program_that_fails_before_it_sends_anything_keeps_its_exit_code(
 ) -> None:
     result = TrialRun(replace(trial, command=program("sys.exit(3)")), tmp_path).run()
     assert (result.ending, result.sent_nothing) == (Ending.EXIT, True)
-    assert result.reason == "the program has ended with exit code 3"
+    assert result.reason == "the program ended with exit code 3"
 
 
 def test_interrupted_run_has_no_result(trial: Trial, program: Callable[[str], str], tmp_path: Path) -> None:

@@ -207,7 +207,7 @@ def test_a_signal_ends_it_on_a_restored_terminal_with_a_complete_log(
 def test_a_program_beside_it_prints_into_the_log_and_its_code_is_passed_on(pane: Pane) -> None:
     code = "import time; print('hello [b]there[/b]'); raise SystemExit(5)"
     pane.start("--run", shlex.join(["python", "-c", code]))
-    pane.until("hello [b]there[/b]", "the program has ended with exit code 5")
+    pane.until("hello [b]there[/b]", "the program ended with exit code 5")
     pane.type(":quit", "Enter")
     pane.until("EXIT 5")
 
