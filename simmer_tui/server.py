@@ -69,6 +69,8 @@ _SEARCHING = 1.0
 # child keeps the connection.
 _DRAINING, _DRAIN_IDLE, _LOOK_AGAIN = 5.0, 1.5, 0.002
 """Seconds: the most that draining takes, the most without a command meanwhile, and between two looks."""
+LAST_OUTPUT = 1.0
+"""Seconds that a program may run after the end of its mission: enough to print its last output."""
 # At most 50 checks a second, however near the limit, and at least one a second, because the speed may change
 # meanwhile.
 _SOON, _LATER = 0.02, 1.0
@@ -311,10 +313,10 @@ class Server:
         """Have clients drive the real robot on a serial port from now on. Any thread may call it."""
         self.call(self._use_robot, port)
 
-    @property
-    def is_silent(self) -> bool:
-        """True if no command has come, and nothing was sent over a dialect's line."""
-        return not self.simulator.commands and not self.engine.exchanges
+    def sent_nothing(self, code: int) -> bool:
+        """True if a program, or its client, ended with exit code 0, but no command has come, and nothing over
+        a dialect's line: most likely it has not found the port."""
+        return not (code or self.simulator.commands or self.engine.exchanges)
 
     def note_output(self, settle: Callable[[], bool]) -> None:
         """Set the function that waits until all output of the program has been read (`ProgramClock`)."""

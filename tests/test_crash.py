@@ -84,7 +84,7 @@ def test_floods_long_lines_and_bytes_that_are_no_text_are_bounded() -> None:
         output.stdout.add(b"line\n" * 100_000)
     output.stderr.add(b"\xff" * 3_000_000)
     output.stderr.add(b"\nlast")
-    ended = output.end(3, 4.0)
+    ended = output.end(3)
     assert [line.text for line in ended.stdout] == ["line"] * 20
     long, last = ended.stderr
     assert (last.text, last.time) == ("last", 2.5)

@@ -385,7 +385,7 @@ def test_last_lines_are_kept_though_output_goes_to_a_console_of_windows(at_once:
     assert code_of_it == 3
     assert b"one" in shown
     assert b"two" in shown
-    ended = output.end(3, 2.0)
+    ended = output.end(3)
     assert [line.text for line in ended.stderr] == ["two"]
     # What would be held back in a pipe goes to the console itself.
     assert [line.text for line in ended.stdout] == (["one"] if at_once else [])

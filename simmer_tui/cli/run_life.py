@@ -20,7 +20,7 @@ from simmer_tui.config.dialects import SERIAL
 from simmer_tui.errors import ProgramError
 from simmer_tui.events import NOT_CONNECTED, Action, ActionName, Event, MissionEnd, Notice, NoticeKind, Result
 from simmer_tui.phrases import NOTHING_SENT, exit_text
-from simmer_tui.server import Server
+from simmer_tui.server import LAST_OUTPUT, Server
 
 if TYPE_CHECKING:
     from simmer_tui.mission import Referee
@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from simmer_tui.run.run_history import RunHistory
     from simmer_tui.web.page_server import PageServer
 
-LAST_OUTPUT = 1.0
-"""Seconds that a program may run after the end of its mission: enough to print its last output."""
 # All within the 2 s that an end by signal may take. The program ends first, so that its last commands are
 # logged.
 _PROGRAM, _SERVER, _EXIT = 0.4, 1.4, 1.8
@@ -185,13 +183,13 @@ class RunLife:
         from simmer_tui.program.program_command import out_of_reach
 
         server = self.server
+        self._output = ProgramOutput(
+            lambda: server.engine.present, lambda why: server.tell(Notice(NoticeKind.FAULT, why))
+        )
         if SERIAL.purpose in server.ports and (why := out_of_reach(command)):
             from simmer_tui.links.dialect_link import NO_HOOK_ADVICE
 
             server.tell(Notice(NoticeKind.FAULT, f"{NOT_CONNECTED}: {why}. {NO_HOOK_ADVICE}"))
-        self._output = ProgramOutput(
-            lambda: server.engine.present, lambda why: server.tell(Notice(NoticeKind.FAULT, why))
-        )
         self._shutdown.program = Program(
             command,
             server.environment,
@@ -205,9 +203,8 @@ class RunLife:
         server.note_program(self._shutdown.program.pid)
 
     def _tell_not_started(self, error: ProgramError) -> None:
-        from simmer_tui.program import not_started
-
-        self.server.tell(not_started(str(error), self.server.engine.present))
+        if self._output is not None:
+            self.server.tell(self._output.not_started(error))
 
     def _again(self) -> None:
         """Restart the run and its program. A program that still runs is ended first."""
@@ -262,8 +259,7 @@ class RunLife:
             if code is None or self._output is None or self._end_told or not self.server.running:
                 return
             self._end_told = True
-        ended = self._output.end(code, self.server.engine.present, stopped=self._is_stopped)
-        self.server.tell_at_once(ended)
+        self.server.tell_at_once(self._output.end(code, stopped=self._is_stopped))
 
     @property
     def _is_stopped(self) -> bool:
@@ -315,7 +311,7 @@ class RunLife:
             # Its last commands may meet a goal.
             self._drain()
         if referee is None:
-            if self.command is not None and not code and server.is_silent:
+            if self.command is not None and server.sent_nothing(code):
                 say(f"simmer-tui: {NOTHING_SENT}")
                 return ExitCode.NO
             return code
@@ -338,9 +334,8 @@ class RunLife:
         self.front.show_rest()
 
     def _give_up(self, referee: Referee, code: int) -> None:
-        """End a mission that nobody can finish any more, in the robot's thread. A program that ends with code
-        0 without a command has most likely not found the port."""
-        if not code and self.server.is_silent:
+        """End a mission that nobody can finish any more, in the robot's thread."""
+        if self.server.sent_nothing(code):
             referee.end(NOTHING_SENT)
         elif self.command is None:
             referee.end("the client has left")

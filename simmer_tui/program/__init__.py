@@ -6,6 +6,6 @@ ends the remaining ones; on Windows a job object does.
 
 from simmer_tui.program.control_program import Program, RunningProgram
 from simmer_tui.program.kept_process import Keeper
-from simmer_tui.program.program_output import ProgramOutput, not_started
+from simmer_tui.program.program_output import ProgramOutput
 
-__all__ = ["Keeper", "Program", "ProgramOutput", "RunningProgram", "not_started"]
+__all__ = ["Keeper", "Program", "ProgramOutput", "RunningProgram"]

@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterator
 from msgspec import Struct, field
 
 from simmer_tui import platform_has
-from simmer_tui.errors import is_disk_full, reason_of
+from simmer_tui.errors import ProgramError, is_disk_full, reason_of
 from simmer_tui.events import NOT_STARTED, OutputLine, ProgramEnded
 
 if platform_has.POSIX:
@@ -87,16 +87,16 @@ class ProgramOutput:
     ) -> None:
         """`now` returns the simulated time, in any thread. `on_lost` gets a sentence when a stream cannot be
         passed on any more, in a thread of its own."""
+        self._now = now
         self.stderr = OutputTail(now)
         self.stdout = OutputTail(now)
         self.on_lost = on_lost
 
-    def end(self, code: int, moment: float, *, stopped: bool = False) -> ProgramEnded:
-        """The event of the program's end.
+    def end(self, code: int, *, stopped: bool = False) -> ProgramEnded:
+        """The event of the program's end, now.
 
         Args:
             code: Exit code; 128 and the signal's number for a program that a signal ended.
-            moment: Simulated time, seconds.
             stopped: True if the simulator ended the program.
         """
         # Imported only when a program has ended: its patterns take a hundredth of the start.
@@ -108,7 +108,7 @@ class ProgramOutput:
         )
         crash = found or Crash("")
         return ProgramEnded(
-            moment,
+            self._now(),
             code,
             signal=signal_name(code),
             stopped=stopped,
@@ -118,12 +118,11 @@ class ProgramOutput:
             stdout=tuple(stdout[-LAST_LINES:]),
         )
 
+    def not_started(self, error: ProgramError) -> ProgramEnded:
+        """The event of a program that could not be started."""
+        from simmer_tui.program.crash import NOT_FOUND
 
-def not_started(reason: str, moment: float) -> ProgramEnded:
-    """The event of a program that could not be started, at a simulated time (seconds), for a reason."""
-    from simmer_tui.program.crash import NOT_FOUND
-
-    return ProgramEnded(moment, NOT_FOUND, error=f"{NOT_STARTED}{reason}")
+        return ProgramEnded(self._now(), NOT_FOUND, error=f"{NOT_STARTED}{error}")
 
 
 class _Stream(Struct):

@@ -25,12 +25,12 @@ from simmer_tui.events import Event, MissionEnd, Result
 from simmer_tui.links.ports import Listener, PortRequest, take_port
 from simmer_tui.mission import MissionState
 from simmer_tui.phrases import exit_text, last_output
-from simmer_tui.program import Keeper, Program, ProgramOutput, RunningProgram, not_started
+from simmer_tui.program import Keeper, Program, ProgramOutput, RunningProgram
 from simmer_tui.report.finding import plain_findings
 from simmer_tui.report.verdict import findings_of, verdict_of
 from simmer_tui.run.attempt import task_of
 from simmer_tui.run.run_history import RunHistory
-from simmer_tui.server import Server
+from simmer_tui.server import LAST_OUTPUT, Server
 from simmer_tui.sim.command import escape, escape_passage
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.trials.trial import REAL, Ending, Trial, TrialResult, prepare, run_clock, with_clock
@@ -45,8 +45,6 @@ _LOOK_EVERY = 1000
 """Events after which the size of a log is checked."""
 _SETTLE = 1.0
 """Longest wait for the end of a mission that was asked to end, seconds. It takes milliseconds."""
-_FAREWELL = 1.0
-"""Time that a program has to end by itself after a successful mission, seconds."""
 
 
 class Sandbox(Protocol):
@@ -204,7 +202,7 @@ class TrialRun:
             # In a grading a program that cannot be started is a failure; in trials it is the user's mistake.
             if not self._is_confined:
                 raise
-            ended = not_started(str(error), server.engine.present)
+            ended = output.not_started(error)
             server.tell(ended)
             return self._give_up(server, _End(Ending.EXIT, ended.exit_code))
         server.note_output(program.settle_output)
@@ -212,7 +210,7 @@ class TrialRun:
         try:
             end = self._wait(server, program, output)
             if server.referee is not None and server.referee.result is Result.SUCCESS:
-                grace = _FAREWELL
+                grace = LAST_OUTPUT
         finally:
             program.end(grace)
         if end.exit_code is None:  # it had not ended when the run did
@@ -225,7 +223,7 @@ class TrialRun:
         while not self._happened.empty() and not isinstance(code, int):
             code = self._happened.get()
         if isinstance(code, int):
-            server.tell(output.end(code, server.engine.present, stopped=program.stopped))
+            server.tell(output.end(code, stopped=program.stopped))
 
     def _watch(self, event: Event, server: Server) -> None:
         """Handle an event, in the robot's thread."""
@@ -248,9 +246,8 @@ class TrialRun:
         if isinstance(what, int):
             program.end()  # processes that it left running must not drive any more
             server.drain()
-            server.tell(output.end(what, server.engine.present))
-            silent = what == 0 and server.is_silent
-            end = _End(Ending.SILENCE if silent else Ending.EXIT, what)
+            server.tell(output.end(what))
+            end = _End(Ending.SILENCE if server.sent_nothing(what) else Ending.EXIT, what)
         return self._give_up(server, end)
 
     def _give_up(self, server: Server, end: _End) -> _End:

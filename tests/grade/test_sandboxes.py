@@ -357,7 +357,7 @@ def test_limits_of_a_sandbox_end_its_program(launched: Launched, tmp_path: Path)
     sandbox.close()
     reason = "ended: its processes took more than -1 s of processor time together"
     assert (run.lines, run.codes) == ([reason], [137])
-    assert [line.text for line in run.output.end(1, 0.0).stderr] == [reason]
+    assert [line.text for line in run.output.end(1).stderr] == [reason]
 
 
 def test_a_group_is_limited_entered_and_removed(
