@@ -124,20 +124,12 @@ def plan_run(configuration: Configuration, seed: int | None = None) -> tuple[Con
 
 def planned(configuration: Configuration, plan: MissionPlan, seed: int) -> Configuration:
     """A configuration with the start and the block of a plan, for a run of this seed."""
-    start, centre = plan.start, (plan.start.x, plan.start.y)
+    start = plan.start
+    at = {"bot_center": (start.x, start.y), "bot_rot": start.heading, "block_center": plan.block}
     return replace(
         configuration,
-        simulation=replace(
-            configuration.simulation, bot_center=centre, bot_rot=start.heading, block_center=plan.block
-        ),
-        settings=replace(
-            configuration.settings,
-            bot_center=centre,
-            bot_rot=start.heading,
-            block_center=plan.block,
-            randerror=False,
-            seed=seed,
-        ),
+        simulation=replace(configuration.simulation, **at),
+        settings=replace(configuration.settings, **at, randerror=False, seed=seed),
     )
 
 

@@ -133,9 +133,7 @@ def drift_text(contact: Contact) -> str:
 
 def side_text(contact: Contact) -> str:
     """Side of the robot that a contact is on: `ahead left`."""
-    x, y = contact.point
-    bearing = math.degrees(math.atan2(y - contact.pose.y, x - contact.pose.x)) - contact.pose.heading
-    return side_name(bearing)
+    return side_name(contact.bearing)
 
 
 # -- movements and their ends ----------------------------------------------------------------------
@@ -143,8 +141,7 @@ def side_text(contact: Contact) -> str:
 
 def _direction_name(kind: DriveKind, value: float) -> str:
     """Direction in which a drive moves the robot with a value of this sign: `forward`."""
-    bearing = math.degrees(math.atan2(kind.direction.y, kind.direction.x))
-    return side_name(bearing + 180.0 if value < 0 else bearing, "forward", "back")
+    return side_name(kind.bearing + 180.0 if value < 0 else kind.bearing, "forward", "back")
 
 
 def movement_text(ended: MovementEnded) -> str:

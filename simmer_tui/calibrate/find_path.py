@@ -19,7 +19,6 @@ from simmer_tui.calibrate.geometry import SHARES, Clearance, moved, on_axes
 from simmer_tui.calibrate.measured_run import Chain, MeasuredMovement, MeasuredRun
 from simmer_tui.calibrate.parameters import observed_sensors
 from simmer_tui.sim.arrays import BoolArray, FloatArray, IntArray
-from simmer_tui.sim.block import Block
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.sensors import CountingSensor, ObservingSensor, World
 
@@ -278,8 +277,7 @@ def _systematic(share: FloatArray, random: np.random.Generator) -> IntArray:
 
 def world_of(run: MeasuredRun) -> World:
     """The world that sensors see: the maze, and the block at its place in the set."""
-    spec = run.spec
-    return World(Maze(spec.maze), Block(*spec.block_center, spec.block_size, 0.0))
+    return World(Maze(run.spec.maze), run.spec.start_block)
 
 
 def increments(

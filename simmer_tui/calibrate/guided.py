@@ -91,7 +91,7 @@ class SessionPlanner:
         spec = self.spec = self.configuration.simulation
         self._seen: dict[str, list[float]] = {}
         self.drives = [drive for drive in spec.drives if drive.enabled]
-        self.start = Pose(*spec.bot_center, spec.bot_rot)
+        self.start = spec.start_pose
         self._chain = Chain(self.start, 1, spread=PLACED)
         self._clear = Clearance(spec.maze, spec.robot)
         self._plan = [*_spin(self.drives), *_square(self.drives)]

@@ -18,7 +18,6 @@ from simmer_tui.errors import Problem
 from simmer_tui.sim import columns
 from simmer_tui.sim.columns import column_name
 from simmer_tui.sim.command import escape
-from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.rules import PairRule
 from simmer_tui.sim.sensors import KINDS
 from simmer_tui.sim.specs import CELL_SIZE, SensorSpec
@@ -114,7 +113,7 @@ def problems_document(problems: Iterable[Problem]) -> Document:
 def set_document(configuration: Configuration) -> Document:
     """A whole set as tables."""
     spec, settings, mission = configuration.simulation, configuration.settings, configuration.mission
-    start = Pose(*spec.bot_center, spec.bot_rot)
+    start = spec.start_pose
     drives = [
         (each.kind.value, each.code, each.enabled, each.kind.unit, *_values(each, columns.MOVEMENT))
         for each in spec.drives

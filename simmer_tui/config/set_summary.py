@@ -19,11 +19,9 @@ from simmer_tui.dialect.dialect_rules import DialectRules
 from simmer_tui.dialect.inverse import InverseRules
 from simmer_tui.dialect.messages import dictionary
 from simmer_tui.sim.angles import ARROWS, PLAIN_ARROWS
-from simmer_tui.sim.block import Block
 from simmer_tui.sim.columns import BASE, FIELD_OF_VIEW, THRESHOLD
 from simmer_tui.sim.command import escape, escape_passage
 from simmer_tui.sim.footprint import Footprint
-from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import (
     BLOCK,
     CELL_SIZE,
@@ -129,8 +127,8 @@ def _draw(spec: SimulationSpec, glyphs: _Glyphs) -> list[str]:
         canvas[min(row, len(canvas) - 1)][min(column, len(canvas[0]) - 1)] = glyph
 
     if spec.block_size:
-        fill(shapely.Polygon(Block(*spec.block_center, spec.block_size).corners()), 0.0, glyphs.block)
-    for part in Footprint.of(spec.robot).shapes(Pose(*spec.bot_center, spec.bot_rot)):
+        fill(shapely.Polygon(spec.start_block.corners()), 0.0, glyphs.block)
+    for part in Footprint.of(spec.robot).shapes(spec.start_pose):
         fill(part.geometry, part.margin, _ROBOT)
     if spec.block_size:
         put(spec.block_center, glyphs.block)

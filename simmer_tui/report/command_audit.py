@@ -204,8 +204,11 @@ def _measures(sensor: SensorSpec, row: DriveSpec) -> bool:
     kind, drive = sensor.kind, row.kind
     if drive.turns or kind.is_range or kind.is_opaque:
         return drive.turns and kind.unit == "deg"
-    towards = math.degrees(math.atan2(drive.direction.y, drive.direction.x))
-    return kind.counts and kind.unit == "in" and abs(math.cos(math.radians(sensor.rotation - towards))) > 0.5
+    return (
+        kind.counts
+        and kind.unit == "in"
+        and abs(math.cos(math.radians(sensor.rotation - drive.bearing))) > 0.5
+    )
 
 
 def _disagreement(code: str, text: str, found: _Found) -> Disagreement:

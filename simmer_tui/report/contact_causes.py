@@ -189,7 +189,7 @@ class _ContactCauses:
         if max(gone, turned) > _STOOD:
             return False
         sensor = next(each for each in self._spec.sensors if each.code == last.code)
-        towards = math.degrees(math.atan2(value * kind.direction.y, value * kind.direction.x))
+        towards = kind.bearing if value > 0 else kind.bearing + 180.0
         return abs(half_turn(sensor.rotation - towards)) <= ALIKE and abs(value) > last.value
 
     @property

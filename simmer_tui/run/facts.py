@@ -162,9 +162,7 @@ def facing_sensor(
 
 def degrees_beside(contact: Contact, sensor: SensorSpec) -> float:
     """Angle between a sensor and a contact, seen from the robot's middle, 0 to 180 degrees."""
-    pose, (x, y) = contact.pose, contact.point
-    towards = math.degrees(math.atan2(y - pose.y, x - pose.x)) - pose.heading
-    return abs(half_turn(sensor.rotation - towards))
+    return abs(half_turn(sensor.rotation - contact.bearing))
 
 
 def deviation(belief: Belief) -> Deviation:

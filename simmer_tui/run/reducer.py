@@ -47,7 +47,6 @@ from simmer_tui.run.state import (
     SensorRow,
     State,
     TimeSpent,
-    start_block,
 )
 from simmer_tui.sim import noise
 from simmer_tui.sim.arrays import FloatArray
@@ -317,7 +316,7 @@ class Reducer:
             case ActionName.RESET | ActionName.SEED:
                 self._restart(int(arguments[0]) if arguments else self._now.seed)
                 self._place(done.pose)
-                self._put_block(start_block(self._now.spec))
+                self._put_block(self._now.spec.start_block)
                 self._set_bias(random=self._now.spec.randbias)
 
     def _put_block(self, block: Block, held: Block | None = None) -> None:

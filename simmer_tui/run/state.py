@@ -119,11 +119,6 @@ def checkpoint_of(simulator: Simulator, *, mission: bool = False, time_scale: fl
     )
 
 
-def start_block(spec: SimulationSpec) -> Block:
-    """The block as a run begins."""
-    return Block(*spec.block_center, spec.block_size)
-
-
 class State(Checkpoint, frozen=True, kw_only=True, eq=False):
     """A run at one moment, also during a movement. Nothing here changes any more; any thread may read it.
 

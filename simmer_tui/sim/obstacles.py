@@ -268,11 +268,10 @@ def placement_problems(spec: SimulationSpec) -> list[tuple[str, str]]:
     name and the reason. Empty when all is well."""
     maze = Maze(spec.maze)
     walls = Obstacles.of_maze(maze.walls)
-    block = Block(*spec.block_center, spec.block_size)
+    block, pose = spec.start_block, spec.start_pose
     # The block first: where it is wrong itself, it cannot be what the robot overlaps.
     wrong_block = block_problem(maze, walls, block)
     obstacles = walls.with_block(block) if spec.block_solid and block.size and not wrong_block else walls
-    pose = Pose(*spec.bot_center, spec.bot_rot)
     wrong_pose = robot_problem(maze, obstacles, Footprint.of(spec.robot), pose)
     found = (("block_center", wrong_block), ("bot_center", wrong_pose))
     return [(name, problem) for name, problem in found if problem]

@@ -211,6 +211,12 @@ class Contact(Struct, frozen=True):
     cell: tuple[int, int] | None = None
 
     @property
+    def bearing(self) -> float:
+        """Direction of the place that is touched, seen from the robot's centre: degrees from its front."""
+        (x, y), pose = self.point, self.pose
+        return math.degrees(math.atan2(y - pose.y, x - pose.x)) - pose.heading
+
+    @property
     def place(self) -> PathPosition:
         """Position on the path."""
         return PathPosition(self.segment, self.turned, self.translated)

@@ -114,7 +114,7 @@ class Simulator:
         errors = DistanceErrors(spec.num_segments, self._streams, self._counting)
         self._continuous = ContinuousMotion(spec, lambda: self.bias, errors, self._checker, self)
         self._gripper = Gripper(self.footprint, self.walls)
-        self._pose = Pose(float(spec.bot_center[0]), float(spec.bot_center[1]), float(spec.bot_rot))
+        self._pose = spec.start_pose
         self._set_block(self._checked_block(spec.block_center))
         self._check_pose(self._pose)
 

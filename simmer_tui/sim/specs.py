@@ -11,7 +11,9 @@ from typing import ClassVar, Self
 
 from msgspec import Struct
 
+from simmer_tui.sim.block import Block
 from simmer_tui.sim.columns import TRANSLATION_SPEED, CsvColumn
+from simmer_tui.sim.pose import Pose
 
 # The course's maze is made of one-foot cells.
 CELL_SIZE = 12.0
@@ -246,6 +248,11 @@ class DriveKind(StrEnum):
         return self.direction.r != 0.0
 
     @property
+    def bearing(self) -> float:
+        """Direction of a positive value of a drive that does not turn, degrees from the robot's front."""
+        return math.degrees(math.atan2(self.direction.y, self.direction.x))
+
+    @property
     def unit(self) -> str:
         """Unit of its values."""
         return "deg" if self.turns else "in"
@@ -382,6 +389,17 @@ class SimulationSpec(Struct, frozen=True, kw_only=True):
     """Friction of a robot that slides along a wall: speed lost, as a share of the speed into the wall."""
     control_period: float = 0.02
     """Seconds of a step of the robot's speed control."""
+
+    @property
+    def start_pose(self) -> Pose:
+        """The robot's pose as a run begins."""
+        x, y = self.bot_center
+        return Pose(float(x), float(y), float(self.bot_rot))
+
+    @property
+    def start_block(self) -> Block:
+        """The block as a run begins."""
+        return Block(*self.block_center, self.block_size)
 
     @property
     def drive_rows(self) -> tuple[DriveSpec | GripperSpec, ...]:

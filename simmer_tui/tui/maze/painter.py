@@ -21,7 +21,16 @@ from simmer_tui.tui.maze.palette import DEFAULT, HEATS, Attribute, Look, Palette
 from simmer_tui.tui.maze.robot import DrawnRobot
 from simmer_tui.tui.maze.scene import FloorMode, Scene, zones_of
 from simmer_tui.tui.maze.shapes import is_near
-from simmer_tui.tui.maze.viewport import FRAME_CELLS, Layout, Viewport, arrange, best_zoom, draw_frame
+from simmer_tui.tui.maze.viewport import (
+    FRAME_CELLS,
+    LEAST_COLUMNS,
+    LEAST_ROWS,
+    Layout,
+    Viewport,
+    arrange,
+    best_zoom,
+    draw_frame,
+)
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode
 
 # The tiles that the sensors at the robot's rim may see next.
@@ -251,8 +260,6 @@ def _line_sign(painter: Painter, role: Role) -> str:
 # A larger one would cover more of the maze than it helps.
 _SHARE = 3
 """Largest part of the view that it takes in each direction: one in so many."""
-# A smaller one would show nothing, and so would any in a view that is not three times as large.
-_LEAST_COLUMNS, _LEAST_ROWS = 8, 3
 
 
 def paste_overview(painter: Painter, cells: Cells, scene: Scene, layout: Layout, window: Viewport) -> None:
@@ -260,7 +267,8 @@ def paste_overview(painter: Painter, cells: Cells, scene: Scene, layout: Layout,
     walls, robot, block and zones, and the part of the maze in the view."""
     width, height = layout.columns // _SHARE, layout.rows // _SHARE
     inset = arrange(scene.maze, best_zoom(scene.maze, width, height), width, height)
-    if inset.columns < _LEAST_COLUMNS or inset.rows < _LEAST_ROWS:
+    # So would be any in a view that is not three times as large.
+    if inset.columns < LEAST_COLUMNS or inset.rows < LEAST_ROWS:
         return
     whole = inset.viewport(scene.maze, 0, 0)
     columns, rows = inset.virtual_size
