@@ -48,6 +48,7 @@ if TYPE_CHECKING:  # Modules that only some runs need are imported in those.
     from simmer_tui.mission import MissionPlan, Referee
     from simmer_tui.report.live_verdict import LiveVerdict
     from simmer_tui.report.verdict import Verdict
+    from simmer_tui.run.attempt import Task
     from simmer_tui.run.reducer import Reducer
     from simmer_tui.run.run_history import RunHistory
     from simmer_tui.runlog.saved_runs import SavedRun
@@ -451,6 +452,15 @@ class Server:
         self._follow = Analysis(self._judged, history, ends_history_only=True).apply
         return history
 
+    @property
+    def task(self) -> Task | None:
+        """The mission, as an analysis of the run takes it; None without one."""
+        from simmer_tui.run.attempt import task_of
+
+        if self.referee is None:
+            return None
+        return task_of(self.configuration, self.seed, self.referee.plan)
+
     def _history_of(self, reducer: Reducer) -> RunHistory:
         """A history that begins with the state of `reducer`."""
         from simmer_tui.config.nominal import nominal_of
@@ -475,12 +485,10 @@ class Server:
         """Find the verdict when the run ends, and show it; before `record`. `has_program` is true if this
         process runs the program."""
         from simmer_tui.report.live_verdict import LiveVerdict
-        from simmer_tui.run.attempt import task_of
 
-        reducer, task = self.new_reducer(), None
-        if self.referee is not None:
-            task = task_of(self.configuration, self.seed, self.referee.plan)
-        self._verdict = LiveVerdict(reducer, self._history_of(reducer), task, self.call, self.engine.tell)
+        reducer = self.new_reducer()
+        history = self._history_of(reducer)
+        self._verdict = LiveVerdict(reducer, history, self.task, self.call, self.engine.tell)
         if has_program:
             self._verdict.expect_program()
         self.engine.watch(self._verdict.watch)

@@ -274,12 +274,8 @@ class RunLife:
             return
         # Imported here because it takes a twentieth of the start.
         from simmer_tui.report.verdict import verdict_of
-        from simmer_tui.run.attempt import task_of
 
-        task = None
-        if server.referee is not None:
-            task = task_of(server.configuration, server.seed, server.referee.plan)
-        verdict = verdict_of(history, task)
+        verdict = verdict_of(history, server.task)
         if self.front.wants_verdict:
             self.front.judged(verdict)
         if self.page is not None:

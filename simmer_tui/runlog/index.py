@@ -12,7 +12,6 @@ from typing import get_args
 import numpy as np
 
 from simmer_tui.errors import RunLogError, reason_of
-from simmer_tui.runlog.closing import Closing
 from simmer_tui.runlog.log_records import (
     ActionRecord,
     AnswerRecord,
@@ -29,9 +28,8 @@ from simmer_tui.runlog.log_records import (
     ReadingRecord,
     decode_line,
 )
-from simmer_tui.runlog.reader import MAX_LINE, RecordStream, open_log, reading_log, too_long
+from simmer_tui.runlog.reader import MAX_LINE, OpenLog, reading_log, too_long
 from simmer_tui.sim.arrays import BoolArray
-from simmer_tui.sim.command import shown_path
 from simmer_tui.sim.records import REFUSALS, Status
 
 
@@ -90,7 +88,7 @@ def _flags_of(record: AnyRecord) -> EntryFlag:
     return usual
 
 
-class RunLogIndex(Closing):
+class RunLogIndex(OpenLog):
     """A log with random access. Entries count from 0; entry i is line i + 2 of the file.
 
         log = RunLogIndex(path)
@@ -102,10 +100,7 @@ class RunLogIndex(Closing):
 
     def __init__(self, path: Path) -> None:
         """Open a log and index all its lines. Raises RunLogError."""
-        self.path = path
-        self.shown = shown_path(path)
-        self._file, self.header = open_log(path, self.shown)
-        self._stream = RecordStream(self._file)
+        super().__init__(path)
         # One number an entry in each: 26 bytes, so that a log of a million lines takes 26 MB.
         self._offsets = array("q", [self._stream.position])
         self._elapsed = array("d")
@@ -177,11 +172,6 @@ class RunLogIndex(Closing):
         return len(self._flags)
 
     @property
-    def note(self) -> str:
-        """Message that the last line is cut off, or empty."""
-        return self._stream.note
-
-    @property
     def duration(self) -> float:
         """Simulated seconds from the log's beginning to its end, through resets."""
         return self._now
@@ -241,7 +231,3 @@ class RunLogIndex(Closing):
         """All entries from `begin` to before `end` with any of these flags."""
         found: list[int] = (np.flatnonzero(self._hits(flags, begin, end)) + begin).tolist()
         return found
-
-    def close(self) -> None:
-        """Close the file."""
-        self._file.close()

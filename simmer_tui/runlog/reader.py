@@ -97,7 +97,26 @@ def too_long(line: int) -> BrokenLine:
     return BrokenLine(line, f"it is longer than {MAX_LINE} bytes")
 
 
-class LogReader(Closing):
+class OpenLog(Closing):
+    """An open log, plain or compressed: its header, and its file."""
+
+    def __init__(self, path: Path) -> None:
+        """Raises RunLogError."""
+        self.path = path
+        self.shown = shown_path(path)
+        self._file, self.header = open_log(path, self.shown)
+        self._stream = RecordStream(self._file)
+
+    @property
+    def note(self) -> str:
+        """Message that the last line is cut off, or empty."""
+        return self._stream.note
+
+    def close(self) -> None:
+        self._file.close()
+
+
+class LogReader(OpenLog):
     """The header and then the events of a log.
 
     A broken line comes as a `BrokenLine`. A last line that a crash has cut off is left out, and `note` says
@@ -110,12 +129,9 @@ class LogReader(Closing):
 
         Raises RunLogError, and ConfigurationError for mistakes in the log's configuration.
         """
-        self.path = path
-        self.shown = shown_path(path)
-        self._file, self.header = open_log(path, self.shown)
+        super().__init__(path)
         try:
             self.configuration = configuration or rebuild(self.header)
-            self._stream = RecordStream(self._file)
             # After the header: size is for progress only, and the file may still grow.
             self.size = self._file.seek(0, 2)
         # The caller never gets the object, so nobody else could close the file.
@@ -128,11 +144,6 @@ class LogReader(Closing):
     def position(self) -> int:
         """Bytes read so far."""
         return self._stream.position
-
-    @property
-    def note(self) -> str:
-        """Message that the last line is cut off, or empty."""
-        return self._stream.note
 
     def reducer(self) -> Reducer:
         """A reducer with the state in which the log begins."""
@@ -174,9 +185,6 @@ class LogReader(Closing):
                 yield block
                 block, begin = [], stream.position
         yield block
-
-    def close(self) -> None:
-        self._file.close()
 
 
 def open_log(path: Path, shown: str) -> tuple[IO[bytes], Header]:

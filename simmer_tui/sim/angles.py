@@ -87,11 +87,12 @@ def cos_sin_array(degrees: FloatArray) -> tuple[FloatArray, FloatArray]:
     return cos, sin
 
 
-def turned(points: FloatArray, cos: float, sin: float) -> FloatArray:
-    """(n, 2) points turned counter-clockwise by the angle of this cosine and sine. Written out: products of
-    matrices round differently from one processor to the next."""
-    x, y = points[:, 0], points[:, 1]
-    return np.column_stack((cos * x - sin * y, sin * x + cos * y))
+def turned(points: FloatArray, cos: float | FloatArray, sin: float | FloatArray) -> FloatArray:
+    """Points, (..., n, 2), turned counter-clockwise by the angle of this cosine and sine; by k angles, of
+    shape (k, 1), they are (k, n, 2). Written out: products of matrices round differently from one processor
+    to the next."""
+    x, y = points[..., 0], points[..., 1]
+    return np.stack((cos * x - sin * y, sin * x + cos * y), axis=-1)
 
 
 def rotation(degrees: float) -> FloatArray:

@@ -13,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 from msgspec import Struct
 
+from simmer_tui.sim.angles import turned
 from simmer_tui.sim.arrays import BoolArray, FloatArray, NDArray
 from simmer_tui.sim.footprint import Edges, Footprint
 from simmer_tui.sim.obstacles import Obstacles
@@ -30,7 +31,7 @@ _SLACK = 1e-9
 _Near = tuple[Edges, FloatArray]
 """Faces and corners within reach, as `Obstacles.near` has them."""
 _Directions = tuple[FloatArray, FloatArray]
-"""Cosines and sines of k headings, (k,) each."""
+"""Cosines and sines of k headings, (k, 1) each."""
 _Events = tuple[NDArray[np.intp], FloatArray]
 """Numbers of segments, and fractions of their legs after which something may begin to overlap, (n,) each."""
 
@@ -79,7 +80,7 @@ def _contact_within(
     near = obstacles.near(ends.min(axis=0) - margin, ends.max(axis=0) + margin)
     if not len(near[0].offset) and not len(near[1]):
         return None
-    cos, sin = (each[begin : end + 1] for each in path.directions)
+    cos, sin = (each[begin : end + 1, None] for each in path.directions)
     straight_events = _straight_events(body, near, centres, moves, (cos[1:], sin[1:]))
     found = [(2 * segments + 1, fractions) for segments, fractions in straight_events]
     # After a full circle a turn repeats itself.
@@ -145,10 +146,10 @@ def _straight_events(
         yield from _rounded_corners(centres, moves, corners, footprint.radius)
     if len(footprint.vertices):
         cos, sin = headings
-        yield _crossings(_turned(footprint.vertices, cos, sin) + centres[:, None, :], moves, faces)
+        yield _crossings(turned(footprint.vertices, cos, sin) + centres[:, None, :], moves, faces)
         # Seen from the robot the corners move, in the opposite direction.
-        apart = _turned(corners - centres[:, None, :], cos, -sin)
-        away = _turned(-moves[:, None, :], cos, -sin)[:, 0, :]
+        apart = turned(corners - centres[:, None, :], cos, -sin)
+        away = turned(-moves[:, None, :], cos, -sin)[:, 0, :]
         yield _crossings(apart, away, footprint.edges)
 
 
@@ -158,16 +159,9 @@ def _turning_events(
     """Events on the turning legs: fractions of the turn that is searched, `swept` radians."""
     (faces, corners), (cos, sin), edges = near, headings, footprint.edges
     across, along = faces.places(centres)
-    yield from _sweeps(_turned(footprint.vertices, cos, sin), swept, faces, faces.offset - across, along)
-    apart = _turned(corners - centres[:, None, :], cos, -sin)
+    yield from _sweeps(turned(footprint.vertices, cos, sin), swept, faces, faces.offset - across, along)
+    apart = turned(corners - centres[:, None, :], cos, -sin)
     yield from _sweeps(apart, -swept, edges, edges.offset[None, :], np.zeros((1, len(edges.offset))))
-
-
-def _turned(points: FloatArray, cos: FloatArray, sin: FloatArray) -> FloatArray:
-    """(v, 2) points turned by each of k angles, or each of (k, v, 2) by the angle of its group: (k, v, 2)."""
-    x, y = points[..., 0], points[..., 1]
-    cos, sin = cos[:, None], sin[:, None]
-    return np.stack((cos * x - sin * y, sin * x + cos * y), axis=-1)
 
 
 def _crossings(points: FloatArray, moves: FloatArray, edges: Edges) -> _Events:

@@ -12,7 +12,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 from shapely.geometry.base import BaseGeometry
 
-from simmer_tui.sim.angles import cos_sin_array
+from simmer_tui.sim.angles import cos_sin_array, turned
 from simmer_tui.sim.arrays import BoolArray, FloatArray, NDArray
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.footprint import Edges, Footprint, Part
@@ -115,9 +115,7 @@ class Obstacles(Struct, frozen=True, dict=True):
         looked_at = np.flatnonzero(close & ~overlapping)
         cos, sin = (each[:, None] for each in cos_sin_array(poses[looked_at, 2]))
         for polygon in footprint.polygons:
-            x, y = polygon[:, 0], polygon[:, 1]
-            corners = np.stack((cos * x - sin * y, sin * x + cos * y), axis=-1)
-            outlines = shapely.polygons(corners + poses[looked_at, None, :2])
+            outlines = shapely.polygons(turned(polygon, cos, sin) + poses[looked_at, None, :2])
             met, _ = self.tree.query(outlines, predicate="intersects")
             overlapping[looked_at[met]] = True
         return overlapping

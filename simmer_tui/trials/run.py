@@ -28,7 +28,6 @@ from simmer_tui.phrases import exit_text, last_output
 from simmer_tui.program import Keeper, Program, ProgramOutput, RunningProgram
 from simmer_tui.report.finding import plain_findings
 from simmer_tui.report.verdict import findings_of, verdict_of
-from simmer_tui.run.attempt import task_of
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.server import LAST_OUTPUT, Server
 from simmer_tui.sim.command import escape, escape_passage
@@ -146,7 +145,7 @@ class TrialRun:
         state = None if server.referee is None else server.referee.state()
         end = _judged(end, state)
         words = self._keep_output(end, history)
-        task = None if plan is None else task_of(configuration, server.seed, plan)
+        task = server.task
         findings = findings_of(history, task)
         cut_off = end.ending is Ending.REAL_TIME_LIMIT
         verdict = verdict_of(history, task, cut_off=cut_off, findings=findings)

@@ -25,7 +25,6 @@ from simmer_tui.links.owners import OwnerLookup
 from simmer_tui.links.peer import MOST_CONNECTIONS, MOST_WAITING, PIECE, ReadBudget
 from simmer_tui.links.ports import Acceptor, Listener, PortRequest, take_port
 from simmer_tui.report.verdict import Verdict
-from simmer_tui.run.attempt import task_of
 from simmer_tui.server import Server
 from simmer_tui.web.live_page import PageResponses, live_html
 from simmer_tui.web.page_access import PageAccess, PageLink, PageRole, shown_host
@@ -87,8 +86,7 @@ class PageServer:
             shown_host(host) if host else _LOCAL, self._listener.port
         )
         """The links to the page. Whoever has one may come in, so that no log has them."""
-        plan = None if server.referee is None else server.referee.plan
-        self._task = None if plan is None else task_of(server.configuration, server.seed, plan)
+        self._task = server.task
         self._responses = PageResponses(live_html(server.configuration, self._task, server.seed))
         self._loop = asyncio.SelectorEventLoop()
         self._thread = threading.Thread(target=self._run, name="page", daemon=True)
