@@ -4,7 +4,6 @@ variables with which a program in an IDE finds a running simulator."""
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import shlex
 import socket
@@ -27,6 +26,7 @@ from simmer_tui.config.examples import EXAMPLE, copy_examples
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.sets import find_set
 from simmer_tui.config.variables import HOST, SERIAL_NAMES
+from simmer_tui.document.as_data import json_text
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.program.program_command import with_hook
 from simmer_tui.sim.command import counted, shown_path
@@ -82,7 +82,7 @@ def run_env(options: argparse.Namespace) -> int:
     configuration = load(find_set(options.config), overrides_from(options), devices=DeviceUse.PARSE)
     variables = variables_of(configuration, os.environ)
     if options.form == _JSON:
-        sys.stdout.write(json.dumps(variables, indent=2) + "\n")
+        sys.stdout.write(json_text(variables))
     else:
         sys.stdout.writelines(f"{_FORMS[options.form](*each)}\n" for each in variables.items())
     host, port = variables[HOST], int(variables[SERIAL.variable])

@@ -30,6 +30,7 @@ from simmer_tui.config.loader import Override, load
 from simmer_tui.config.sets import check_free, find_set
 from simmer_tui.document.as_html import html_page
 from simmer_tui.errors import CalibrationError
+from simmer_tui.runlog.writer import LOG
 from simmer_tui.sim.command import counted, shown_path, typed_path
 from simmer_tui.sim.noise import SEEDS
 from simmer_tui.version import requirement
@@ -139,7 +140,7 @@ def _guide(options: argparse.Namespace) -> int:
 
     check_free(options.out)
     configuration = load(find_set(options.config), {"serial.port": Override("--serial", options.serial)})
-    log = options.out.with_name(f"{options.out.name}.jsonl")
+    log = options.out.with_name(f"{options.out.name}{LOG}")
     # Before somebody puts the robot into the maze.
     if log.exists():
         raise CalibrationError(f"{shown_path(log)} is there already: name another --out, or give it as LOG")

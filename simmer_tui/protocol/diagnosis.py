@@ -8,8 +8,7 @@ from collections.abc import Mapping
 
 from msgspec import Struct
 
-from simmer_tui.sim.command import escape, escape_word, parse_value
-from simmer_tui.sim.simulator import LARGEST_VALUE
+from simmer_tui.sim.command import LARGEST_VALUE, escape, escape_word, parse_value
 
 # Request line of RFC 9112, section 3: a browser, curl, or a health check.
 _HTTP = re.compile(r"[A-Z]{3,8} \S* ?HTTP/\d")

@@ -17,7 +17,7 @@ from simmer_tui import platform_has
 from simmer_tui.config.loader import Configuration
 from simmer_tui.errors import RunLogError, reason_of
 from simmer_tui.events import ActionDone, CommandResult, Event, MovementPlanned
-from simmer_tui.runlog.writer import ReplayedPrefix, RunLog, new_file
+from simmer_tui.runlog.writer import LOG, ReplayedPrefix, RunLog, new_file
 from simmer_tui.sim.command import shown_path
 from simmer_tui.sim.simulator import Simulator
 
@@ -75,7 +75,7 @@ def make_room(folder: Path) -> None:
 def _runs(folder: Path) -> list[Path]:
     """The saved runs, in the order in which they were written."""
     found = []
-    for path in folder.glob("*.jsonl"):
+    for path in folder.glob(f"*{LOG}"):
         with contextlib.suppress(OSError):  # deleted meanwhile
             # By time of writing, not by name: the clock may have been set back, and names are local time.
             found.append((path.stat().st_mtime_ns, path))

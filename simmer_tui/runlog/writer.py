@@ -34,8 +34,8 @@ MODE = 0o644
 """Permissions of a new log, which the umask narrows further."""
 AUTO = "auto"
 """Stands for a file named by date in the user's data folder."""
-PACKED = ".gz"
-"""Ending of the name of a compressed log."""
+LOG, PACKED = ".jsonl", ".gz"
+"""Endings of the name of a log, and of a compressed one behind it."""
 # Each check is a system call, as the write of a line is.
 LOOK_EVERY = 100
 """Lines after which the file is checked: it may have been deleted or cut."""
@@ -71,7 +71,7 @@ def new_file(folder: Path, now: datetime | None = None, mode: int = MODE) -> Pat
     """Make an empty log in a folder, named by date, with a number if there is one already. Raises OSError."""
     name = moment_name(now)
     for copy in count(1):
-        path = folder / (f"{name}.jsonl" if copy == 1 else f"{name}_{copy}.jsonl")
+        path = folder / (f"{name}{LOG}" if copy == 1 else f"{name}_{copy}{LOG}")
         with contextlib.suppress(FileExistsError):
             path.touch(mode, exist_ok=False)
             break

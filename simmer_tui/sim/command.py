@@ -8,6 +8,11 @@ from msgspec import Struct
 NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 """A decimal number as people and MATLAB's num2str write it; Python's float accepts far more."""
 
+# 16 miles, far beyond any maze; at 1e6 in a coordinate still has nine decimals. At 1e6 in/s a robot crosses a
+# maze in a ten-thousandth of a second.
+LARGEST_VALUE = 1e6
+"""Greatest movement (times Gain) and speed that one command may ask for: inches or degrees, a second."""
+
 
 class Command(Struct, frozen=True):
     """One command: its text as sent, the two-character `code`, and the text after the separator.

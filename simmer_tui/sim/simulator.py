@@ -12,7 +12,7 @@ from simmer_tui.sim import noise
 from simmer_tui.sim.arcs import Twist
 from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.block import Block
-from simmer_tui.sim.command import Command, parse_command, parse_value
+from simmer_tui.sim.command import LARGEST_VALUE, Command, parse_command, parse_value
 from simmer_tui.sim.continuous import ContinuousMotion, MotionListener
 from simmer_tui.sim.distance_errors import DistanceErrors
 from simmer_tui.sim.footprint import Footprint
@@ -32,9 +32,6 @@ from simmer_tui.sim.specs import Axes, DriveKind, DriveSpec, GripperSpec, Sensor
 from simmer_tui.sim.trajectory import Trajectory
 from simmer_tui.sim.velocity_commands import WAIT, VelocityControl, VelocityRequest, parse_wait
 
-# 16 miles, far beyond any maze; at 1e6 in a coordinate still has nine decimals.
-LARGEST_VALUE = 1e6
-"""Greatest movement one command may ask for, inches or degrees (times Gain)."""
 _STILL_MOVING = "the robot is still moving"
 """The reason of a movement that is refused while another is under way."""
 

@@ -15,7 +15,7 @@ from msgspec import Struct
 from msgspec.structs import astuple, replace
 
 from simmer_tui.sim.arcs import Twist
-from simmer_tui.sim.command import parse_value
+from simmer_tui.sim.command import LARGEST_VALUE, parse_value
 from simmer_tui.sim.distance_errors import AXIS_KINDS, components
 from simmer_tui.sim.specs import DriveKind, DriveSpec, VelocityKind, VelocitySpec, WheelsSpec
 from simmer_tui.sim.velocity_plan import VelocityTarget, ramp_of
@@ -23,9 +23,6 @@ from simmer_tui.sim.wheels import WheelKinematics
 
 WAIT = "wt"
 """Code of the command that waits, in every set."""
-# The same limit as for a movement: at 1e6 in/s a robot crosses a maze in a ten-thousandth of a second.
-LARGEST_SPEED = 1e6
-"""Greatest speed one command may ask for, in/s or deg/s."""
 _BETWEEN = re.compile("[;,]")
 # An hour: longer than any mission. A longer wait was most likely meant in milliseconds.
 _LONGEST_WAIT = 3600.0
@@ -146,8 +143,8 @@ def _numbers(argument: str | None, shape: str) -> list[float] | str:
         value = parse_value(text or None, shape)
         if isinstance(value, str):
             return value
-        if abs(value) > LARGEST_SPEED:
-            return f"{value:g} is beyond the limit of {LARGEST_SPEED:g}"
+        if abs(value) > LARGEST_VALUE:
+            return f"{value:g} is beyond the limit of {LARGEST_VALUE:g}"
         values.append(value)
     return values
 

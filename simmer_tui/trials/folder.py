@@ -22,9 +22,9 @@ from simmer_tui.config.device_trust import DeviceUse
 from simmer_tui.config.loader import Configuration, Override, load
 from simmer_tui.config.settings import all_settings
 from simmer_tui.errors import ConfigurationError, Problem, TrialsError
+from simmer_tui.runlog.writer import LOG
 from simmer_tui.sim.specs import MazeSpec
 from simmer_tui.trials.mazes import maze_text, read_mazes
-from simmer_tui.trials.run import LOG
 from simmer_tui.trials.store import RunStore, StoreKind, unbroken
 from simmer_tui.trials.sweep import SweepPoint, check_effects, files_at, settings_at, shown_point
 from simmer_tui.trials.trial import RANDOM, Trial, TrialResult, maze_faults, maze_of, run_seed, with_maze

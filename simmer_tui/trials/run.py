@@ -29,14 +29,15 @@ from simmer_tui.program import Keeper, Program, ProgramOutput, RunningProgram
 from simmer_tui.report.finding import plain_findings
 from simmer_tui.report.verdict import findings_of, verdict_of
 from simmer_tui.run.run_history import RunHistory
+from simmer_tui.runlog.writer import LOG, PACKED
 from simmer_tui.server import LAST_OUTPUT, Server
 from simmer_tui.sim.command import escape, escape_passage
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.trials.trial import REAL, Ending, Trial, TrialResult, prepare, run_clock, with_clock
 from simmer_tui.whole_file import write_whole
 
-LOG, PACKED_LOG, OUTPUT, _MAZE = ".jsonl", ".jsonl.gz", ".txt", ".maze.csv"
-"""Name endings of a run's log, of its program's output and of a maze of its own."""
+PACKED_LOG, OUTPUT, _MAZE = f"{LOG}{PACKED}", ".txt", ".maze.csv"
+"""Name endings of a run's compressed log, of its program's output and of a maze of its own."""
 # 2 MB of output at most in memory and on the disk: a program in a loop prints gigabytes.
 _LINES, _LINE_LENGTH = 2000, 1000
 # A check of the file costs a system call; 1000 events are at most some hundred kilobytes of log.
