@@ -39,7 +39,7 @@ from simmer_tui.document.model import (
 from simmer_tui.phrases import capitalized
 from simmer_tui.report.figure import PICTURE_WIDTH, WALLS
 from simmer_tui.sim.arrays import FloatArray
-from simmer_tui.sim.command import counted, escape_passage
+from simmer_tui.sim.command import counted, escape_passage, plural
 from simmer_tui.sim.specs import CELL_SIZE, WALL, SimulationSpec
 
 _READ_FAMILIES: tuple[int, ...] = (COUNTER, RANGE, OBSERVATION)
@@ -276,9 +276,9 @@ def result_page(fit: Fit, estimates: Sequence[ParameterEstimate], held: HeldBack
     changed = [each for each in estimates if each.changed]
     identified = sum(each.identified for each in estimates)
     figures = (
-        (str(len(changed)), "parameters differ from the set"),
-        (str(identified), "parameters estimated"),
-        (str(len(fit.run.movements)), "movements"),
+        (str(len(changed)), f"{plural(len(changed), 'parameter')} other than in the set"),
+        (str(identified), f"{plural(identified, 'parameter')} estimated"),
+        (str(len(fit.run.movements)), plural(len(fit.run.movements), "movement")),
     )
     differs: DocumentPart = Paragraph("No parameter differs from the set.")
     if changed:

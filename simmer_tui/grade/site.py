@@ -137,7 +137,7 @@ def _left_out(folder: GradeFolder, team_results: list[TeamResult]) -> list[Bulle
 def _answer(team_results: list[TeamResult]) -> str:
     passed = sum(each.status is TeamStatus.PASSED for each in team_results)
     runs = sum(each.runs for each in team_results)
-    return f"{passed} of {len(team_results)} teams passed, {counted(runs, 'run')} counted"
+    return f"{passed} of {counted(len(team_results), 'team')} passed, {counted(runs, 'run')} counted"
 
 
 def _notes(folder: GradeFolder, isolation: str) -> list[DocumentPart]:
@@ -190,7 +190,7 @@ def _index_page(folder: GradeFolder, team_results: list[TeamResult], isolation: 
     verdict = VerdictBox(
         key="answer",
         text=_answer(team_results),
-        headline=f"{passed} of {teams} teams passed",
+        headline=f"{passed} of {counted(teams, 'team')} passed",
         tone=tone,
         sentence=(f"A success rate of {folder.test.rate:g} passes.{never}",),
     )

@@ -32,7 +32,7 @@ from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.report.traces import traces
 from simmer_tui.report.verdict import Outcome, Verdict, goals_met
 from simmer_tui.run.attempt import Attempt, Task
-from simmer_tui.sim.command import counted, escape, escape_passage, escape_word, typed_path
+from simmer_tui.sim.command import escape, escape_passage, escape_word, plural, typed_path
 
 _TONES = {Outcome.SUCCEEDED: Tone.GOOD, Outcome.FAILED: Tone.BAD, Outcome.CRASHED: Tone.BAD}
 _CRASH_SIGN = "!"
@@ -104,9 +104,9 @@ def _last_lines(verdict: Verdict) -> Bullets:
 def _figures(run: RunStatistics, attempt: Attempt, *, crashed: bool) -> KeyFigures:
     """Three numbers: those of the mission; after a crash, the progress until then."""
     task, seconds = attempt.task, attempt.seconds
-    contacts = (str(attempt.contacts), counted(attempt.contacts, "contact").partition(" ")[2])
+    contacts = (str(attempt.contacts), plural(attempt.contacts, "contact"))
     if task is None or crashed:
-        told = (str(attempt.commands), counted(attempt.commands, "command").partition(" ")[2])
+        told = (str(attempt.commands), plural(attempt.commands, "command"))
         return KeyFigures(((f"{seconds:.1f} s", f"simulated{attempt.restart}"), told, contacts))
     met = f"{len(goals_met(run.history))} of {len(Goal)}"
     return KeyFigures(((met, "goals met"), (f"{seconds:.1f} s", f"of {task.time_limit:g} s"), contacts))

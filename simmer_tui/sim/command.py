@@ -1,7 +1,6 @@
 """The text of a command, `CC` or `CC-V`, parsed."""
 
 import re
-import shlex
 
 from msgspec import Struct
 
@@ -85,12 +84,19 @@ def printable(text: str) -> str:
 
 def typed_path(path: object) -> str:
     """A path as it can be typed in a shell, unless it has control characters."""
+    import shlex  # only for messages
+
     return shlex.quote(printable(str(path)))
+
+
+def plural(number: int, noun: str) -> str:
+    """The noun behind a number: `contact` for 1, else `contacts`."""
+    return noun if number == 1 else f"{noun}s"
 
 
 def counted(number: int, noun: str) -> str:
     """`1 contact`, `3 contacts`."""
-    return f"{number} {noun}{'' if number == 1 else 's'}"
+    return f"{number} {plural(number, noun)}"
 
 
 def parse_command(text: str, source: str = "client") -> Command:

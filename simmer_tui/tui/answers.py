@@ -26,7 +26,7 @@ from simmer_tui.program.crash import own_frames
 from simmer_tui.report.verdict import Outcome, Verdict
 from simmer_tui.report.why import NOTHING_MOVED, WhyFact
 from simmer_tui.run.facts import displacement
-from simmer_tui.sim.command import counted, escape_passage, parse_value, printable
+from simmer_tui.sim.command import counted, escape_passage, parse_value, plural, printable
 from simmer_tui.sim.scan_rays import extremes
 from simmer_tui.sim.specs import Axes, DriveKind
 from simmer_tui.snapshot import LogEntry, Snapshot
@@ -404,8 +404,7 @@ def _numbers(snapshot: Snapshot) -> StyledLine:
 
 def _amount(number: int, noun: str, role: str = "bold") -> StyledLine:
     """`1 contact`, `1,200 commands`: the number stands out."""
-    word = counted(number, noun).partition(" ")[2]
-    return (f"{number:,}", role), (f" {word}", "label")
+    return (f"{number:,}", role), (f" {plural(number, noun)}", "label")
 
 
 def _offered(orders_and_words: Sequence[tuple[str, str]], *, orders: bool) -> tuple[StyledLine, ...]:

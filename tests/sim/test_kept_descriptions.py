@@ -16,7 +16,15 @@ from msgspec.structs import fields, replace
 from simmer_tui.sim import columns, fingerprint, rules
 from simmer_tui.sim.angles import eighth_of_turn
 from simmer_tui.sim.columns import CsvColumn
-from simmer_tui.sim.command import Command, escape, escape_passage, escape_word, printable, shown_path
+from simmer_tui.sim.command import (
+    Command,
+    counted,
+    escape,
+    escape_passage,
+    escape_word,
+    printable,
+    shown_path,
+)
 from simmer_tui.sim.noise import RandomBias, random_bias
 from simmer_tui.sim.path import Path as Way
 from simmer_tui.sim.pose import Pose
@@ -223,6 +231,10 @@ def test_a_rule_takes_and_refuses_what_it_did(name: str) -> None:
             except ValueError as error:
                 found.append(str(error))
     assert_kept(found, KEPT, f"rule {name}")
+
+
+def test_one_thing_is_counted_in_the_singular() -> None:
+    assert [counted(number, "run") for number in (0, 1, 2)] == ["0 runs", "1 run", "2 runs"]
 
 
 def test_a_message_shortens_what_it_shows() -> None:
