@@ -11,7 +11,6 @@ The referee reads a run's events and its state, live or from a log, and nothing 
 from __future__ import annotations
 
 import math
-import secrets
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -117,7 +116,7 @@ def plan_run(configuration: Configuration, seed: int | None = None) -> tuple[Con
     if not settings.sim:
         raise ConfigurationError([Problem("--mission", "is for the simulated robot; leave out --serial")])
     if seed is None:
-        seed = secrets.randbits(32) if settings.randerror else settings.seed
+        seed = settings.run_seed()
     plan = draw_mission(configuration.mission, configuration.simulation, seed)
     return planned(configuration, plan, seed), plan
 

@@ -105,8 +105,7 @@ class Server:
         """
         settings = configuration.settings
         self.configuration = configuration
-        # Not with the module secrets, whose import takes time.
-        self.seed = int.from_bytes(os.urandom(4)) if settings.randerror else settings.seed
+        self.seed = settings.run_seed()
         self.simulator = simulator or Simulator(configuration.simulation, self.seed)
         self.prefix = prefix
         motion = settings.motion

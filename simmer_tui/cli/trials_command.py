@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 import os
-import secrets
 import sys
 from collections.abc import Generator, Sequence
 from itertools import takewhile
@@ -114,11 +113,10 @@ def _begun(options: argparse.Namespace) -> TrialFolder:
     points = points_of(options.vary)
     _check(configuration, overrides, points)
     mazes = {} if options.mazes is None else read_mazes(options.mazes)
-    settings = configuration.settings
     plan = TrialPlan(
         command=options.run,
         runs=options.runs or (DEFAULT_RUNS if options.sure is None else _test(options).cap),
-        seed=secrets.randbits(32) if settings.randerror else settings.seed,
+        seed=configuration.settings.run_seed(),
         configuration=configuration.name,
         settings=_kept(overrides),
         mazes=tuple(mazes),

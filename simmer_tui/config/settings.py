@@ -6,6 +6,7 @@ and one field of `Settings`. Annotations are evaluated here: they contain the de
 """
 
 import functools
+import os
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Any
 
@@ -463,6 +464,11 @@ class Settings(Struct, frozen=True, kw_only=True):
     def uses_profiles(self) -> bool:
         """True if a profile replaces values of the set."""
         return bool(self.realistic or self.sensor_profile or self.drive_profile or self.link_profile)
+
+    def run_seed(self) -> int:
+        """The seed of a run: with errors that do not repeat a new one each time."""
+        # Not with the module secrets, whose import takes time.
+        return int.from_bytes(os.urandom(4)) if self.randerror else self.seed
 
 
 def all_settings() -> tuple[Setting, ...]:
