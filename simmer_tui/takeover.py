@@ -116,10 +116,8 @@ class TakeOver:
         try:
             return Server(configuration, plan=plan, simulator=rerun.simulator, prefix=prefix)
         except PortError as error:
-            settings = replace(settings, server=with_any_ports(settings.server))
-            server = Server(
-                replace(configuration, settings=settings), plan=plan, simulator=rerun.simulator, prefix=prefix
-            )
+            configuration = replace(configuration, settings=with_any_ports(settings))
+            server = Server(configuration, plan=plan, simulator=rerun.simulator, prefix=prefix)
             server.warnings.append(f"other ports are used: {error}")
             return server
 

@@ -48,7 +48,7 @@ def configuration(tmp_path: Path, dialect: str = DIALECT, **server: object) -> C
         init_set(tmp_path / "set", find_set("default"))
     (tmp_path / "set/dialect.toml").write_text(dialect, "utf-8")
     made = load(tmp_path / "set")
-    settings = replace(with_any_ports(made.settings.server), **server)
+    settings = replace(with_any_ports(made.settings).server, **server)
     return replace(made, settings=replace(made.settings, seed=3, randerror=False, server=settings))
 
 

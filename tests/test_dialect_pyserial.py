@@ -196,7 +196,7 @@ def results_of(tmp_path: Path, *, hook: bool) -> dict[str, Any]:
         (folder / "dialect.toml").write_text(DIALECT, "utf-8")
     made = load(folder)
     path = tmp_path / "COM6"
-    settings = replace(with_any_ports(made.settings.server), pty="" if hook else str(path))
+    settings = replace(with_any_ports(made.settings).server, pty="" if hook else str(path))
     server = Server(replace(made, settings=replace(made.settings, server=settings)))
     server.start()
     try:

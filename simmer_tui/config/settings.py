@@ -547,7 +547,7 @@ def settings_from(values: Mapping[str, Any], usual: Settings = Settings()) -> Se
     return replace(usual, **tables.get("", {}), **made)
 
 
-def with_any_ports(server: ServerSettings) -> ServerSettings:
+def with_any_ports(settings: Settings) -> Settings:
     """The same settings, with any free number for every port, and no path that another process may use."""
     numbers = {f"server.{port.setting}": 0 for port in dialects.all_ports()}
-    return settings_from({**numbers, "server.pty": ""}, Settings(server=server)).server
+    return settings_from({**numbers, "server.pty": ""}, settings)

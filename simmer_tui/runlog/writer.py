@@ -215,7 +215,7 @@ class RunLog(Closing):
         try:
             self._file.close()
         except OSError as error:  # while writing the rest of a compressed log
-            self._on_stop(f"logging to {shown_path(self.path)} has stopped: {reason_of(error)}")
+            self._stop(error)
 
     def _write(self, record: Struct) -> None:
         if self.stopped:

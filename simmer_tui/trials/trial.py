@@ -125,7 +125,7 @@ def prepare(trial: Trial) -> tuple[Configuration, MissionPlan | None]:
     errors = trial.seed if trial.errors_seed is None else trial.errors_seed
     settings = replace(configuration.settings, randerror=False, seed=errors)
     if not trial.fixed_ports:
-        settings = replace(settings, server=with_any_ports(settings.server))
+        settings = with_any_ports(settings)
     return replace(configuration, settings=settings), plan
 
 

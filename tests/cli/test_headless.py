@@ -596,7 +596,7 @@ from simmer_tui.server import Server
 from msgspec.structs import replace
 
 found = load(bundled_folder())
-settings = replace(found.settings, server=with_any_ports(found.settings.server))
+settings = with_any_ports(found.settings)
 server = Server(replace(found, settings=settings))
 server.keep_history()
 server.stop()

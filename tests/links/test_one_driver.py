@@ -60,7 +60,7 @@ def running(tmp_path: Path, clock: str = "real") -> Iterator[Told]:
         init_set(tmp_path / "set", find_set("default"))
         (tmp_path / "set/dialect.toml").write_text(DIALECT, "utf-8")
     made = load(tmp_path / "set")
-    server = replace(with_any_ports(made.settings.server), listeners=("binary", "packets", "dialect"))
+    server = replace(with_any_ports(made.settings).server, listeners=("binary", "packets", "dialect"))
     motion = replace(made.settings.motion, clock=clock)
     made = replace(made, settings=replace(made.settings, server=server, motion=motion))
     events: queue.SimpleQueue[Event] = queue.SimpleQueue()
