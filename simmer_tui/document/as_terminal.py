@@ -65,10 +65,15 @@ def print_table(table: DataTable, console: Console) -> None:
             else:
                 cells.append(Text(printable(text.translate(_ASCII) if plain else text)))
         made.add_row(*cells)
+    wide = console.options.update_width(_ANY_WIDTH)
+    for each in made.columns:
+        if each.no_wrap:  # its minimum would be that of its longest word
+            texts = each.header, *each.cells
+            each.min_width = max(Measurement.get(console, wide, text).maximum for text in texts)
     # In more lines rather than cut: half a number would be another number.
-    if Measurement.get(console, console.options.update_width(_ANY_WIDTH), made).minimum > console.width:
+    if Measurement.get(console, wide, made).minimum > console.width:
         for each in made.columns:
-            each.no_wrap = False
+            each.no_wrap, each.min_width = False, None
     console.print(made)
     if table.note:
         console.print(Text(printable(table.note), style="dim"))

@@ -7,6 +7,7 @@ import io
 import json
 import math
 import re
+from collections import Counter
 from html.parser import HTMLParser
 from pathlib import Path
 from types import SimpleNamespace
@@ -309,3 +310,14 @@ def test_no_number_is_cut_where_a_table_is_wider_than_the_terminal() -> None:
     assert max(map(len, said.splitlines())) <= 40
     assert (said.count("a"), said.count("b")) == (30, 30)
     assert "12345" in said
+
+
+def test_no_number_is_cut_beside_values_with_spaces() -> None:
+    columns = (DataColumn("at", heading="robot at"), DataColumn("off"), DataColumn("why", wraps=True))
+    values = "87.00, 41.12, 180.0", "-1.47e-06", "a wall"
+    table = DataTable("wide", "", columns, [values])
+    signs = Counter(filter(str.isalnum, "".join((*(column.title for column in columns), *values))))
+    for width in range(15, 60):
+        said = terminal(shown(table), width=width)
+        assert max(map(len, said.splitlines())) <= width
+        assert Counter(filter(str.isalnum, said)) == signs, width
