@@ -297,11 +297,10 @@ def belief_text(belief: BeliefRow | None) -> str:
     """Error of a belief, and its spread as the program sent it."""
     if belief is None:
         return NO_BELIEFS
-    off, spread = belief.deviation, belief.spread
+    spread = belief.spread
     said = "no spread was sent" if math.isnan(spread) else f"its spread was {spread:.1f} in"
-    turn = f" and {abs(off.turn):.0f} deg" if belief.tells_heading else ""
     truth = f", and it gave the true cell {_share(belief.true_probability)}" if belief.is_grid else ""
-    return f"The belief sent at {belief.elapsed:.1f} s was off by {off.distance:.1f} in{turn}; {said}{truth}."
+    return f"The belief sent at {belief.elapsed:.1f} s was off by {belief.error_text}; {said}{truth}."
 
 
 def wrong_text(seen: Attempt, belief: BeliefRow) -> str:

@@ -33,6 +33,7 @@ from simmer_tui.document.model import (
     Paragraph,
     Prose,
 )
+from simmer_tui.phrases import counted
 from simmer_tui.report.bent_scans import SCANS, scans_table
 from simmer_tui.report.figure import maze_figure
 from simmer_tui.report.finding import FINDINGS, findings_table
@@ -319,8 +320,10 @@ def _time_spent(run: RunStatistics) -> DataTable:
         spent = []
     total = run.history.elapsed or 1.0
     rows = [(name, seconds, seconds / total) for name, seconds in spent]
-    note = "Of simulated time; the sensor that costs most comes first. "
-    return TIME_SPENT.filled(rows, f"{note}In the remaining time the robot waited.")
+    rest = "In the remaining time the robot waited."
+    if sum(seconds for _, seconds in spent) > total:
+        rest = "The robot also drove while it read and sent, so the shares add up to more than 100%."
+    return TIME_SPENT.filled(rows, f"Of simulated time; the sensor that costs most comes first. {rest}")
 
 
 def _commands(run: RunStatistics) -> DataTable:
@@ -400,10 +403,10 @@ def _belief(run: RunStatistics) -> DataTable:
     if not last or not run.totals.beliefs.count:
         return _BELIEF.filled(())
     distance, turn = run.totals.beliefs, run.totals.belief_turns
-    rows: list[tuple[Any, ...]] = [
-        ("position", "in", *_moments(distance), distance.worst, last[0].distance),
-        ("heading", "deg", *_moments(turn), turn.worst, last[0].turn),
-    ]
+    rows: list[tuple[Any, ...]] = [("position", "in", *_moments(distance), distance.worst, last[0].distance)]
+    if turn.count:
+        end = last[0].turn if last[0].tells_heading else None
+        rows.append(("heading", "deg", *_moments(turn), turn.worst, end))
     missed, entropy = run.totals.missed_shares, run.totals.entropies
     if missed.count:
         shares = 100 * (1 - missed.mean), 100 * missed.std if missed.count > 1 else None

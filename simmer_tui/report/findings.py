@@ -125,10 +125,7 @@ def belief_sentences(history: RunHistory, *, ended_badly: bool) -> list[str]:
     if not history.beliefs:
         return []
     last, beliefs = history.beliefs[-1], history.totals.beliefs
-    end = (
-        f"At the end the belief was off by {last.distance:.1f} in and {abs(last.turn):.0f} deg "
-        f"(on average {beliefs.mean:.1f} in)."
-    )
+    end = f"At the end the belief was off by {last.error_text} (on average {beliefs.mean:.1f} in)."
     episodes = history.episodes.so_far(ended_badly=ended_badly)
     named = [episode_text(each) for each in episodes[:_NAMED]]
     if len(episodes) > _NAMED:

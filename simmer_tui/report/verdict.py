@@ -295,7 +295,7 @@ class _Judge:
             return f"{contacts_text(attempt.contacts)}, {last}in {row.shown} at {row.elapsed:.1f} s"
         lost = attempt.beliefs[1]
         if lost is not None:
-            return f"lost since {lost.elapsed:.1f} s, by {lost.distance:.1f} in and {abs(lost.turn):.0f} deg"
+            return f"lost since {lost.elapsed:.1f} s, by {lost.error_text}"
         for rows, name in ((history.faults, "fault"), (history.refusals, "refused command")):
             if rows.first.given:
                 return counted(rows.first.given, name)

@@ -150,6 +150,12 @@ class BeliefRow(NamedTuple):
         return not (self.is_grid and self.allowed_turn == NO_HEADING)
 
     @property
+    def error_text(self) -> str:
+        """Its error in words: `3.4 in and 12 deg`, or `3.4 in` if it tells no heading."""
+        turn = f" and {abs(self.turn):.0f} deg" if self.tells_heading else ""
+        return f"{self.distance:.1f} in{turn}"
+
+    @property
     def finite(self) -> bool:
         """True if the pose and its distance from the truth are finite."""
         return math.isfinite(self.distance) and math.isfinite(self.turn)

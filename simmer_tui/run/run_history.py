@@ -671,11 +671,11 @@ class RunHistory:
         finite = np.isfinite(distance) & np.isfinite(turn)
         rows = rows[finite]
         totals.beliefs.add(distance[finite])
-        totals.belief_turns.add(turn[finite])
         grids = rows[~np.isnan(rows["above"])]
         totals.entropies.add(grids["entropy"].astype(np.float64))
         totals.missed_shares.add(1.0 - grids["true_probability"])
         made = [BeliefRow._make(each) for each in rows.tolist()]
+        totals.belief_turns.add(np.array([each.turn for each in made if each.tells_heading]))
         # Beliefs without a place were dropped above, so that they have no share in the trace.
         wanted = totals.belief_trace.wanted(len(made))
         totals.belief_trace.keep(made[wanted.start :: wanted.step] if wanted else ())

@@ -337,6 +337,14 @@ def test_time_is_told_by_what_it_went_to() -> None:
     assert "(u1 20 times)" in " ".join(cause.evidence)
 
 
+def test_a_single_reading_was_read_once() -> None:
+    mission = begin(limit=60.0)
+    mission.give("u1")
+    mission.simulator.advance(59.9)
+    mission.give("w1-1", "s1-1")
+    assert "It read sensors once (u1 once)." in mission.why().evidence
+
+
 def test_moves_that_gain_nothing_lead_nowhere() -> None:
     mission = begin(limit=100.0)
     mission.give(*("w1-2", "s1-2") * 200)

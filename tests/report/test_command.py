@@ -20,7 +20,7 @@ from simmer_tui.cli.log_commands import build_report, run_report
 from simmer_tui.document.as_terminal import print_document
 from simmer_tui.document.svg import shade
 from simmer_tui.events import Belief, CommandResult, MissionEvent, Notice, NoticeKind, Result
-from simmer_tui.report.content import report_document, svg_picture
+from simmer_tui.report.content import report_document, report_tables, svg_picture
 from simmer_tui.report.figure import PICTURE_WIDTH
 from simmer_tui.report.page import report_page
 from simmer_tui.runlog.reader import Logged, LogReader
@@ -219,6 +219,27 @@ def test_instant_readings_alone_are_drawn_by_their_number(start_run: Any) -> Non
     page = report_page(build_report(run.path), "readings")
     assert "readings</text>" in page
     assert len(re.findall(r"M[\d.]+ [\d.]+h0", page)) == 30
+
+
+def test_readings_in_motion_do_not_leave_time_to_wait(start_run: Any) -> None:
+    notes = []
+    for drive in ("vv-1;0;0", "d1-1"):
+        run = start_run(f"{drive[:2]}.jsonl", link=LinkDelay(0.2, 0.0, 3))
+        run.send(drive, "u1", "u1", "wt-1")
+        [table] = [each for each in report_tables(build_report(run.path)) if each.key == "time_spent"]
+        notes.append((sum(row[2] for row in table.rows) > 1.0, table.note.rpartition(". ")[2]))
+    assert notes == [
+        (True, "The robot also drove while it read and sent, so the shares add up to more than 100%."),
+        (False, "In the remaining time the robot waited."),
+    ]
+
+
+def test_one_missed_reading_is_one(start_run: Any, configuration: Any) -> None:
+    sensors = tuple(structs.replace(sensor, dropout=1.0) for sensor in configuration.simulation.sensors)
+    run = start_run(sensors=sensors)
+    run.send("u1")
+    [table] = [each for each in report_tables(build_report(run.path)) if each.key == "sensor_errors"]
+    assert " 1 reading had a value where nothing was in range, or none where" in table.note
 
 
 def test_infinite_readings_do_not_spoil_the_picture(start_run: Any, configuration: Any) -> None:

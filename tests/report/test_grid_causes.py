@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from simmer_tui.cli.log_commands import build_report
 from simmer_tui.events import Belief
 from simmer_tui.report.causes import Kind
 from simmer_tui.report.content import report_tables
+from simmer_tui.report.findings import findings
 from simmer_tui.report.right_readings import looks_alike
 from simmer_tui.sim.sensors.recorded_kinds import RecordedKind, recorded_class
 from tests.report.test_causes import begin
@@ -123,3 +125,23 @@ def test_without_grids_the_table_is_as_it_was(start_run: Any) -> None:
     run = start_run()
     run.believe(1.0)
     assert belief_rows(run.path).keys() == {"position", "heading"}
+
+
+def test_the_report_gives_no_heading_where_none_was_sent(start_run: Any) -> None:
+    run = start_run()
+    run.send("d1-3", "r1-20")
+    believe(run, 0, 2)
+    assert "heading" not in belief_rows(run.path)
+    [sentence] = [each for each in findings(build_report(run.path)) if each.startswith("Belief")]
+    assert re.search(r" off by [\d.]+ in \(on average", sentence)
+    assert re.search(r"lost since 0\.7 s, by [\d.]+ in\.$", build_report(run.path).verdict.text)
+
+
+def test_the_error_of_the_heading_is_that_of_beliefs_with_one(start_run: Any) -> None:
+    run = start_run()
+    run.send("r1-20")
+    pose = run.simulator.pose
+    run.engine.tell(Belief(0.0, replace(pose, heading=pose.heading + 6.0), pose))
+    believe(run, 0, 2)
+    unit, mean, std, worst, end = belief_rows(run.path)["heading"]
+    assert (unit, mean, std, worst, end) == ("deg", pytest.approx(6.0), None, pytest.approx(6.0), None)
