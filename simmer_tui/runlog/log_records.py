@@ -460,4 +460,4 @@ def decode_line(data: bytes, line: int) -> AnyRecord | BrokenLine:
     try:
         return _LINE.decode(data)
     except ValueError as error:
-        return BrokenLine(line, escape(str(error)))
+        return BrokenLine(line, escape(str(error)) if data.strip() else "it is empty")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import tempfile
 import zlib
 from collections.abc import Iterator
@@ -253,7 +254,7 @@ def reading_log(shown: str) -> Iterator[None]:
 
 
 def _read_header(file: IO[bytes], shown: str) -> Header:
-    line = file.readline(MAX_LINE)
+    line = file.readline(MAX_LINE).removeprefix(codecs.BOM_UTF8)  # editors on Windows write one
     if not line:
         raise RunLogError(f"{shown} is empty, not a run log")
     if not line.endswith(b"\n") and len(line) < MAX_LINE and line.startswith(_HEADER_START[: len(line)]):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import errno
 import gzip
 import io
@@ -58,6 +59,16 @@ def test_a_compressed_log_is_read(varied_log: Path, tmp_path: Path, whole: bool)
         assert lines[: len(again)] == again
         assert (len(again) == len(lines)) == whole
         assert ("cut off" in log.note) == (not whole)
+
+
+def test_a_log_that_an_editor_saved_with_a_byte_order_mark_is_read(varied_log: Path, tmp_path: Path) -> None:
+    marked = tmp_path / "marked.jsonl"
+    marked.write_bytes(codecs.BOM_UTF8 + varied_log.read_bytes())
+    with LogReader(varied_log) as plain, LogReader(marked) as log, RunLogIndex(marked) as index:
+        assert log.header == plain.header
+        lines = list(plain.lines())
+        assert list(log.lines()) == lines
+        assert [(2 + entry, index.record(entry)) for entry in range(index.count)] == lines
 
 
 def test_the_configuration_comes_back_whole(start_run: Any, configuration: Any) -> None:
@@ -212,7 +223,8 @@ def test_no_file_is_written_outside_the_folder(start_run: Any, name: str) -> Non
 
 NOTICE = b'"real":0,"about":"fault","subject":"","text":'
 BROKEN = {
-    b"": "truncated",
+    b"": "it is empty",
+    b" \r\n": "it is empty",
     b'{"\xff":1}': "missing required field",
     b"{": "truncated",
     b"[1]": "got `array`",
