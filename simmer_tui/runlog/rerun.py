@@ -265,7 +265,11 @@ class Rerun(Closing):
 
     def _wait_for_restart(self, line: int, said: AnyRecord) -> None:
         """Skip the beginning of a log that began in the middle of a run: a reset restores a known state."""
-        if isinstance(said, ActionRecord) and said.action.restarts and not said.refused:
+        if not isinstance(said, ActionRecord) or said.refused:
+            return
+        if said.action is ActionName.NOISE:  # the one change that a reset keeps
+            self.simulator.noise = bool(said.arguments[0])
+        elif said.action.restarts:
             self._comparing = True
             before = counted(self.header.number, "command")
             self.notes.append(

@@ -234,6 +234,23 @@ def test_a_log_begun_mid_run_counts_from_the_next_reset(
     assert "compared from the seed in line 4 on" in err
 
 
+def test_noise_that_was_switched_before_the_reset_counts_after_it(
+    tmp_path: Path, configuration: Any, start_run: Any
+) -> None:
+    run = start_run()
+    run.send("u1", "d1-3")
+    run.perform(ActionName.NOISE, 0.0)
+    path = tmp_path / "middle.jsonl"
+    with RunLog(path, configuration, run.simulator) as log:
+        run.engine.watch(log)
+        run.send("u1")
+        run.perform(ActionName.NOISE, 1.0)
+        run.perform(ActionName.RESET)
+        run.send("u1", "d1-3", "u1")
+    again = rerun(path)
+    assert (again.difference, again.commands) == (None, 3)
+
+
 def test_the_log_of_a_real_robot_cannot_be_run_again(varied_log: Path, capsys: Any) -> None:
     header = json.loads(varied_log.read_text().splitlines()[0])
     rewrite(varied_log, 1, settings={**header["settings"], "sim": False})
