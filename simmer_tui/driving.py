@@ -132,6 +132,14 @@ class Driving:
             self._tell(VelocityEnded(self._simulator.time, VelocityEnd.LEFT))
             self._simulator.release()
 
+    def take_over(self, begun: LegBegun | None) -> None:
+        """Tell the simulator's events from here on, after a prefix that was replayed by others. The velocity
+        of the leg that `begun` there ends: its program has left."""
+        self._simulator.listener = self
+        if begun is not None:
+            self._latest = self._moved_by = begun.number, begun.command
+            self.left(self.driver)
+
     # -- waits -----------------------------------------------------------------------------------------
 
     @property

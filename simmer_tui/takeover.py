@@ -25,6 +25,8 @@ from simmer_tui.events import (
     CommandResult,
     Event,
     EventHandler,
+    LegBegun,
+    LegEnded,
     MissionEvent,
     MovementEnded,
     MovementPlanned,
@@ -41,9 +43,13 @@ from simmer_tui.runlog.rerun import SAME_TIME, Rerun
 from simmer_tui.runlog.writer import ReplayedPrefix
 from simmer_tui.server import Server, link_delay
 from simmer_tui.sim.command import shown_path
+from simmer_tui.sim.simulator import Simulator
 
 BY = "the take-over"
 """Source of the stop that ends a movement under way at the moment, and of the resume that ends a pause."""
+# Reports and replays show hundredths of a second.
+_ROUNDED = 0.005
+"""A time that is later than the end of a log by this means the end, seconds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,9 +71,14 @@ def moment_of(index: RunLogIndex, entry: int, elapsed: float) -> Moment:
 
 def moment_at(index: RunLogIndex, elapsed: float) -> Moment:
     """A moment by its elapsed time. Raises RunLogError for one that the log has not."""
-    if not 0.0 <= elapsed <= index.duration + SAME_TIME:
+    if not 0.0 <= elapsed <= index.duration + _ROUNDED:
         raise RunLogError(f"{index.shown} has the times from 0 to {index.duration:.2f} s, not {elapsed:g}")
+    elapsed = min(elapsed, index.duration)
     return moment_of(index, index.find_time(elapsed), elapsed)
+
+
+class _UnansweredError(Exception):
+    """The lines up to the moment have a change of the velocity by a command without its answer."""
 
 
 class TakeOver:
@@ -80,8 +91,19 @@ class TakeOver:
         self._folder = folder
 
     def check(self) -> None:
-        """Do the commands of the prefix once without a server. Raises RunLogError, with the reason, if the
-        log cannot be taken over there."""
+        """Do the commands of the prefix once without a server. A command that has changed the velocity, but
+        is not answered yet, is left out: then the moment has an earlier line.
+
+        Raises RunLogError, with the reason, if the log cannot be taken over there.
+        """
+        while True:
+            try:
+                return self._repeat()
+            except _UnansweredError:
+                moment = self.moment
+                self.moment = Moment(moment.line - 1, moment.time, moment.elapsed)
+
+    def _repeat(self) -> None:
         with Rerun(self.path, self._folder) as rerun:
             settings = rerun.configuration.settings
             engine = Engine(rerun.simulator, link=link_delay(settings.link, rerun.header.seed))
@@ -155,9 +177,11 @@ class TakeOver:
         """Advance the robot and the link's random stream to the moment, line by line. Yields the events of
         each line.
 
-        Raises RunLogError.
+        Raises RunLogError, and _UnansweredError if the last lines are those of a command without its answer.
         """
         moment = self.moment
+        # The log has the events of continuous motion: the engine's own would be told a second time.
+        rerun.simulator.listener = rerun
         with LogReader(self.path, rerun.configuration) as log:
             events = (each for each in log if isinstance(each, Logged))
             logged = next(events, None)
@@ -182,6 +206,9 @@ class TakeOver:
                     engine.draw_link(1 if timed else 2)
             elif link.unanswered is not None and link.unanswered.command.source not in PEOPLE:
                 engine.draw_link(2)  # its answer was on the link
+            if link.is_ahead_of(rerun.simulator):
+                raise _UnansweredError
+            engine.driving.take_over(link.leg)
 
     def _stopped(self, rerun: Rerun, planned: MovementPlanned) -> MovementEnded:
         """End the movement under way at the moment."""
@@ -228,14 +255,18 @@ _end_of = _End().handle
 
 
 class _LinkFollower(EventHandler[None]):
-    """Draws the logged run's delays from the link's random stream. It knows which movement is under way or
-    unanswered."""
+    """Draws the logged run's delays from the link's random stream. It knows which movement or leg is under
+    way, and which movement is unanswered."""
 
     def __init__(self, engine: Engine, path: Path) -> None:
         self._engine, self._path = engine, path
         self.line = 0
         self.under_way: MovementPlanned | None = None
         self.unanswered: MovementEnded | None = None
+        self.leg: LegBegun | None = None
+        """The leg of a continuous motion under way."""
+        self._velocity = 0
+        """Number of the last command that was answered and changed the velocity."""
 
     def on_planned(self, event: MovementPlanned) -> None:
         self.under_way = event
@@ -243,14 +274,30 @@ class _LinkFollower(EventHandler[None]):
     def on_ended(self, event: MovementEnded) -> None:
         self.under_way, self.unanswered = None, None if event.answers else event
 
+    def on_leg_begun(self, event: LegBegun) -> None:
+        self.leg = event
+
+    def on_leg_ended(self, event: LegEnded) -> None:
+        self.leg = None
+
+    def is_ahead_of(self, simulator: Simulator) -> bool:
+        """True if the log has begun or ended a leg by a command that it has not answered, so that the
+        simulator has not done it."""
+        if self.leg is not None:
+            return self.leg.number != self._velocity
+        return simulator.leg is not None and simulator.leg.start_time < simulator.time - SAME_TIME
+
     def on_action(self, event: ActionDone) -> None:
         if event.restarts:
+            self._velocity = 0
             self._engine.restart_link()
 
     def on_result(self, event: CommandResult) -> None:
         """Raises RunLogError if the link's delay was another one in the log."""
         if self.unanswered is not None and event.number >= self.unanswered.number:
             self.unanswered = None
+        if event.velocity is not None and event.velocity.changed:
+            self._velocity = event.number
         # People's commands do not use the link.
         if event.command.source in PEOPLE:
             return

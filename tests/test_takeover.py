@@ -23,9 +23,9 @@ from simmer_tui.events import Action, ActionName, Belief, Notice, NoticeKind
 from simmer_tui.mission import Referee, plan_run
 from simmer_tui.report.findings import findings
 from simmer_tui.run.reducer import Reducer
-from simmer_tui.run.state import checkpoint_of
-from simmer_tui.runlog.index import RunLogIndex
-from simmer_tui.runlog.log_records import ActionRecord
+from simmer_tui.run.state import State, checkpoint_of
+from simmer_tui.runlog.index import EntryFlag, RunLogIndex
+from simmer_tui.runlog.log_records import ActionRecord, AnswerRecord
 from simmer_tui.runlog.playback import Playback
 from simmer_tui.runlog.rerun import Rerun
 from simmer_tui.runlog.writer import RunLog
@@ -184,6 +184,66 @@ def test_timed_motion_is_taken_over_too(timed_log: Path, tmp_path: Path) -> None
             assert run_rerun([str(log)]) == 0
 
 
+@pytest.fixture
+def velocity_log(tmp_path: Path) -> Path:
+    """Continuous motion by a client in instant motion: freely, until it expires, and into a wall."""
+    configuration, path = any_ports(load(bundled_sets()["mission"])), tmp_path / "velocity.jsonl"
+    simulator = Simulator(configuration.simulation, SEED)
+    engine = Engine(simulator, link=link_delay(configuration.settings.link, SEED))
+    with RunLog(path, configuration, simulator) as log:
+        engine.watch(log)
+        session = engine.session()
+        for text in (
+            *("u1", "vv-3;0;20", "wt-0.5", "u1", "vv-3;0;-10;0.7", "wt-1.5", "d1-1", "vv-6;0;10", "wt-0.3"),
+            *("d1-1", "vx-6", "wt-4", "o1", "vv-0;0;0", "u1", "vv-3;0;0"),
+        ):
+            session.submit(parse_command(text), lambda outcome: None)
+        session.close()
+    return path
+
+
+def velocity_taken_over(path: Path, log: Path, moment: Moment, state: State) -> None:
+    """A velocity in force ends as if its program had left: it has."""
+    with taken_over(path, moment, log) as server:
+        shown = server.recorder.snapshot().state
+        assert (shown.pose, shown.contacts, shown.velocity) == (state.pose, state.contacts, None)
+        assert shown.distance == pytest.approx(state.distance, abs=1e-9)
+        session = server.engine.session()
+        for text in ("u1", "wt-1", "o1", "vv-2;0;9", "wt-1", "d1-2"):
+            session.submit(parse_command(text), lambda outcome: None)
+    assert run_rerun([str(log)]) == 0
+    logged = [json.loads(line) for line in log.read_text().splitlines()]
+    assert all(line["n"] for line in logged if line["kind"] == "leg"), "each leg belongs to a command"
+
+
+def test_continuous_motion_is_taken_over_too(velocity_log: Path, tmp_path: Path) -> None:
+    with RunLogIndex(velocity_log) as index:
+        playback = Playback(index)
+        for part in range(9):
+            moment = moment_at(index, index.duration * part / 8)
+            _, state = playback.state_at_time(moment.elapsed)
+            velocity_taken_over(velocity_log, tmp_path / f"{part}.jsonl", moment, state)
+
+
+@pytest.mark.slow
+def test_continuous_motion_is_taken_over_at_every_command(velocity_log: Path, tmp_path: Path) -> None:
+    """At a contact too, and while the answer to a new velocity is on the link."""
+    with RunLogIndex(velocity_log) as index:
+        playback = Playback(index)
+        entries = index.find_all(EntryFlag.COMMAND | EntryFlag.CONTACT)
+        for entry in entries:
+            moment = after(index, entry)
+            state = playback.state_at(entry, moment.elapsed)
+            velocity_taken_over(velocity_log, tmp_path / f"{entry}.jsonl", moment, state)
+            record = index.record(entry)
+            if isinstance(record, AnswerRecord) and record.velocity is not None:
+                assert record.taken is not None
+                log = tmp_path / f"{entry}-asked.jsonl"
+                with taken_over(velocity_log, moment_at(index, record.taken + 1e-3), log) as server:
+                    server.engine.session().submit(parse_command("wt-1"), lambda outcome: None)
+                assert run_rerun([str(log)]) == 0
+
+
 def test_ports_that_are_taken_are_others(tmp_path: Path) -> None:
     path = tmp_path / "run.jsonl"
     mission_log(path)
@@ -239,6 +299,14 @@ def test_a_real_robot_and_a_time_beyond_the_log_are_refused(tmp_path: Path, caps
     rewrite(path, 1, settings=settings | {"sim": False})
     assert run_replay([str(path), "--take-over", "0", "--no-ui"]) == 2
     assert "is the log of a real robot" in capsys.readouterr().err
+
+
+def test_the_end_as_a_report_rounds_it_is_the_end(velocity_log: Path) -> None:
+    with RunLogIndex(velocity_log) as index:
+        end = index.duration
+        assert moment_at(index, end + 0.0049) == moment_at(index, end)
+        with pytest.raises(RunLogError, match="has the times from 0 to"):
+            moment_at(index, end + 0.0051)
 
 
 @pytest.mark.slow

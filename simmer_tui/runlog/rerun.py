@@ -261,6 +261,7 @@ class Rerun(Closing):
                 f"{self._log.shown} does not repeat exactly: {differs.difference} (written by "
                 f"simmer-tui {escape_word(self.header.program)}, this is {__version__})"
             ) from None
+        self._comparing = False  # the log may have legs of a command that it answers later
         self.simulator.advance(time)
 
     def _wait_for_restart(self, line: int, said: AnyRecord) -> None:
