@@ -47,8 +47,8 @@ from simmer_tui.sim.simulator import Simulator
 
 BY = "the take-over"
 """Source of the stop that ends a movement under way at the moment, and of the resume that ends a pause."""
-# Reports and replays show hundredths of a second.
-_ROUNDED = 0.005
+# Verdicts, and the commands that pages give, have tenths of a second.
+_ROUNDED = 0.05
 """A time that is later than the end of a log by this means the end, seconds."""
 
 

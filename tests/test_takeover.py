@@ -304,9 +304,9 @@ def test_a_real_robot_and_a_time_beyond_the_log_are_refused(tmp_path: Path, caps
 def test_the_end_as_a_report_rounds_it_is_the_end(velocity_log: Path) -> None:
     with RunLogIndex(velocity_log) as index:
         end = index.duration
-        assert moment_at(index, end + 0.0049) == moment_at(index, end)
+        assert moment_at(index, end + 0.049) == moment_at(index, end)
         with pytest.raises(RunLogError, match="has the times from 0 to"):
-            moment_at(index, end + 0.0051)
+            moment_at(index, end + 0.051)
 
 
 @pytest.mark.slow
