@@ -388,9 +388,11 @@ def _sensors(run: RunStatistics) -> DataTable:
         bars = (counts, errors.reach) if errors.width else (None, None)
         rows.append((title, record.readings, unit, None, mean, _ERROR.text(mean), std, worst, *bars))
     missed = sum(record.missed for record in run.totals.sensors.values())
+    read = [spec for name, spec in specs.items() if name in run.totals.sensors]
+    times = " times Gain" if any(spec.gain != 1.0 for spec in read) else ""
     note = (
-        "Reading minus true value. The middle of a histogram is 0. Odometers and gyros are compared with the "
-        "true path, slip included."
+        f"Reading minus true value{times}. The middle of a histogram is 0. Odometers and gyros are compared "
+        "with the true path, slip included."
     )
     if missed:
         told = counted(missed, "reading")

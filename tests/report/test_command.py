@@ -234,6 +234,17 @@ def test_readings_in_motion_do_not_leave_time_to_wait(start_run: Any) -> None:
     ]
 
 
+@pytest.mark.parametrize(("gain", "off"), [("1", "true value"), ("1.3", "true value times Gain")])
+def test_the_note_says_from_what_errors_of_readings_count(
+    start_run: Any, configuration: Any, gain: str, off: str
+) -> None:
+    header, row, *_ = configuration.files["sensors.csv"].splitlines()
+    run = start_run(files={"sensors.csv": f"{header},Gain\n{row},{gain}\n"})
+    run.send("u1")
+    [table] = [each for each in report_tables(build_report(run.path)) if each.key == "sensor_errors"]
+    assert table.note.startswith(f"Reading minus {off}. ")
+
+
 def test_one_missed_reading_is_one(start_run: Any, configuration: Any) -> None:
     sensors = tuple(structs.replace(sensor, dropout=1.0) for sensor in configuration.simulation.sensors)
     run = start_run(sensors=sensors)
