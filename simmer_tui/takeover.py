@@ -185,7 +185,7 @@ class TakeOver:
         with LogReader(self.path, rerun.configuration) as log:
             events = (each for each in log if isinstance(each, Logged))
             logged = next(events, None)
-            link = _LinkFollower(engine, self.path)
+            link = _LinkFollower(engine, self.path, timed)
             for line, said in rerun.until(moment.line, moment.time):
                 if prefix is not None:
                     prefix.time = said.t
@@ -200,12 +200,10 @@ class TakeOver:
                     link.handle(event)
                     yield event
             if link.under_way is not None:
-                yield self._stopped(rerun, link.under_way)
-                # the delay of its answer may be drawn already
-                if link.under_way.command.source not in PEOPLE:
-                    engine.draw_link(1 if timed else 2)
-            elif link.unanswered is not None and link.unanswered.command.source not in PEOPLE:
-                engine.draw_link(2)  # its answer was on the link
+                stopped = self._stopped(rerun, link.under_way)
+                link.handle(stopped)
+                yield stopped
+            link.lose_answer()
             if link.is_ahead_of(rerun.simulator):
                 raise _UnansweredError
             engine.driving.take_over(link.leg)
@@ -258,11 +256,11 @@ class _LinkFollower(EventHandler[None]):
     """Draws the logged run's delays from the link's random stream. It knows which movement or leg is under
     way, and which movement is unanswered."""
 
-    def __init__(self, engine: Engine, path: Path) -> None:
-        self._engine, self._path = engine, path
+    def __init__(self, engine: Engine, path: Path, timed: bool) -> None:
+        self._engine, self._path, self._timed = engine, path, timed
         self.line = 0
         self.under_way: MovementPlanned | None = None
-        self.unanswered: MovementEnded | None = None
+        self._unanswered: MovementEnded | None = None
         self.leg: LegBegun | None = None
         """The leg of a continuous motion under way."""
         self._velocity = 0
@@ -272,7 +270,20 @@ class _LinkFollower(EventHandler[None]):
         self.under_way = event
 
     def on_ended(self, event: MovementEnded) -> None:
-        self.under_way, self.unanswered = None, None if event.answers else event
+        self.under_way, self._unanswered = None, None if event.answers else event
+        # Ended by a take-over: the delay of its answer may be drawn already.
+        if event.stopped_by == BY and event.command.source not in PEOPLE:
+            self._engine.draw_link(1 if self._timed else 2)
+
+    def on_notice(self, event: Notice) -> None:
+        if event.kind is NoticeKind.TAKEN_OVER:
+            self.lose_answer()
+
+    def lose_answer(self) -> None:
+        """Draw the delays of an answer that was on the link when another run took over."""
+        if self._unanswered is not None and self._unanswered.command.source not in PEOPLE:
+            self._engine.draw_link(2)
+        self._unanswered = None
 
     def on_leg_begun(self, event: LegBegun) -> None:
         self.leg = event
@@ -294,8 +305,8 @@ class _LinkFollower(EventHandler[None]):
 
     def on_result(self, event: CommandResult) -> None:
         """Raises RunLogError if the link's delay was another one in the log."""
-        if self.unanswered is not None and event.number >= self.unanswered.number:
-            self.unanswered = None
+        if self._unanswered is not None and event.number >= self._unanswered.number:
+            self._unanswered = None
         if event.velocity is not None and event.velocity.changed:
             self._velocity = event.number
         # People's commands do not use the link.

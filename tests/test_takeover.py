@@ -25,7 +25,7 @@ from simmer_tui.report.findings import findings
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import State, checkpoint_of
 from simmer_tui.runlog.index import EntryFlag, RunLogIndex
-from simmer_tui.runlog.log_records import ActionRecord, AnswerRecord
+from simmer_tui.runlog.log_records import ActionRecord, AnswerRecord, MoveRecord
 from simmer_tui.runlog.playback import Playback
 from simmer_tui.runlog.rerun import Rerun
 from simmer_tui.runlog.writer import RunLog
@@ -145,6 +145,21 @@ def test_a_movement_under_way_ends_where_it_was_seen(tmp_path: Path, capsys: Any
     assert header["taken_over"] == {"log": "run.jsonl", "line": moment.line, "elapsed": moment.elapsed}
     assert f"took over from run.jsonl at {moment.elapsed:.2f} s" in out.err
     assert any("Taken over from run.jsonl" in said for said in findings(build_report(log)))
+
+
+def test_a_run_that_took_over_another_can_be_taken_over_too(tmp_path: Path) -> None:
+    """In the middle of a movement, and while an answer was on the link: their delays are drawn again."""
+    path = tmp_path / "run.jsonl"
+    mission_log(path)
+    with RunLogIndex(path) as index:
+        moved = [i for i in range(index.count) if isinstance(index.record(i), MoveRecord)][2]
+        moments = [moment_at(index, (index.time_of(moved) + index.over_of(moved)) / 2), after(index, moved)]
+    for order, moment in enumerate(moments):
+        log = tmp_path / f"{order}.jsonl"
+        with taken_over(path, moment, log) as server:
+            server.engine.session().submit(parse_command("u1"), lambda outcome: None)
+        with RunLogIndex(log) as index:
+            TakeOver(log, moment_at(index, index.duration)).check()
 
 
 @pytest.fixture
