@@ -270,9 +270,10 @@ class _LinkFollower(EventHandler[None]):
         self.under_way = event
 
     def on_ended(self, event: MovementEnded) -> None:
-        self.under_way, self._unanswered = None, None if event.answers else event
-        # Ended by a take-over: the delay of its answer may be drawn already.
-        if event.stopped_by == BY and event.command.source not in PEOPLE:
+        lost = event.stopped_by == BY
+        self.under_way, self._unanswered = None, None if event.answers or lost else event
+        # The delay of its answer may be drawn already.
+        if lost and event.command.source not in PEOPLE:
             self._engine.draw_link(1 if self._timed else 2)
 
     def on_notice(self, event: Notice) -> None:

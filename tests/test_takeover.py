@@ -150,14 +150,17 @@ def test_a_movement_under_way_ends_where_it_was_seen(tmp_path: Path, capsys: Any
 def test_a_run_that_took_over_another_can_be_taken_over_too(tmp_path: Path) -> None:
     """In the middle of a movement, and while an answer was on the link: their delays are drawn again."""
     path = tmp_path / "run.jsonl"
-    mission_log(path)
+    logged = mission_log(path)
     with RunLogIndex(path) as index:
         moved = [i for i in range(index.count) if isinstance(index.record(i), MoveRecord)][2]
         moments = [moment_at(index, (index.time_of(moved) + index.over_of(moved)) / 2), after(index, moved)]
     for order, moment in enumerate(moments):
         log = tmp_path / f"{order}.jsonl"
+        outcomes: list[CommandResult] = []
         with taken_over(path, moment, log) as server:
-            server.engine.session().submit(parse_command("u1"), lambda outcome: None)
+            done = server.simulator.commands
+            server.engine.session().submit(parse_command("u1"), outcomes.append)
+        assert outcomes[0].link == logged[done].link, "the delays of the answer that was lost are drawn"
         with RunLogIndex(log) as index:
             TakeOver(log, moment_at(index, index.duration)).check()
 
@@ -229,6 +232,21 @@ def velocity_taken_over(path: Path, log: Path, moment: Moment, state: State) -> 
     assert run_rerun([str(log)]) == 0
     logged = [json.loads(line) for line in log.read_text().splitlines()]
     assert all(line["n"] for line in logged if line["kind"] == "leg"), "each leg belongs to a command"
+
+
+def test_a_long_part_of_continuous_motion_without_a_reply_is_taken_over(tmp_path: Path) -> None:
+    """Its legs all come after the last reply."""
+    configuration, path = any_ports(load_default()), tmp_path / "run.jsonl"
+    simulator = Simulator(configuration.simulation, SEED)
+    engine = Engine(simulator)
+    with RunLog(path, configuration, simulator) as log:
+        engine.watch(log)
+        for text in ("vr-90", "wt-200"):
+            engine.session().submit(parse_command(text), lambda outcome: None)
+    with RunLogIndex(path) as index:
+        moment = moment_at(index, 190.0)
+        with taken_over(path, moment) as server:
+            assert server.simulator.time == 190.0
 
 
 def test_continuous_motion_is_taken_over_too(velocity_log: Path, tmp_path: Path) -> None:

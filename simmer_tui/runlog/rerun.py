@@ -333,6 +333,8 @@ class Rerun(Closing):
 
     def leg_begun(self, leg: Leg) -> None:
         """A leg begins in the rerun (see `MotionListener`)."""
+        if not self._comparing:
+            return
         # A leg that another replaced has no end in the log: the log has both.
         self._made.append(leg)
         # A log has each leg before later records: a wrong time would make the robot drive for ever.
@@ -351,7 +353,7 @@ class Rerun(Closing):
 
     def _compare_legs(self) -> None:
         """Compare the legs of log and rerun, as far as there are both."""
-        while self._legs and self._made and self._comparing:
+        while self._legs and self._made:
             (line, said), leg = self._legs.popleft(), self._made.popleft()
             what = f"leg of {said.command!r}"
             self._compare(line, what, "t", said.t, leg.start_time)
