@@ -33,7 +33,6 @@ from simmer_tui.document.model import (
     Paragraph,
     Prose,
 )
-from simmer_tui.phrases import counted
 from simmer_tui.report.bent_scans import SCANS, scans_table
 from simmer_tui.report.figure import maze_figure
 from simmer_tui.report.finding import FINDINGS, findings_table
