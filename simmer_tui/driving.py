@@ -218,20 +218,21 @@ class Driving:
 
     # -- silence ---------------------------------------------------------------------------------------
 
-    def answered(self, session: Session) -> None:
-        """Start the silence timer after an answer to the owner of a velocity: in instant motion only it can
-        continue."""
+    def answered(self, session: Session, *, by_hand: bool = False) -> None:
+        """Start the silence timer after an answer to the owner of a velocity, a program or a person: in
+        instant motion only it can continue."""
         driver = self.driver
         if driver is None:
             return
         self._silence.cancel()
         if session.driver == driver and self._loop is not None and driver not in self._warned:
-            self._silence.set_in(_SILENT, driver)
+            notice = Notice(NoticeKind.HINT, PAUSED_BY_HAND if by_hand else PAUSED, advice=not by_hand)
+            self._silence.set_in(_SILENT, driver, notice)
 
-    def _is_silent(self, driver: Hashable) -> None:
+    def _is_silent(self, driver: Hashable, notice: Notice) -> None:
         if driver == self.driver and self._simulator.velocity.moves and not self._waits:
             self._warned.add(driver)
-            self._tell(Notice(NoticeKind.HINT, PAUSED, advice=True))
+            self._tell(notice)
 
 
 PAUSED = (
@@ -240,3 +241,8 @@ PAUSED = (
     "timed"
 )
 """Advice to a program that waits by its own clock in instant motion."""
+PAUSED_BY_HAND = (
+    "the robot waits: in instant motion simulated time passes only by commands. Type wt-2, or "
+    ":vv VX VY OMEGA to drive for a second"
+)
+"""Advice to a person who has typed a velocity in instant motion."""

@@ -644,7 +644,7 @@ class Engine:
         self.tell(result)
         self._reply(queued, result)
         if not self.timed:
-            self.driving.answered(queued.session)
+            self.driving.answered(queued.session, by_hand=result.command.source in PEOPLE)
 
     def _reply(self, queued: Queued, result: CommandResult) -> None:
         """Answer a sender, after the pause `step_time`."""

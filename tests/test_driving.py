@@ -275,6 +275,17 @@ def test_a_program_that_pauses_by_its_own_clock_is_told_once() -> None:
     assert all(f"{option} " in build_parser().format_settings() for option in named)
 
 
+def test_a_person_who_types_a_velocity_is_told_how_time_passes() -> None:
+    """Not that a program paused: there is none."""
+    bench = Bench()
+    bench.session.submit(parse_command("vv-1;0;0", "console"), bench.results.append)
+    bench.loop.run_until(bench.loop.now + 2.0)
+    (hint,) = bench.told(Notice)
+    assert "program" not in hint.text
+    assert "wt-2" in hint.text
+    assert not hint.advice
+
+
 PROGRAM = (
     "wt-0",
     "vv-5;0;12",
@@ -340,6 +351,36 @@ def test_a_log_holds_the_motion_and_repeats_it_bit_for_bit(tmp_path: Path, timed
     assert [shown(each) for each in events if isinstance(each, kinds)] == [
         shown(each) for each in bench.events if isinstance(each, kinds)
     ]
+
+
+def a_movement_follows(bench: Bench) -> None:
+    bench.send("vv-6;0;0", "d1-3", "u1", "d1-3")
+
+
+def another_velocity_follows(bench: Bench) -> None:
+    bench.send("vv-6;0;0", "vx-0", "d1-3", "u1", "d1-3")
+
+
+def a_stop_follows(bench: Bench) -> None:
+    bench.send("vv-6;0;0")
+    bench.engine.perform(Action(ActionName.STOP))
+    bench.send("d1-3", "u1", "d1-3")
+
+
+@pytest.mark.parametrize("drive", [a_movement_follows, another_velocity_follows, a_stop_follows])
+def test_a_velocity_that_ends_at_once_is_over(tmp_path: Path, drive: Callable[[Bench], None]) -> None:
+    """In instant motion no time passes between two commands. A velocity that another command ends at the same
+    time has moved nothing, but its leg must not stay under way."""
+    bench = logged(tmp_path / "run.jsonl", drive=drive)
+    with LogReader(tmp_path / "run.jsonl") as reader:
+        logged_events = [told.event for told in reader if not isinstance(told, BrokenLine)]
+    for events in (bench.events, logged_events):
+        reducer = Reducer(checkpoint_of(Simulator(bench.simulator.spec, seed=3)))
+        for event in events:
+            reducer.apply(event)
+        assert reducer.still
+        assert reducer.at().pose == bench.simulator.pose
+        assert not reducer.at().moving
 
 
 def begins_to_wait(bench: Bench) -> None:

@@ -148,9 +148,10 @@ class ContinuousMotion:
     def halt(self, time: float) -> None:
         """End all motion at a simulated time, without lag or ramp."""
         self._cut(time)
+        self._end_leg(time)
         self._plan.halt()
         self._wall.renew()
-        self.leg, self._expires = None, math.inf
+        self._expires = math.inf
 
     def look_again(self, time: float, pose: Pose, *, noise: bool) -> None:
         """Plan the rest of the leg under way again, because the surroundings of the robot, or its errors,
@@ -194,10 +195,9 @@ class ContinuousMotion:
         leg = self.leg
         if leg is None:
             return
-        # A leg of no duration is not reported: another replaces it.
+        # A leg of no duration is not reported if another replaces it.
         if time <= leg.start_time:
             return
-        leg = leg.cut(time)
         ended = tuple(kind for kind, at in self._stretch_ends if at <= time)
         if self._noise:
             self._errors.advance(self._parts, time - leg.start_time, ended)
@@ -205,16 +205,22 @@ class ContinuousMotion:
             self._wall.pressed_last = time
         if ended or time >= self._wall.dropped_until:
             self._wall.dropped, self._wall.dropped_until = False, math.inf
-        self.leg = None
-        self._listener.leg_ended(leg)
+        self._end_leg(time)
+
+    def _end_leg(self, time: float) -> None:
+        """Report the end of the leg under way, if there is one."""
+        if self.leg is not None:
+            leg, self.leg = self.leg.cut(time), None
+            self._listener.leg_ended(leg)
 
     # -- planning legs -------------------------------------------------------------------------------
 
     def _plan_leg(self, time: float, pose: Pose) -> None:
         """Plan the leg that begins at a simulated time."""
-        self.leg = None
         if not self._plan.moves:
+            self._end_leg(time)
             return
+        self.leg = None
         twist = self._plan.twist
         self._parts = components(twist, self._drives)
         self._stretch_ends = self._stretches(time)
