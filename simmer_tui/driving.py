@@ -242,7 +242,7 @@ PAUSED = (
 )
 """Advice to a program that waits by its own clock in instant motion."""
 PAUSED_BY_HAND = (
-    "the robot waits: in instant motion simulated time passes only by commands. Type wt-2, or "
-    ":vv VX VY OMEGA to drive for a second"
+    "to drive on, type wt-2: in instant motion simulated time passes only by commands. "
+    ":vv VX VY OMEGA drives for a second"
 )
 """Advice to a person who has typed a velocity in instant motion."""

@@ -12,7 +12,12 @@ from simmer_tui.sim.command import Command, counted, escape_word, parse_command,
 from simmer_tui.sim.noise import SEEDS
 from simmer_tui.sim.rules import NumberRule, did_you_mean
 from simmer_tui.sim.specs import SimulationSpec
-from simmer_tui.sim.velocity_commands import WAIT
+from simmer_tui.sim.velocity_commands import LARGEST_SPEED, MOST_WAITED, WAIT
+
+_ANY_NUMBER = NumberRule()
+# The robot has the same limits. It gets a velocity and a wait, and might refuse only one of them.
+_SPEEDS = NumberRule(-LARGEST_SPEED, LARGEST_SPEED)
+_SECONDS = NumberRule(0.0, MOST_WAITED, low_open=True)
 
 
 class Local(Struct, frozen=True):
@@ -58,10 +63,10 @@ def _alone(order: OrderSpec, words: Sequence[str]) -> ConsoleCommand:
     return Action(order.action) if order.action else Local(order.name)
 
 
-def _each_number(words: Sequence[str]) -> tuple[float, ...]:
+def _each_number(words: Sequence[str], rule: NumberRule = _ANY_NUMBER) -> tuple[float, ...]:
     which = "each " if len(words) > 1 else ""
     try:
-        numbers = tuple(NumberRule().from_text(word) for word in words)
+        numbers = tuple(rule.from_text(word) for word in words)
     except ValueError as error:
         raise ConsoleCommandError(f"{which}{error}") from None
     # A log with a larger one, even in an action that was refused, could not be read again.
@@ -103,10 +108,14 @@ def _pace(order: OrderSpec, words: Sequence[str]) -> ConsoleCommand:
 
 def _velocity(order: OrderSpec, words: Sequence[str]) -> ConsoleCommand:
     # A person's velocity has a time limit: a robot that drives on would surprise people.
-    values = [*words, "1"] if len(words) == 3 else list(words)
-    if len(values) != 4:
-        raise ConsoleCommandError("takes three numbers VX VY OMEGA, and seconds T if not 1")
-    return Local(order.name, ";".join(f"{value:g}" for value in _each_number(values)))
+    if len(words) not in (3, 4):
+        raise ConsoleCommandError("takes three numbers, and seconds T if not 1")
+    velocity = _each_number(words[:3], _SPEEDS)
+    try:
+        seconds = _SECONDS.from_text(words[3] if len(words) == 4 else "1")
+    except ValueError as error:
+        raise ConsoleCommandError(f"T {error}") from None
+    return Local(order.name, ";".join(f"{value:g}" for value in (*velocity, seconds)))
 
 
 def _code(order: OrderSpec, words: Sequence[str]) -> ConsoleCommand:
@@ -123,7 +132,7 @@ def _why(order: OrderSpec, words: Sequence[str]) -> ConsoleCommand:
 
 def _file(order: OrderSpec, words: Sequence[str]) -> ConsoleCommand:
     if not words:
-        raise ConsoleCommandError("takes a file name")
+        raise ConsoleCommandError(f"takes a {'serial port' if order.words == 'PORT' else 'file name'}")
     return Local(order.name, " ".join(words))
 
 

@@ -25,7 +25,7 @@ WAIT = "wt"
 """Code of the command that waits, in every set."""
 _BETWEEN = re.compile("[;,]")
 # An hour: longer than any mission. A longer wait was most likely meant in milliseconds.
-_LONGEST_WAIT = 3600.0
+MOST_WAITED = 3600.0
 """Longest wait of one command, seconds."""
 
 
@@ -45,9 +45,9 @@ def parse_wait(argument: str | None) -> float | str:
     value = parse_value(argument, f"{WAIT}-1")
     if isinstance(value, str):
         return value
-    if 0.0 <= value <= _LONGEST_WAIT:
+    if 0.0 <= value <= MOST_WAITED:
         return value
-    return f"{WAIT}-{value:g}: a wait has 0 to {_LONGEST_WAIT:g} seconds"
+    return f"{WAIT}-{value:g}: a wait has 0 to {MOST_WAITED:g} seconds"
 
 
 class VelocityControl:

@@ -262,7 +262,16 @@ def bias_answer(bias: Mapping[DriveKind, Axes]) -> AnswerCard:
     for kind, axes in bias.items():
         numbers = f"{axes.x:+9.4f}{axes.y:+9.4f}{axes.r:+9.4f}"
         lines.append(((f"{kind.value:<6}", "label"), (numbers, "value")))
-    return AnswerCard("drive bias", "Esc closes", tuple(lines))
+    brief = tuple(_bias_in_brief(axis, bias) for axis in Axes.__struct_fields__)
+    return AnswerCard("drive bias", "Esc closes", tuple(lines), brief)
+
+
+def _bias_in_brief(axis: str, bias: Mapping[DriveKind, Axes]) -> StyledLine:
+    """The bias of all drives along one axis: `x  up +0.0413  down ...`."""
+    parts: list[tuple[str, str]] = [(axis, "label")]
+    for kind, axes in bias.items():
+        parts += [(f"  {kind.value} ", "label"), (f"{getattr(axes, axis):+.4f}", "value")]
+    return tuple(parts)
 
 
 def note(title: str, text: str, role: str = "value") -> AnswerCard:

@@ -194,7 +194,9 @@ class _Wording(EventHandler[EventWords]):
 
     def on_notice(self, event: events.Notice) -> EventWords:
         source = _NOTICE_SOURCES.get(event.kind, "robot")
-        text: StyledLine = ((event.text, _NOTICE_ROLES.get(event.kind, "good")),)
+        # The column before it names the source.
+        told = event.text.removeprefix(f"{source}: ")
+        text: StyledLine = ((told, _NOTICE_ROLES.get(event.kind, "good")),)
         return EventWords(
             source,
             source,

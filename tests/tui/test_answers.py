@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from simmer_tui.events import OutputLine, ProgramEnded
-from simmer_tui.tui.answers import first_steps, program_output
+from simmer_tui.sim.specs import Axes, DriveKind
+from simmer_tui.tui.answers import bias_answer, first_steps, program_output
 from simmer_tui.tui.help import folded
 from simmer_tui.tui.line_panel import text_of
 from simmer_tui.tui.readouts import Room
@@ -21,6 +22,15 @@ def test_the_first_steps_are_commands_that_can_be_typed_anywhere() -> None:
     shown = [text_of(line).strip() for line in first_steps("F5", "d1-3", "w a s d").lines]
     at = shown.index("simmer-tui examples samples")
     assert shown[at + 1] == "python samples/wander.py"
+
+
+def test_the_bias_of_every_drive_has_room_on_the_smallest_screen() -> None:
+    bias = {kind: Axes(0.01 * n, -0.3, 0.7) for n, kind in enumerate(DriveKind)}
+    shown = [text_of(line) for line in bias_answer(bias).shown(Room(78, plain=False, rows=3))]
+    assert len(shown) == 3
+    assert max(map(len, shown)) <= 78
+    for number, kind in enumerate(bias):
+        assert f"{kind.value} {0.01 * number:+.4f}" in shown[0]
 
 
 def test_a_program_s_last_lines_are_whole_in_a_narrow_room_and_an_empty_output_is_left_out() -> None:

@@ -531,6 +531,7 @@ def test_the_last_event_in_one_line(run: Run) -> None:
 @pytest.mark.parametrize(
     ("event", "source", "text"),
     [
+        (Notice(NoticeKind.ROBOT, "robot: COM3 is open"), "robot", "00:00.0  robot   COM3 is open"),
         (Notice(NoticeKind.FAULT, "it broke"), "robot", "00:00.0  robot   it broke"),
         (Notice(NoticeKind.PROGRAM, "printed\x1b[2J"), "program", "00:00.0  program printed\\x1b[2J"),
         (
