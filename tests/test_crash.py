@@ -5,13 +5,15 @@ from __future__ import annotations
 import pytest
 
 from simmer_tui.program import ProgramOutput
-from simmer_tui.program.crash import Crash, crash_of
+from simmer_tui.program.crash import Crash, crash_of, own_frames
 
 TRACEBACK = "Traceback (most recent call last):\n"
 OWN = '  File "/home/a/robot.py", line 12, in step\n    return seen["u9"]\n'
 LIBRARY = (
     '  File "/usr/lib/python3.11/json/decoder.py", line 355, in raw_decode\n    raise JSONDecodeError()\n'
 )
+# `simmer-tui examples` writes the client library beside the program.
+COPY = '  File "/home/a/client.py", line 922, in _finite\n    raise InvalidInputError(text)\n'
 CAUSED = "\nThe above exception was the direct cause of the following exception:\n\n"
 NODE = (
     "/x/robot.js:1\nnull.x()\n     ^\n\nTypeError: no 'x'\n    at go (/x/robot.js:7:21)\n\nNode.js v20.1.0\n"
@@ -30,6 +32,8 @@ SANITIZER = (
 CASES = [
     (1, TRACEBACK + OWN + "KeyError: 'u9'\n", "KeyError: 'u9'", "robot.py:12"),
     (1, TRACEBACK + OWN + LIBRARY + "json.X: bad\n", "json.X: bad", "robot.py:12"),
+    (1, TRACEBACK + OWN + COPY + "client.RobotError: bad\n", "client.RobotError: bad", "robot.py:12"),
+    (1, TRACEBACK + OWN + COPY + "KeyError: 'u9'\n", "KeyError: 'u9'", "client.py:922"),
     (1, f"{TRACEBACK}{LIBRARY}A: b\n{CAUSED}{TRACEBACK}{OWN}ValueError: c\n", "ValueError: c", "robot.py:12"),
     (1, TRACEBACK + OWN + "AssertionError\n", "AssertionError", "robot.py:12"),
     (
@@ -64,6 +68,13 @@ def test_error_and_line_of_a_crash(code: int, stderr: str, error: str, place: st
     assert found is not None
     assert (found.error.endswith(error), found.place) == (True, place), found
     assert found.error.startswith("could not start") == (code in (2, 127))
+
+
+def test_the_calls_of_an_error_leave_out_a_copy_of_our_client() -> None:
+    printed = f"{TRACEBACK}{OWN}{COPY}client.RobotError: bad".splitlines()
+    assert [frame.place for frame in own_frames(printed)] == ["robot.py:12"]
+    printed[-1] = "KeyError: 1"
+    assert [frame.place for frame in own_frames(printed)] == ["client.py:922", "robot.py:12"]
 
 
 def test_who_gives_up_has_not_crashed() -> None:

@@ -38,6 +38,10 @@ _FOREIGN = re.compile(
     r"site-packages|dist-packages|<frozen |[/\\]lib[/\\]python3|\\Lib\\|[/\\]simmer_tui[/\\]|node_modules"
     r"|^node:|[/\\]rustc[/\\]"
 )
+# `simmer-tui examples` writes our client library beside a program, as client.py. A team may have a file of
+# that name too; errors of ours are in the name of the exception.
+_COPY = re.compile(r"(?:^|[/\\])client\.py$")
+_COPY_RAISED = "client."
 NOT_FOUND, _NOT_RUN = 127, 126
 """Exit codes of shells for a command that is not found, and for one that cannot be run."""
 
@@ -117,9 +121,14 @@ def _first_said(lines: Iterable[str]) -> str:
     return next((line.strip() for line in lines if line.strip()), "")
 
 
-def _last_own(frames: Sequence[_Frame]) -> str:
+def _is_own(file: str, error: str) -> bool:
+    """True if a file in the traceback of an error is the program's own."""
+    return not (_FOREIGN.search(file) or (error.startswith(_COPY_RAISED) and _COPY.search(file)))
+
+
+def _last_own(frames: Sequence[_Frame], error: str = "") -> str:
     """The last of the frames, file and line, in the program's own code."""
-    own = [each for each in frames if not _FOREIGN.search(each[0])] or frames
+    own = [each for each in frames if _is_own(each[0], error)] or frames
     return f"{_name(own[-1][0])}:{own[-1][1]}" if own else ""
 
 
@@ -157,7 +166,7 @@ def _exception(lines: Sequence[str], *, nested: bool = False) -> Crash | None:
         elif nested and line.startswith(" ") and not _RAISED.match(shown):
             continue
         elif shown and not shown.startswith((" ", "\t")):
-            return Crash(shown, _last_own(frames))
+            return Crash(shown, _last_own(frames, shown))
     # Only the head has come: the output was cut.
     return Crash("Traceback", _last_own(frames)) if frames else None
 
@@ -196,10 +205,11 @@ def own_frames(stderr: Sequence[str]) -> tuple[OwnFrame, ...]:
     """Calls in the program's own code that led to its last Python exception, the innermost first."""
     begins = _places(_TRACEBACK, stderr)
     lines = stderr[begins[-1] :] if begins else ()
+    error = next((line for line in lines[1:] if line[:1].strip()), "")
     found = []
     for line, after in pairwise((*lines, "")):
         call = _CALL.match(line)
-        if call is not None and not _FOREIGN.search(call[1]):
+        if call is not None and _is_own(call[1], error):
             is_code = after.startswith("    ") and not (_CALL.match(after) or _MARKERS.match(after))
             place = f"{_name(call[1])}:{call[2]}"
             found.append(OwnFrame(place, call[3], after.strip() if is_code else ""))
