@@ -10,6 +10,7 @@ from collections.abc import Callable, Collection, Generator, Iterable, Mapping, 
 from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
 from enum import IntEnum
+from itertools import takewhile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn, TextIO, TypeVar
 
@@ -230,6 +231,15 @@ def _path(text: str) -> Path:
     return Path(text)
 
 
+def _program_in_quotes(words: Sequence[str], unknown: Sequence[str]) -> str:
+    """A hint for a program without quotes (`--run python my_robot.py`), if that is the mistake."""
+    first, *more = words[words.index("--run") + 1 :] if "--run" in words else [""]
+    # An option of ours is not part of the program.
+    own = list(takewhile(lambda pair: pair[0] == pair[1], zip(more, unknown, strict=False)))
+    program = " ".join([first, *(word for word, _ in own)])
+    return f'; the command after --run needs quotes: --run "{escape(program)}"' if own else ""
+
+
 class OneLineParser(argparse.ArgumentParser):
     """A parser whose errors are one line on stderr and exit code 2.
 
@@ -281,12 +291,14 @@ class OneLineParser(argparse.ArgumentParser):
         formatter.end_section()
 
     def parse_args(self, args: Iterable[str] | None = None, namespace: Any = None) -> Any:
-        parsed, unknown = self.parse_known_args(args, namespace)
+        words = sys.argv[1:] if args is None else list(args)
+        parsed, unknown = self.parse_known_args(words, namespace)
         if unknown:
             given = unknown[0].partition("=")[0]
             is_option = given.startswith("-")
             options = [name for action in self._actions for name in action.option_strings]
             hint = did_you_mean(given, options if is_option else self._words)
+            hint = _program_in_quotes(words, unknown) or hint
             kind = "option" if is_option else "command" if self._words else "argument"
             self.error(f'unknown {kind} "{escape(unknown[0])}"{hint}')
         return parsed

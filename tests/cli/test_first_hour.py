@@ -386,5 +386,18 @@ def test_a_misspelt_command_is_told_of_with_the_one_that_was_meant(capsys: Captu
         main(["chekc", "config"])
     assert 'unknown command "chekc"; did you mean "check"?' in capsys.readouterr().err
     with pytest.raises(SystemExit, match="2"):
+        main(["good.py"])
+    assert "--run" not in capsys.readouterr().err
+    with pytest.raises(SystemExit, match="2"):
         main(["help", "nosuch"])
     assert capsys.readouterr().err.endswith("(see simmer-tui --help)\n")
+
+
+@pytest.mark.parametrize("command", [[], ["trials"]])
+@pytest.mark.parametrize("program", ["python my_robot.py", "python -u my_robot.py --fast"])
+def test_a_program_without_quotes_is_told_of_with_them(
+    capsys: Capture, command: list[str], program: str
+) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        main([*command, "--run", *program.split(), "--seed", "3"])
+    assert f"""the command after --run needs quotes: --run "{program}" (see""" in capsys.readouterr().err
