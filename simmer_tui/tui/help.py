@@ -130,13 +130,14 @@ class HelpScreen(ModalScreen[None]):
         self.text, self._title, self._note = text, title, note
 
     def compose(self) -> ComposeResult:
-        with VerticalScroll(id=self.FRAME):
+        with VerticalScroll(id=self.FRAME) as frame:
+            frame.border_title, frame.border_subtitle = self._title, self._note
             yield Static(id=f"{self.FRAME}-text")
 
     def on_mount(self) -> None:
-        frame = self.query_one(f"#{self.FRAME}")
-        frame.border_title, frame.border_subtitle = self._title, self._note
-        frame.focus()
+        # None, if the app has begun to end since the page was opened.
+        for frame in self.query(f"#{self.FRAME}"):
+            frame.focus()
 
     def on_resize(self, event: Resize) -> None:
         self._show(event.size.width)

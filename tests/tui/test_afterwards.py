@@ -262,3 +262,12 @@ def test_a_failure_has_its_cause_before_the_numbers_and_fits_its_place(fly: Fly)
         assert "Failed after" in cockpit["answer"]
 
     fly(scenario, mission=True)
+
+
+@pytest.mark.slow
+def test_a_page_may_open_as_the_app_ends(fly: Fly) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        cockpit.app.push_screen(ReportScreen("Succeeded.", "Why", "Esc closes"))
+        cockpit.app.exit(0)
+
+    assert fly(scenario) == 0
