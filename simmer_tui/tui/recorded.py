@@ -16,7 +16,7 @@ from simmer_tui.report.verdict import Verdict
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.runlog.index import EntryFlag, RunLogIndex
-from simmer_tui.runlog.log_records import ActionRecord, BrokenLine
+from simmer_tui.runlog.log_records import ActionRecord, BrokenLine, MissionRecord
 from simmer_tui.runlog.playback import LOOK_BACK, Playback
 from simmer_tui.runlog.reader import LogReader
 from simmer_tui.snapshot import EventFeed, Snapshot
@@ -255,12 +255,13 @@ class RecordedRun(EventHandler[None]):
             marks = index.flags_of(entry)
             if EntryFlag.CONTACT in marks:
                 found.append(TimelineMark(TimelineMarkKind.CONTACT, entry, index.over_of(entry)))
-            elif EntryFlag.MISSION in marks:
+                continue
+            line = index.record(entry)
+            # A mission's beginning and its end are no goals.
+            if isinstance(line, MissionRecord) and line.goal is not None:
                 found.append(TimelineMark(TimelineMarkKind.GOAL, entry, index.time_of(entry)))
-            else:
-                line = index.record(entry)
-                if isinstance(line, ActionRecord) and line.action is ActionName.PAUSE:
-                    found.append(TimelineMark(TimelineMarkKind.PAUSE, entry, index.time_of(entry)))
+            elif isinstance(line, ActionRecord) and line.action is ActionName.PAUSE:
+                found.append(TimelineMark(TimelineMarkKind.PAUSE, entry, index.time_of(entry)))
         return found
 
     def mark_from(self, kind: TimelineMarkKind, step: int) -> int | None:

@@ -11,11 +11,20 @@ from textual.pilot import Pilot
 
 from simmer_tui.config import load_default
 from simmer_tui.engine import Engine
-from simmer_tui.events import Action, ActionName, Belief, OutputLine, ProgramEnded
+from simmer_tui.events import (
+    Action,
+    ActionName,
+    Belief,
+    Goal,
+    MissionEvent,
+    OutputLine,
+    ProgramEnded,
+    Result,
+)
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import checkpoint_of
 from simmer_tui.runlog.index import RunLogIndex
-from simmer_tui.runlog.log_records import BrokenLine
+from simmer_tui.runlog.log_records import BrokenLine, MissionRecord
 from simmer_tui.runlog.playback import Playback
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.sim import Pose, Simulator, parse_command
@@ -356,6 +365,18 @@ def test_marks_stand_above_the_bar_and_are_jumped_to(run: Run) -> None:
         assert recorded.elapsed == first.elapsed
         assert recorded.mark_from(TimelineMarkKind.CONTACT, -1) is None
         assert recorded.mark_from(TimelineMarkKind.GOAL, 1) is None
+
+
+def test_only_the_goals_of_a_mission_are_marked_as_goals(run: Run) -> None:
+    """Not its beginning, and not its failure."""
+    for subject in (Result.UNDER_WAY, Goal.REACHED, Result.FAILED):
+        run.engine.tell(MissionEvent(run.engine.simulator.time, subject, f"mission: {subject}", "late"))
+    with RunLogIndex(run.path) as log:
+        recorded = RecordedRun(log)
+        (goal,) = (mark for mark in recorded.marks if mark.kind is TimelineMarkKind.GOAL)
+        line = log.record(goal.entry)
+        assert isinstance(line, MissionRecord)
+        assert line.goal is Goal.REACHED
 
 
 @pytest.mark.parametrize(("text", "seconds"), [("95", 95), ("1:35", 95), (" 0.5 ", 0.5), ("0:00.25", 0.25)])
