@@ -161,11 +161,9 @@ class TakeOver:
         engine.tell(Notice(NoticeKind.TAKEN_OVER, text, prefix.origin.log))
 
     def _settle(self, server: Server, reducer: Reducer) -> None:
-        """End the logged client's connection and a pause: no client is connected yet."""
+        """Take over the time scale, and end a pause."""
         state, engine = reducer.at(), server.engine
         engine.time_scale = state.time_scale
-        if state.client:
-            engine.tell(Notice(NoticeKind.LEFT, f"client {state.client} was there then", state.client))
         if state.paused:
             engine.perform(Action(ActionName.RESUME, (), BY))
 

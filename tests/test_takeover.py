@@ -122,6 +122,16 @@ def test_what_follows_is_what_followed(tmp_path: Path) -> None:
             assert run_rerun([str(log)]) == 0
 
 
+def test_the_screen_of_a_run_that_was_taken_over_shows_no_end(tmp_path: Path) -> None:
+    path = tmp_path / "run.jsonl"
+    mission_log(path)
+    with RunLogIndex(path) as index, taken_over(path, after(index, 8)) as server:
+        server.keep_verdict(has_program=False)
+        snapshot = server.recorder.snapshot()
+        assert snapshot.state.client == ""
+        assert not [e.event for e in snapshot.entries if getattr(e.event, "kind", None) is NoticeKind.LEFT]
+
+
 @pytest.mark.slow
 def test_a_movement_under_way_ends_where_it_was_seen(tmp_path: Path, capsys: Any) -> None:
     path, log = tmp_path / "run.jsonl", tmp_path / "new.jsonl"

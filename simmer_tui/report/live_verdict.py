@@ -75,7 +75,8 @@ class LiveVerdict(EventHandler[None]):
             self._forget()
 
     def on_notice(self, event: Notice) -> None:
-        if event.kind is NoticeKind.CONNECTED:
+        goes_on = event.kind is NoticeKind.TAKEN_OVER and not self.reducer.mission.over
+        if goes_on or event.kind is NoticeKind.CONNECTED:
             self._forget()
         self._wanted = event.kind is NoticeKind.LEFT and not self._has_program
 

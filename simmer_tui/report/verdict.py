@@ -196,7 +196,7 @@ class _Judge:
         ended = [row for row in history.programs.items if row.order > history.began]
         if not ended:
             return None
-        come = (row for row in history.notices.items if row.notice.kind is NoticeKind.CONNECTED)
+        come = (row for row in history.notices.items if row.notice.kind in _GOES_ON)
         return None if any(row.order > ended[-1].order for row in come) else ended[-1]
 
     def _last_departure(self) -> NoticeRow | None:
@@ -307,7 +307,9 @@ class _Judge:
 
 
 _OF_THE_PROGRAM = (Kind.CRASHED, Kind.NOTHING_SENT)
-_CONNECTIONS = (NoticeKind.CONNECTED, NoticeKind.LEFT)
+# A run that was taken over goes on, whatever had ended in the logged one.
+_GOES_ON = (NoticeKind.CONNECTED, NoticeKind.TAKEN_OVER)
+_CONNECTIONS = (*_GOES_ON, NoticeKind.LEFT)
 
 
 def _within(sentence: str) -> str:

@@ -361,8 +361,11 @@ class Reducer:
     def _take_notice(self, notice: Notice) -> None:
         if notice.kind is NoticeKind.CONNECTED:
             self._now = replace(self._now, client=notice.subject)
-        # Other programs may connect and be refused meanwhile; only the program that drives counts.
-        elif notice.kind is NoticeKind.LEFT and notice.subject == self._now.client:
+        # Other programs may connect and be refused meanwhile; only the program that drives counts. The
+        # client of a log that was taken over is not there.
+        elif notice.kind is NoticeKind.TAKEN_OVER or (
+            notice.kind is NoticeKind.LEFT and notice.subject == self._now.client
+        ):
             self._now = replace(self._now, client="")
         if self.history is not None:
             self.history.add_notice(notice)

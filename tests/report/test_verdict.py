@@ -98,6 +98,24 @@ def test_a_crash_is_the_cause_and_its_place_is_what_to_fix(mission_run: Any) -> 
     assert found.program == CRASH
 
 
+LEFT = Notice(NoticeKind.LEFT, "client a disconnected", "a")
+
+
+@pytest.mark.parametrize("ends", [(), (LEFT,), (CRASH,), (LEFT, CRASH)])
+def test_a_run_that_was_taken_over_has_not_ended(
+    start_run: Callable[..., Any], ends: tuple[Any, ...]
+) -> None:
+    """Whoever drove the logged run before that moment is not there now."""
+    run = start_run()
+    for event in (Notice(NoticeKind.CONNECTED, "client a connected", "a"), *ends):
+        run.engine.tell(event)
+    run.engine.tell(Notice(NoticeKind.TAKEN_OVER, "taken over", "old.jsonl"))
+    run.send("d1-3")
+    assert verdict(run).outcome is Outcome.STILL_GOING
+    run.engine.tell(ProgramEnded(9.0, 0))
+    assert verdict(run).outcome is Outcome.ENDED
+
+
 def test_a_run_without_a_mission_has_its_end_and_its_worst(start_run: Callable[..., Any]) -> None:
     run = start_run()
     run.engine.tell(Notice(NoticeKind.CONNECTED, "client a connected", "a"))
