@@ -136,6 +136,14 @@ def _file(order: OrderSpec, words: Sequence[str]) -> ConsoleCommand:
     return Local(order.name, " ".join(words))
 
 
+def _svg(order: OrderSpec, words: Sequence[str]) -> ConsoleCommand:
+    chosen = _file(order, words)
+    # An SVG that is called `maze.png` opens nowhere.
+    if not words[-1].lower().endswith(".svg"):
+        raise ConsoleCommandError("writes SVG: the name must end in .svg")
+    return chosen
+
+
 _ORDERS = (
     OrderSpec(":help [CODE]", "keys, orders and codes; or all about one code", _code),
     OrderSpec(":reset", "everything back to the start, same seed", _alone, ActionName.RESET),
@@ -155,7 +163,7 @@ _ORDERS = (
     OrderSpec(":plot_sense [on|off]", "draw what the sensors see", _switch),
     OrderSpec(":trail [on|off]", "draw the last movements", _switch),
     OrderSpec(":truth [on|off]", "true values beside readings", _switch),
-    OrderSpec(":shot FILE.svg", "a picture of the screen", _file),
+    OrderSpec(":shot FILE.svg", "a picture of the screen", _svg),
     OrderSpec(":save FILE", "write the log panel to a file", _file),
     OrderSpec(":copy", "copy the log panel to the clipboard", _alone),
     OrderSpec(":log FILE", "log the run from here on (or auto)", _file),
