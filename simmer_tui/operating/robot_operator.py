@@ -37,6 +37,9 @@ class Operator:
         self._screen = server.configuration.settings.screen
         self._session = server.open_session()
         self._block_told = False
+        self._block_at = self._spec.block_center
+        self._block_since = -1
+        """Number of the movement, if any, that was the last when the block came to its place."""
 
     def send(self, command: Command, refused: Callable[[str], None] | None = None) -> None:
         """Send a command, as a program would. If the robot refuses it, `refused` is called with the reason,
@@ -62,7 +65,11 @@ class Operator:
 
     def note_block(self, state: State) -> None:
         """Report once that the robot drives through a block that is not solid."""
-        if not self._block_told and drives_through_block(state, self._spec):
+        if self._block_at != (place := (state.block.x, state.block.y)):
+            self._block_at, self._block_since = place, state.moved
+        # A movement before the block was put there did not lead through it.
+        is_new = state.moved != self._block_since
+        if is_new and not self._block_told and drives_through_block(state, self._spec):
             self._block_told = True
             self.hint("drives through the block: motion.block_solid is false")
 

@@ -394,6 +394,35 @@ def test_driving_through_a_block_that_is_not_solid_is_said_once(fly: Fly) -> Non
 
 
 @pytest.mark.slow
+def test_a_block_put_on_the_path_behind_the_robot_was_not_driven_through(fly: Fly) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        await cockpit.type("d1-10")
+        await cockpit.until(lambda: "d1-10" in cockpit["log"])
+        await cockpit.type(":block 13 42")
+        await cockpit.until(lambda: "block at (13, 42)" in cockpit["log"])
+        frames = cockpit.app.frames
+        await cockpit.type("u1")
+        await cockpit.until(lambda: "u1" in cockpit["log"] and cockpit.app.frames > frames + 1)
+        assert "drives through the block" not in cockpit["log"]
+        await cockpit.type("a1-6")
+        await cockpit.until(lambda: "drives through the block" in cockpit["log"])
+
+    fly(scenario, randerror=False, randbias=False)
+
+
+@pytest.mark.slow
+def test_a_maze_that_is_not_drawn_has_no_legend(fly: Fly) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        await cockpit.until(lambda: "robot" in cockpit.maze.legend(80).text)
+        await cockpit.type(":plot_robot off")
+        await cockpit.until(lambda: not cockpit.maze.legend(80).text)
+        await cockpit.type(":plot_robot on")
+        await cockpit.until(lambda: "robot" in cockpit.maze.legend(80).text)
+
+    fly(scenario)
+
+
+@pytest.mark.slow
 def test_views_are_switched_by_orders_at_run_time(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         await cockpit.type(":plot_sense off")

@@ -110,7 +110,9 @@ class MazeView(CellsWidget, can_focus=True, inherit_bindings=False):
             self._draw()
 
     def legend(self, width: int) -> Strip:
-        """One line that explains the signs of the picture."""
+        """One line that explains the signs of the picture; empty without a picture."""
+        if self._instead:
+            return Strip([])
         return _legend_strip(legend_cells(self.scene, self.painter, width), self._style)
 
     # -- what people do --------------------------------------------------------------------------
