@@ -31,7 +31,7 @@ from simmer_tui.report.page import report_page
 from simmer_tui.report.run_statistics import CommandTable, RunStatistics
 from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.runlog.rerun import Rerun
-from simmer_tui.sim.command import counted, escape, escape_passage, escape_word, printable, shown_path
+from simmer_tui.sim.command import counted, escape, escape_word, printable, shown_path
 from simmer_tui.sim.rules import IntegerRule, NumberRule
 from simmer_tui.version import __version__
 from simmer_tui.whole_file import whole_file, write_whole
@@ -151,7 +151,7 @@ def run_export(options: argparse.Namespace) -> int:
     _check_outputs(path, (options.gif, options.svg))
     run = build_report(path)
     if options.svg is not None:
-        _write_text(options.svg, maze_picture(run, escape_passage(path.name), options.width))
+        _write_text(options.svg, maze_picture(run, shown_path(path.name), options.width))
         sys.stdout.write(_wrote(options.svg))
     if options.gif is not None:
         taken = shots(run, options.begin, options.until, options.playback_rate)

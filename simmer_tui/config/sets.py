@@ -11,7 +11,7 @@ from simmer_tui.config.device_file import DEVICE_FOLDER as DEVICES
 from simmer_tui.config.device_file import read_devices
 from simmer_tui.config.given_path import drive_hint, given_path
 from simmer_tui.errors import ConfigurationError, Problem, reason_of
-from simmer_tui.sim.command import escape_passage, shown_path
+from simmer_tui.sim.command import shown_path
 from simmer_tui.sim.rules import did_you_mean
 from simmer_tui.whole_file import write_whole
 
@@ -74,7 +74,7 @@ def find_set(name_or_path: str | None) -> Path:
     if name_or_path is None:
         local = Path(LOCAL_FOLDER)
         return local if _has_set(local) else bundled_folder()
-    shown = escape_passage(name_or_path)
+    shown = shown_path(name_or_path)
     if not name_or_path.strip():
         raise ConfigurationError([Problem("the configuration set", "its name is blank; name a folder")])
     try:

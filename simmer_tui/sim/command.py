@@ -48,6 +48,10 @@ def escape(text: str, limit: int = _LINE) -> str:
         shown = text
     else:
         shown = "".join(c if c.isascii() and c.isprintable() else _escaped(c) for c in text)
+    return _cut(shown, limit)
+
+
+def _cut(shown: str, limit: int) -> str:
     return shown if len(shown) <= limit else shown[: limit - 3] + "..."
 
 
@@ -70,8 +74,8 @@ def escape_passage(text: str) -> str:
 
 
 def shown_path(path: object) -> str:
-    """A path made safe to show."""
-    return escape_passage(str(path))
+    """A path made safe to show. Letters of all scripts stay: people type commands with the path."""
+    return _cut(printable(str(path)), _PASSAGE)
 
 
 def printable(text: str) -> str:
@@ -79,7 +83,7 @@ def printable(text: str) -> str:
     Other scripts stay."""
     if text.isprintable():
         return text
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+    return "".join(c if c.isprintable() else _escaped(c) for c in text)
 
 
 def typed_path(path: object) -> str:

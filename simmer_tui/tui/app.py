@@ -22,7 +22,7 @@ from simmer_tui.operating.robot_operator import Operator
 from simmer_tui.playback_throttle import checked_pace
 from simmer_tui.report.why import why
 from simmer_tui.server import Server
-from simmer_tui.sim.command import Command, escape, printable
+from simmer_tui.sim.command import Command, escape, printable, shown_path
 from simmer_tui.sim.specs import DriveKind
 from simmer_tui.snapshot import Snapshot
 from simmer_tui.tui import answers
@@ -310,7 +310,7 @@ class SimmerApp(Shell):
         try:
             write_whole(file, text)
         except (OSError, ValueError) as error:  # ValueError: a name with a zero byte
-            self._console.show_error(f"{escape(name)}: {escape(reason_of(error))}")
+            self._console.show_error(f"{shown_path(name)}: {escape(reason_of(error))}")
         else:
             self._operator.hint(f"{what} written to {printable(str(file))}")
 
