@@ -36,6 +36,7 @@ CASES = [
     (1, TRACEBACK + OWN + COPY + "KeyError: 'u9'\n", "KeyError: 'u9'", "client.py:922"),
     (1, f"{TRACEBACK}{LIBRARY}A: b\n{CAUSED}{TRACEBACK}{OWN}ValueError: c\n", "ValueError: c", "robot.py:12"),
     (1, TRACEBACK + OWN + "AssertionError\n", "AssertionError", "robot.py:12"),
+    (1, f" 40%|####  | {TRACEBACK}{OWN}KeyError: 1\n", "KeyError: 1", "robot.py:12"),  # of a progress bar
     (
         1,
         '  File "/x/robot.py", line 3\n    x =\n       ^\nSyntaxError: bad\n',

@@ -134,7 +134,9 @@ def _last_own(frames: Sequence[_Frame], error: str = "") -> str:
 
 # -- Python ------------------------------------------------------------------------------------------
 
-_TRACEBACK = re.compile(r"^[\s|+]*(?:Exception Group )?Traceback \(most recent call last\):")
+_TRACEBACK = re.compile(r".*Traceback \(most recent call last\):")
+"""The head of a traceback. Text before it had no line end, such as that of a progress bar."""
+_NESTED = re.compile(r"[\s|+]+(?:Exception Group )?Traceback ")
 _THREAD = re.compile(r"^Exception in thread \S+")
 _FRAME = re.compile(r'^[\s|+]*File "(.*)", line (\d+)(?:,| in |$)')
 _SYNTAX = re.compile(r"^(?:SyntaxError|IndentationError|TabError): ")
@@ -152,7 +154,7 @@ def _python(lines: Sequence[str]) -> Crash | None:
     # A mistake in the program's own file has no traceback.
     if not begins:
         return _python_without_traceback(lines)
-    nested = lines[begins[-1]].startswith((" ", "|", "+"))
+    nested = _NESTED.match(lines[begins[-1]]) is not None
     return _exception(lines[begins[-1] + 1 :], nested=nested)
 
 
