@@ -27,7 +27,7 @@ _ASIDE = 30.0
 """Degrees beside a contact from which the text names a sensor's direction."""
 # Half of the last digit shown, a tenth.
 _SHOWN_ERROR = 0.05
-NOTHING_MOVED = "No movement has ended yet."
+NOTHING_MOVED = "No movement has ended yet, and nothing was touched."
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,8 +40,9 @@ class WhyFact:
 
 
 def why(state: State, spec: SimulationSpec) -> tuple[WhyFact, ...]:
-    """Facts about the end of the last movement: its command, its distance, its errors, and who or what
-    stopped it. A contact has the reading of the sensor that looks there. Empty before the first."""
+    """Facts about the end of the last movement, or about a later contact at a velocity: its command, its
+    distance, its errors, and who or what stopped it. A contact has the reading of the sensor that looks
+    there. Empty before the first."""
     ended = state.ended
     if ended is None:
         return ()

@@ -269,6 +269,9 @@ class Reducer:
         self.time = max(self.time, leg.end_time)
         self._driving += leg.duration
         self._arrive(*leg.arrival(leg.end_time), leg.contact, held=leg.pressed)
+        # A velocity that meets nothing goes over into the next one: only a contact ends a movement.
+        if leg.contact is not None:
+            self._ended = ended.as_movement()
         # A robot that drives reads as it goes, and a leg may be shorter than the time between two readings.
         since = leg.end_time - SEEN_LATELY
         lately = {code: read for code, read in self._read.items() if read.time >= since}

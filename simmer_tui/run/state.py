@@ -125,8 +125,8 @@ class State(Checkpoint, frozen=True, kw_only=True, eq=False):
     `contact` is the first contact of the latest movement, as soon as it has come; `touching` is true while
     the robot stands there. `legs` are the paths of the latest movements, each (n, 2) inches, oldest first.
     `moved` is the running number of the last event that moved the robot. `twins` holds, by sensor code, the
-    last readings of the real robot and its twin. `ended` is the end of the latest movement that is over,
-    `movement` the plan of one under way.
+    last readings of the real robot and its twin. `ended` is the end of the latest movement that is over; at a
+    velocity, of the latest leg with a contact. `movement` is the plan of one under way.
     """
 
     number: int

@@ -54,7 +54,9 @@ def clock_text(seconds: float) -> str:
 
 def reply_text(result: CommandResult, ended: MovementEnded | None = None) -> str:
     """A reply as people read it; `ended` is the movement that ended last, possibly this command's."""
-    if ended is not None and ended.number == result.number and ended.grip is None:
+    # A velocity goes on at a wall, pressed against it.
+    is_movement = result.velocity is None
+    if is_movement and ended is not None and ended.number == result.number and ended.grip is None:
         contact = ended.contact
         if contact is not None and contact.ended and not ended.stopped_by:
             return f"stopped after {went_text(ended)} by a contact"

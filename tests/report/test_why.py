@@ -17,6 +17,7 @@ from simmer_tui.report.why import why
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import checkpoint_of
 from simmer_tui.sim import SimulationSpec, Simulator, parse_command
+from simmer_tui.tui.event_text import reply_text
 
 
 class Run:
@@ -56,6 +57,22 @@ def test_a_movement_that_nothing_stopped(run: Run) -> None:
     assert said.startswith("asked 2.0 in forward; went forward 1.7 in; errors bias -")
     assert said.endswith("; ended as asked; nothing in its way")
     assert run.give("r1--20").startswith("asked turn by -20.0 deg; went turned -")
+
+
+def test_a_velocity_that_met_a_wall_is_a_movement_to_explain(run: Run) -> None:
+    run.give("d1-2", "r1-90")
+    said = run.give("vv-6;0;0", "wt-2", "vv-0;0;0")
+    assert said.startswith("went ")
+    assert "(X); hit the maze's outer wall at " in said
+    ended = run.reducer.at().ended
+    assert ended is not None
+    assert ended.command.text == "vv-6;0;0"
+    last = run.reducer.at().last
+    assert last is not None
+    assert reply_text(last, ended) == "standing"
+    run.give("vv--6;0;0", "wt-0.5", "vv-0;0;0")
+    assert run.why == said, "a velocity that meets nothing has no end of its own"
+    assert run.give("d1--1").startswith("asked 1.0 in back")
 
 
 @pytest.mark.parametrize("command", ["d1-20", "d1--20", "w1-5", "r1-40", "r1--40"])
