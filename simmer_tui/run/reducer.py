@@ -116,7 +116,7 @@ class Reducer:
         self._sensors: dict[str, _LastReading] = {}
         self._read: dict[str, CommandResult] = {}
         self._twins: dict[str, TwinReading] = {}
-        self._moved = 0
+        self._moved, self._moved_by = 0, ""
         self._last: CommandResult | None = None
         self._ended: MovementEnded | None = None
         self._belief: Belief | None = None
@@ -183,7 +183,7 @@ class Reducer:
         self.time = max(self.time, planned.time)
         self._commands = max(self._commands, planned.number)
         if begins:
-            self._moved = self.number
+            self._moved, self._moved_by = self.number, planned.command.source
             self._begin_leg(planned.trajectory)
         elif self._legs:
             self._legs[-1] = planned.trajectory
@@ -206,7 +206,7 @@ class Reducer:
         elif self._legs:
             self._legs[-1] = trajectory
         self._movement = None
-        self._moved = self.number
+        self._moved, self._moved_by = self.number, ended.command.source
         self.time = max(self.time, ended.time)
         went, motion = trajectory.travel(ended.time)
         self._arrive(ended.pose, went, ended.contact, held=False)
@@ -251,7 +251,7 @@ class Reducer:
             self._legs.append(_Track(leg))
         else:
             last.extend(leg)
-        self._moved = self.number
+        self._moved, self._moved_by = self.number, begun.command.source
         self.time = max(self.time, leg.start_time)
         self._commands = max(self._commands, begun.number)
         if self.history is not None:
@@ -265,7 +265,7 @@ class Reducer:
             last = _Track(leg)
             self._legs.append(last)
         last.end(leg)
-        self._moved = self.number
+        self._moved, self._moved_by = self.number, ended.command.source
         self.time = max(self.time, leg.end_time)
         self._driving += leg.duration
         self._arrive(*leg.arrival(leg.end_time), leg.contact, held=leg.pressed)
@@ -343,7 +343,7 @@ class Reducer:
         self._sensors.clear()
         self._read = {}
         self._belief = None
-        self._moved = self.number
+        self._moved, self._moved_by = self.number, ""
 
     def _restart(self, seed: int) -> None:
         mission = None if self._now.mission is None else MissionProgress()
@@ -451,6 +451,7 @@ class Reducer:
             velocity=None if self.velocity is None else self.velocity.twist,
             legs=tuple(_leg(each, now) for each in self._legs),
             moved=self._moved,
+            moved_by=self._moved_by,
             sensors={
                 code: SensorRow(
                     reading,

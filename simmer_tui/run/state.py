@@ -137,6 +137,8 @@ class State(Checkpoint, frozen=True, kw_only=True, eq=False):
     """The velocity in force; None while there is none."""
     legs: tuple[FloatArray, ...]
     moved: int
+    moved_by: str
+    """Source of the command that moved it then; empty if the robot was put elsewhere."""
     sensors: Mapping[str, SensorRow]
     twins: Mapping[str, TwinReading]
     last: CommandResult | None

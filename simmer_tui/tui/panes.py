@@ -127,8 +127,7 @@ class AnswerSlot:
         """The answer to show now; `newest` are the events, the newest first."""
         state = snapshot.state
         if self._asked is not None and state.moved != self._moved:
-            begun = state.movement or state.ended
-            if self._stays and begun is not None and begun.command.source not in PEOPLE:
+            if self._stays and state.moved_by and state.moved_by not in PEOPLE:
                 self._moved = state.moved
             else:
                 self._asked = None

@@ -42,15 +42,19 @@ def test_why_says_what_stopped_the_robot(fly: Fly) -> None:
 
 
 @pytest.mark.slow
-def test_an_answer_stays_while_a_program_drives_on_and_goes_when_a_person_does(fly: Fly) -> None:
+@pytest.mark.parametrize("drives", [("d1-3",), ("vv-3;0;0", "wt-1", "vv-0;0;0")])
+def test_an_answer_stays_while_a_program_drives_on_and_goes_when_a_person_does(
+    fly: Fly, drives: tuple[str, ...]
+) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         robot = cockpit.client()
-        await asyncio.to_thread(robot.send, "d1-2")
+        await cockpit.type("d1-2")
         await cockpit.until(lambda: "d1-2" in cockpit["log"])
         await cockpit.type(":why")
         await cockpit.until(lambda: "why d1-2" in cockpit["answer"])
-        await asyncio.to_thread(robot.send, "d1-3")
-        await cockpit.until(lambda: "d1-3" in cockpit["log"])
+        for command in drives:
+            await asyncio.to_thread(robot.send, command)
+        await cockpit.until(lambda: drives[-1] in cockpit["log"])
         assert "why d1-2" in cockpit["answer"]
         await cockpit.type("d1--1")
         await cockpit.until(lambda: "why d1-2" not in cockpit["answer"])
