@@ -23,7 +23,7 @@ from simmer_tui.tui.answers import note
 from simmer_tui.tui.event_text import clock_text
 from simmer_tui.tui.help import HelpScreen, replay_help
 from simmer_tui.tui.key_table import IN_REPLAY, Hint, bindings_of, hints_of
-from simmer_tui.tui.line_panel import LinePanel, StyledLine
+from simmer_tui.tui.line_panel import LinePanel, StyledLine, shortened, text_of
 from simmer_tui.tui.maze.view import MazeView
 from simmer_tui.tui.recorded import RecordedRun, TimelineMarkKind
 from simmer_tui.tui.shell import Shell, put
@@ -80,7 +80,8 @@ def marks_line(run: RecordedRun, note: str, width: int, *, plain: bool) -> Style
     for mark in sorted(run.marks, key=lambda mark: kinds.index(mark.kind), reverse=True):
         fraction = mark.elapsed / run.duration if run.duration else 0.0
         columns[_column(fraction, room)] = mark.kind
-    pieces: list[tuple[str, str]] = [(f" {note}"[: len(head) - 1].ljust(len(head)), "warning")]
+    noted = text_of(shortened(((f" {note}", "warning"),), len(head) - 1))
+    pieces: list[tuple[str, str]] = [(noted.ljust(len(head)), "warning")]
     at = 0
     for column in sorted(columns):
         kind = columns[column]

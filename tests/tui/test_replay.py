@@ -359,6 +359,8 @@ def test_marks_stand_above_the_bar_and_are_jumped_to(run: Run) -> None:
         assert kinds == [TimelineMarkKind.CONTACT, TimelineMarkKind.CONTACT, TimelineMarkKind.PAUSE]
         assert set(marked(recorded, 100)) <= {"X", "|", " "}
         assert marked(recorded, 100).startswith("X")
+        note = "line 37, the last, is cut off and was skipped"
+        assert text_of(marks_line(recorded, note, 100, plain=True)).startswith(" line 37, the last, is cu… ")
         first = recorded.marks[0]
         assert recorded.mark_from(TimelineMarkKind.CONTACT, 1) == first.entry
         recorded.stand_at(first.entry)
