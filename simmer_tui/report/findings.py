@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from simmer_tui.document.formats import COUNT, PASSAGE, QUOTED, number
 from simmer_tui.document.model import DataColumn, DataTable
+from simmer_tui.events import ActionName
 from simmer_tui.phrases import WEDGED_TEXT, contact_ending, pose_text, times_text
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.run.episodes import Episode, EpisodeKind
@@ -62,10 +63,20 @@ def _sentences(run: RunStatistics) -> Iterator[str]:
     if totals.actions:
         listed = ", ".join(f"{name} {count}x" for name, count in totals.actions.most_common(8))
         yield f"Actions by a person: {listed}."
+    yield from _other_seed(run)
     if not totals.commands:
         yield "No command was logged."
     elif not totals.contacts and not refusals.given and run.cause is None:
         yield "No contact with a wall and no refused command."
+
+
+def _other_seed(run: RunStatistics) -> Iterator[str]:
+    """The seed since the last restart, if a person chose another than that of the log's header."""
+    done = (row for row in run.history.actions.items if row.done.action.name is ActionName.SEED)
+    changed = [row for row in done if not row.done.refused]
+    if changed and changed[-1].done.action.arguments[0] != run.header.seed:
+        seed = int(changed[-1].done.action.arguments[0])
+        yield f"From {changed[-1].elapsed:.1f} s on the seed was {seed}."
 
 
 def _end(run: RunStatistics) -> Iterator[str]:

@@ -19,9 +19,10 @@ from rich.console import Console
 from simmer_tui.cli.log_commands import build_report, run_report
 from simmer_tui.document.as_terminal import print_document
 from simmer_tui.document.svg import shade
-from simmer_tui.events import Belief, CommandResult, MissionEvent, Notice, NoticeKind, Result
+from simmer_tui.events import ActionName, Belief, CommandResult, MissionEvent, Notice, NoticeKind, Result
 from simmer_tui.report.content import report_document, report_tables, svg_picture
 from simmer_tui.report.figure import PICTURE_WIDTH
+from simmer_tui.report.findings import findings
 from simmer_tui.report.page import report_page
 from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.sessions import LinkDelay
@@ -63,6 +64,15 @@ def test_a_fault_that_ends_in_a_question_has_no_full_stop(
     run.engine.tell(Notice(NoticeKind.FAULT, "dialect: 'gett' is no message; did you mean \"get\"?"))
     assert run_report([str(run.path)]) == 0
     assert 'did you mean "get"?\n' in capsys.readouterr().out
+
+
+def test_another_seed_since_a_restart_is_named(start_run: Callable[..., Any]) -> None:
+    run = start_run()
+    run.send("d1-3")
+    for seed in (2**128 - 1, run.simulator.seed):
+        run.perform(ActionName.SEED, seed)
+        told = [line for line in findings(build_report(run.path)) if "seed was" in line]
+        assert told == [f"From 0.5 s on the seed was {2**128 - 1}."][: seed == 2**128 - 1]
 
 
 def test_the_mission_is_in_the_report(start_run: Callable[..., Any], capsys: Any) -> None:
