@@ -280,7 +280,7 @@ class DialectLink:
             self._programs.discard(endpoint)
         if endpoint is not self._driver:
             return
-        self._wire.flush(self._device.received)
+        self._wire.flush()
         self._driver = None
         if self._sent_by_itself > LOGGED_OF_STREAM:
             more = self._sent_by_itself - LOGGED_OF_STREAM

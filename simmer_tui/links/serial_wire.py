@@ -9,9 +9,11 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Protocol
 
 from simmer_tui.config.settings import BITS_OF_A_BYTE
+from simmer_tui.dialect.device import Timer
 from simmer_tui.dialect.frames import FrameKind, Framing
 from simmer_tui.engine import Engine
 from simmer_tui.links.peer import ReadBudget
@@ -79,7 +81,8 @@ class Wire:
         self._in_free = self._out_free = -math.inf
         self.byte = 0.0
         """Time of a byte, seconds."""
-        self._in_transit: deque[bytes] = deque()
+        self._in_transit: deque[Timer] = deque()
+        """The arrivals of messages to the robot, in order; the first ones may be over."""
         self.left_out = 0
         """Count of messages of streams that were left out."""
         self.set_baud(baud)
@@ -93,22 +96,23 @@ class Wire:
         now = self._engine.now()
         at = max(self._in_free, now)
         for part in _messages(data, self._framing):
+            while self._in_transit and not self._in_transit[0].pending:
+                self._in_transit.popleft()
             at += len(part) * self.byte
             if at <= now and not self._in_transit:
                 receive(part)
             else:
-                self._in_transit.append(part)
-                self._engine.call_at(at, lambda: self._arrive(receive))
+                arrival = Timer(partial(receive, part))
+                self._in_transit.append(arrival)
+                self._engine.call_at(at, arrival)
         self._in_free = at
 
-    def _arrive(self, receive: Callable[[bytes], None]) -> None:
-        if self._in_transit:
-            receive(self._in_transit.popleft())
-
-    def flush(self, receive: Callable[[bytes], None]) -> None:
-        """Deliver all bytes under way now: the program has closed the port."""
+    def flush(self) -> None:
+        """Deliver all bytes under way to the robot now: the program has closed the port. For the next one the
+        line is free."""
         while self._in_transit:
-            self._arrive(receive)
+            self._in_transit.popleft()()
+        self._in_free = self._out_free = -math.inf
 
     def delay(self, count: int, *, droppable: bool = False) -> float | None:
         """Time until the first of `count` bytes of the robot begins; they are sent. None if too many bytes
