@@ -7,8 +7,9 @@ All methods but the constructor run in the robot's event loop. The engine knows 
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import math
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -95,6 +96,8 @@ class Engine:
         self._scheduler = Scheduler(self._do)
         self._loop: asyncio.AbstractEventLoop | None = None
         self._origin = 0.0
+        self._stands = False
+        """True inside `moment`."""
         self._movement: _Movement | None = None
         self._end = LoopTimer(self._movement_over)
         self._held: list[Session] = []
@@ -179,13 +182,24 @@ class Engine:
     def now(self) -> float:
         """Bring the simulator to the present and return simulated time."""
         # While paused, or with instant motion, only commands move simulated time.
-        if self._passes and self._loop is not None:
+        if self._passes and self._loop is not None and not self._stands:
             present = (self._loop.time() - self._origin) * self.time_scale
             if not self.driving.catch_up(present):
                 # Computing takes longer than the simulated time itself: the simulation falls behind, commands
                 # are still answered.
                 self._origin = self._loop.time() - self.simulator.time / self.time_scale
         return self.simulator.time
+
+    @contextlib.contextmanager
+    def moment(self) -> Iterator[None]:
+        """The present, which lasts as long as the `with` block: a message, and the movement that it begins,
+        have the same time."""
+        self.now()
+        stood, self._stands = self._stands, True
+        try:
+            yield
+        finally:
+            self._stands = stood
 
     @property
     def present(self) -> float:

@@ -218,7 +218,7 @@ class DialectRobot(MonitoredRobot):
     def _send(self, message: DialectMessage, source: str) -> None:
         """Send a message of ours to the robot; the twin does the same."""
         self._twin.source, self._twin.refused = source, False
-        self._device.received(message.data)
+        self._note_sent(message.data)
         # A command that the twin refuses, such as a million inches, is not sent to the robot.
         if not self._twin.refused:
             self.link.write(message.data)
@@ -296,7 +296,7 @@ class DialectRobot(MonitoredRobot):
             if self._device.unfinished and self.switch.program is not None:
                 data = self.rules.framing.end + data
             self.link.write_instead(data)
-            self._device.received(data)
+            self._note_sent(data)
         self._drop("not done any more: the robot was stopped")
 
     def _stop_for(self, request: _Request) -> None:

@@ -132,7 +132,12 @@ class MonitoredRobot(RealRobot):
             return
         self._twin.source = "client"
         self.link.write(data)
-        self._device.received(data)
+        self._note_sent(data)
+
+    def _note_sent(self, data: bytes) -> None:
+        """Have the twin receive the bytes that the robot is sent."""
+        with self.engine.moment():
+            self._device.received(data)
 
     def left(self) -> None:
         """The program has closed the port. The robot is not stopped: what it does then is up to it."""

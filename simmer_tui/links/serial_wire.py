@@ -100,12 +100,16 @@ class Wire:
                 self._in_transit.popleft()
             at += len(part) * self.byte
             if at <= now and not self._in_transit:
-                receive(part)
+                self._arrive(receive, part)
             else:
-                arrival = Timer(partial(receive, part))
+                arrival = Timer(partial(self._arrive, receive, part))
                 self._in_transit.append(arrival)
                 self._engine.call_at(at, arrival)
         self._in_free = at
+
+    def _arrive(self, receive: Callable[[bytes], None], data: bytes) -> None:
+        with self._engine.moment():
+            receive(data)
 
     def flush(self) -> None:
         """Deliver all bytes under way to the robot now: the program has closed the port. For the next one the

@@ -25,6 +25,7 @@ from simmer_tui.events import (
     CommandResult,
     Event,
     MovementEnded,
+    MovementPlanned,
     Notice,
     TwinReading,
     VelocityEnded,
@@ -177,6 +178,9 @@ def test_bytes_pass_unchanged_both_ways_and_the_twin_moves(
     scene.wait_until(lambda: ("25.4,14.2 led 0\r\n", True) in scene.wire)
     assert [pair for pair in scene.wire if pair[1]][:2] == [("ok\r\n", True), ("hm\r\n", True)]
     assert ("f 3\n", False) in scene.wire
+    # A contact of the movement names the message, by its time.
+    (planned,) = scene.of(MovementPlanned)
+    assert planned.time == next(each.time for each in scene.of(WireMessage) if each.data == "f 3\n")
     assert any("is no message of the dialect" in text for text in scene.told)
     readings = [each for each in scene.of(CommandResult) if each.status is Status.READING]
     assert [each.command.text for each in readings] == ["u1", "u2"]

@@ -6,20 +6,21 @@ import pytest
 
 from simmer_tui.dialect.frames import Framing
 from simmer_tui.engine import Engine
+from simmer_tui.events import Event, MovementPlanned
 from simmer_tui.links.serial_wire import Wire
-from simmer_tui.sim import SimulationSpec, Simulator
+from simmer_tui.sim import SimulationSpec, Simulator, parse_command
 from tests.manual_loop import ManualLoop
 
 
 class Line:
     """A wire of 1000 baud, 10 ms a byte, and what has arrived at its end, with the time."""
 
-    def __init__(self, spec: SimulationSpec) -> None:
-        self.loop = ManualLoop(0.0)
+    def __init__(self, spec: SimulationSpec, loop: ManualLoop) -> None:
+        self.loop = loop
         self.arrived: list[tuple[float, bytes]] = []
-        engine = Engine(Simulator(spec, seed=3), timed=True)
-        engine.start(self.loop)  # type: ignore[arg-type]
-        self.wire = Wire(engine, Framing(), 1000)
+        self.engine = Engine(Simulator(spec, seed=3), timed=True)
+        self.engine.start(loop)  # type: ignore[arg-type]
+        self.wire = Wire(self.engine, Framing(), 1000)
 
     def receive(self, data: bytes) -> None:
         self.arrived.append((round(self.loop.now, 6), data))
@@ -30,7 +31,15 @@ class Line:
 
 @pytest.fixture
 def line(course_spec: SimulationSpec) -> Line:
-    return Line(course_spec)
+    return Line(course_spec, ManualLoop(0.0))
+
+
+class RunningLoop(ManualLoop):
+    """Its clock runs on while it is read, as a real one does."""
+
+    def time(self) -> float:
+        self.now += 0.001
+        return self.now
 
 
 def test_each_message_arrives_with_its_last_byte(line: Line) -> None:
@@ -49,3 +58,21 @@ def test_a_port_that_was_closed_leaves_nothing_on_the_line(line: Line) -> None:
     assert line.wire.delay(1) == 0.0
     line.loop.run_until(1.0)
     assert line.arrived[10:] == [(0.05, b"f 12\n")]
+
+
+def test_all_that_a_message_brings_about_has_its_time(course_spec: SimulationSpec) -> None:
+    line = Line(course_spec, RunningLoop(0.0))
+    events: list[Event] = []
+    times: list[float] = []
+    line.engine.watch(events.append)
+    session = line.engine.session()
+
+    def receive(data: bytes) -> None:
+        times.append(line.engine.now())
+        session.submit(parse_command("d1-3"), lambda result: None)
+
+    line.wire.transmit(b"f 3\n", receive)
+    line.loop.run_until(0.1)
+    (planned,) = (each for each in events if isinstance(each, MovementPlanned))
+    assert times == [planned.time]
+    assert line.engine.now() > planned.time
