@@ -189,6 +189,25 @@ def test_bytes_pass_unchanged_both_ways_and_the_twin_moves(
     assert all(math.isfinite(each.simulated) for each in scene.of(TwinReading))
 
 
+def test_a_robot_faster_than_takes_is_compared_with_the_twin_of_now(
+    stage: Callable[..., Scene], program: Callable[[Scene], Any]
+) -> None:
+    slow = DIALECT.replace('match = "get"', 'match = "get"\ntakes = 0.4')
+    scene = stage(slow, silent=frozenset(("f 12",)))
+    port = program(scene)
+    port.write(b"get\n")
+    port.readline()
+    port.write(b"f 12\n")
+    scene.wait_until(lambda: bool(scene.of(MovementEnded)))
+    port.write(b"get\n")
+    port.readline()
+    scene.wait_until(lambda: len(scene.of(TwinReading)) == 4)
+    first, second = (each for each in scene.of(TwinReading) if each.code == "u1")
+    (moved,) = scene.of(MovementEnded)
+    assert first.time <= moved.time <= second.time
+    assert first.simulated - second.simulated == pytest.approx(12.0, abs=4.0)
+
+
 def test_programs_over_tcp_are_answered_by_rules_turned_round(stage: Callable[..., Scene]) -> None:
     scene = stage()
 
