@@ -22,10 +22,11 @@ from simmer_tui.calibrate.estimates import estimates_of
 from simmer_tui.calibrate.fit import Fit
 from simmer_tui.calibrate.geometry import Clearance, on_axes
 from simmer_tui.calibrate.measured_run import Chain, MeasuredMovement, MeasuredRun
-from simmer_tui.calibrate.parameters import main_axis
+from simmer_tui.calibrate.parameters import Parameter, main_axis
 from simmer_tui.calibrate.pose_filter import PoseFilter
 from simmer_tui.calibrate.written_set import learned_spec
 from simmer_tui.config.loader import Configuration
+from simmer_tui.dialect.inverse import InverseRules
 from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.sensors import ParameterKind, modelled_sensor
@@ -90,7 +91,8 @@ class SessionPlanner:
     def __post_init__(self) -> None:
         spec = self.spec = self.configuration.simulation
         self._seen: dict[str, list[float]] = {}
-        self.drives = [drive for drive in spec.drives if drive.enabled]
+        self._unreachable = _unreachable(self.configuration)
+        self.drives = [each for each in spec.drives if each.enabled and each.code not in self._unreachable]
         self.start = spec.start_pose
         self._chain = Chain(self.start, 1, spread=PLACED)
         self._clear = Clearance(spec.maze, spec.robot)
@@ -103,7 +105,8 @@ class SessionPlanner:
 
     def looks(self) -> list[str]:
         """Codes to read at a stop, in this order."""
-        sensors = [each for each in self.spec.sensors if each.enabled and not each.kind.is_yes_or_no]
+        enabled = [each for each in self.spec.sensors if each.enabled and not each.kind.is_yes_or_no]
+        sensors = [each for each in enabled if each.code not in self._unreachable]
         once = [each.code for each in sensors if each.kind.counts]
         often = [each.code for each in sensors if not each.kind.counts]
         # Three times as many at the start: readings at rest are free of movement errors.
@@ -161,6 +164,8 @@ class SessionPlanner:
             return dict.fromkeys(WANTED, math.inf)
         groups: dict[str, list[float]] = {name: [] for name in WANTED}
         for index, parameter in enumerate(self.fit.space.parameters):
+            if not self._is_reachable(parameter):
+                continue
             spread = float(self.fit.standard_errors[index])
             if parameter.drive:
                 kind = self.fit.run.spec.drives[parameter.index].kind
@@ -181,10 +186,20 @@ class SessionPlanner:
             return False
         # Offsets show only at walls that are seen obliquely, and waiting for them would need many more
         # movements.
-        needed = np.array([each.kind is not ParameterKind.OFFSET for each in self.fit.space.parameters])
+        needed = np.array(
+            [
+                each.kind is not ParameterKind.OFFSET and self._is_reachable(each)
+                for each in self.fit.space.parameters
+            ]
+        )
         if not self.fit.identified[needed].all():
             return False
         return all(self.reached[name] <= most for name, most in WANTED.items())
+
+    def _is_reachable(self, parameter: Parameter) -> bool:
+        """True if the robot can be asked to use the drive or sensor of a parameter."""
+        parts = self.spec.drives if parameter.drive else self.spec.sensors
+        return parts[parameter.index].code not in self._unreachable
 
     def safe(self, drive: DriveSpec, amount: float) -> bool:
         """True if all drawn paths of a movement keep their clearance from walls."""
@@ -229,6 +244,17 @@ class SessionPlanner:
             replace(self.configuration, simulation=spec), ("guided",), (self._chain,), {}, None, False
         )
         self._filter = PoseFilter(run, spec, pose, np.diag(np.square(spread)), self.count)
+
+
+def _unreachable(configuration: Configuration) -> frozenset[str]:
+    """The codes of drives and sensors for which the robot's dialect has no message."""
+    rules, spec = configuration.dialect, configuration.simulation
+    if rules is None or rules.protocol is not None:
+        return frozenset()
+    inverse = InverseRules(rules)
+    made = {each.code: inverse.drive(each.code, _AMOUNTS[0]) for each in spec.drives}
+    made |= {each.code: inverse.read(each.code) for each in spec.sensors}
+    return frozenset(code for code, message in made.items() if isinstance(message, str))
 
 
 def worst_case(spec: SimulationSpec) -> SimulationSpec:
@@ -287,7 +313,7 @@ async def drive_guided(
     while True:
         for code in guide.looks():
             while math.isnan(value := await ask(code)):
-                show("the robot does not answer; waiting for it")
+                show(f"the robot does not answer {code}; waiting for it")
                 await asyncio.sleep(_WAIT)
             guide.seen(code, value, clock())
         guide.settled()

@@ -50,6 +50,9 @@ def hold_session(configuration: Configuration, log: Path, console: Console) -> N
     """
     configuration = replace(configuration, settings=replace(configuration.settings, sim=False))
     guide = SessionPlanner(configuration, np.random.default_rng(secrets.randbits(64)))
+    if configuration.dialect is not None and not (guide.drives and guide.looks()):
+        what = "reads a sensor" if guide.drives else "drives by a length"
+        raise CalibrationError(f"no message of the dialect {what}; simmer-tui check lists what each one does")
     console.print(Text(where_to_put(guide)))
     try:
         console.input("Press Enter when it stands there (Ctrl-C to give up). ")

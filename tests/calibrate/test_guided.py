@@ -101,6 +101,50 @@ def test_it_ends_when_enough_is_known(tmp_path: Path) -> None:
     assert np.mean(np.abs(guide.fit.state.parameters - places) < 2 * guide.fit.standard_errors) > 0.8
 
 
+DIALECT = """
+[[command]]
+match = "get"
+reply = "{u1*cm:.1f},{u2*cm:.1f},{i1}"
+[[command]]
+match = "f {n}"
+do = "d1-{n}"
+done = "ok"
+[[command]]
+match = "t {n:int}"
+do = "r1-{n}"
+done = "ok"
+[[command]]
+match = "led {n:digit}"
+"""
+
+
+def test_it_asks_a_robot_with_a_dialect_only_what_that_has_a_message_for(folder: Path, found: Fit) -> None:
+    (folder / "dialect.toml").write_text(DIALECT, "utf-8")
+    guide = SessionPlanner(load(folder), np.random.default_rng(1))
+    assert set(guide.looks()) == {"u1", "u2"}
+    # The sketch goes back by a negative number.
+    assert [each.code for each in guide.drives] == ["a1", "d1", "r1"]
+    # What cannot be read is never known: the session does not wait for it.
+    everything = SessionPlanner(found.run.configuration, np.random.default_rng(1))
+    guide.fit = everything.fit = found
+    assert guide.reached["range"] < everything.reached["range"]
+
+
+@pytest.mark.parametrize(
+    ("without", "what"), [('match = "get"', "reads a sensor"), ("do = ", "drives by a length")]
+)
+def test_a_dialect_that_cannot_be_driven_or_read_is_refused_before_somebody_places_the_robot(
+    folder: Path, without: str, what: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    kept = [each for each in DIALECT.split("[[command]]") if without not in each]
+    (folder / "dialect.toml").write_text("[[command]]".join(kept), "utf-8")
+    command = ["calibrate", "--guided", "--serial", "p", "--config", str(folder), "--out"]
+    assert main([*command, str(folder / "learned")]) == 2
+    told = capsys.readouterr()
+    assert f"no message of the dialect {what}" in told.err
+    assert told.out == ""
+
+
 @pytest.mark.parametrize(
     "options",
     [["--guided", "--out", "x"], ["a.jsonl", "--guided", "--serial", "p", "--out", "x"], ["--out", "x"]],

@@ -317,7 +317,7 @@ def test_a_session_shows_its_steps_until_it_ends(
         return None
 
     asyncio.run(drive_guided(ask, guide, learn, lambda: 1.0, shown.append))
-    waits = ["the robot does not answer; waiting for it"] * 2
+    waits = ["the robot does not answer u1; waiting for it"] * 2
     moves = 21 if ends == "done" else 22
     turns = ["r1-0.25"] * moves
     assert shown == [*waits, *turns[:20], "estimating", *turns[20:]]
