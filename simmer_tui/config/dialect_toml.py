@@ -61,7 +61,7 @@ ROBOT = (
     _key("buffer", IntegerRule(1, 65536), "most bytes that wait; later ones are lost"),
     _key("boot", _SECONDS, "time after opening in which bytes are lost", "s"),
     _key("greeting", RawTextRule(256), "text sent after that"),
-    _key("halts_after", _SECONDS, "time without any byte after which an untimed run stops; 0: never", "s"),
+    _key("halts_after", _SECONDS, "silence that ends an untimed run, or velocity; 0: never", "s"),
     _key("runs_on", FlagRule(), "an untimed run continues when the program has left"),
 )
 """The keys of [robot], by field of `RobotRules`: properties of the robot's own program."""

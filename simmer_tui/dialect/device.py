@@ -47,7 +47,7 @@ _SHOWN = 60
 LATEST = 1.0
 """Seconds by which a message of a stream may be late; later ones are not sent."""
 WATCHDOG = "watchdog"
-"""Source of the end of an untimed run that `halts_after` ends."""
+"""Source of the end of a run, or velocity, that `halts_after` ends."""
 
 
 class Timer:
@@ -80,6 +80,8 @@ class MoveEnd(Struct, frozen=True):
     """True if it met an obstacle."""
     stopped: bool = False
     """True if it ended neither by itself nor by an obstacle, but was stopped."""
+    lasts: bool = False
+    """True if it set a velocity that lasts until something ends it."""
 
 
 class DeviceHost(Protocol):
@@ -189,6 +191,8 @@ class DialectDevice:
         """Waiting messages: with a movement (`_waiting`), and without."""
         self._runs = False
         """True while an untimed run is under way."""
+        self._lasts = False
+        """True while the velocity of a command lasts."""
         self._faults = FaultNotices(host.tell)
         self._facts = FaultNotices(host.inform)
 
@@ -269,7 +273,7 @@ class DialectDevice:
             self._watchdog = self.host.call_later(after, self._fell_silent)
 
     def _fell_silent(self) -> None:
-        if self._runs:
+        if self._runs or self._lasts:
             silence = f"nothing has come for {self._rules.robot.halts_after:g} s"
             self._facts.note(f"{silence}: the robot stops (halts_after)")
             self._halt(source=WATCHDOG)
@@ -409,7 +413,7 @@ class DialectDevice:
             else:
                 command = step.command.text(scope, "inf")
                 # The engine ends a velocity before a movement.
-                self._runs = False
+                self._runs = self._lasts = False
                 self.host.move(command, lambda movement: self._moved(task, movement))
                 return False
         except ExpressionError as error:
@@ -433,7 +437,7 @@ class DialectDevice:
         if refused:
             self._give_up(task, f"'{task.rule.shown}' at {task.rule.place}: {refused}")
             return False
-        self._runs = seconds is None
+        self._runs, self._lasts = seconds is None, False
         if seconds is None:
             return True
         task.velocity = velocity
@@ -453,6 +457,7 @@ class DialectDevice:
         if task.over:
             return
         task.touched = task.touched or movement.touched
+        self._lasts = movement.lasts
         if movement.refused:
             self._give_up(task, f"'{task.rule.shown}' at {task.rule.place}: {movement.refused}")
         elif movement.stopped:  # by people, or the end of the run
@@ -502,7 +507,7 @@ class DialectDevice:
         task = self._moving
         if task is not None and task is not by:
             self._break_off(task)
-        self._runs = False
+        self._runs = self._lasts = False
         self.host.halt(source)
 
     # -- replies -----------------------------------------------------------------------------------

@@ -176,8 +176,8 @@ class StreamRule(Struct, frozen=True):
 class RobotRules(Struct, frozen=True):
     """[robot]: properties of the robot's own program. Times are in seconds.
 
-    `buffer` is in bytes. `halts_after` is the silence that stops an untimed run, 0 for never. With `runs_on`
-    such a run continues after the program has disconnected.
+    `buffer` is in bytes. `halts_after` is the silence that ends an untimed run, or velocity; 0 is never. With
+    `runs_on` both continue after the program has disconnected.
     """
 
     busy: Busy = Busy.WAIT

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 import socket
 from collections.abc import Callable, Mapping, Sequence
 
@@ -46,10 +47,14 @@ _STOP = Command(STOP, STOP, stops=True)
 def move_end(result: CommandResult) -> MoveEnd:
     """The end of a movement, by its result."""
     cut = result.trajectory is not None and result.trajectory.cut is not None
+    velocity = result.velocity
     return MoveEnd(
         refused=(result.reason or result.status.value) if result.status in REFUSALS else "",
         touched=result.contact is not None,
         stopped=result.status is Status.STOPPED or cut,
+        lasts=velocity is not None
+        and velocity.twist.moves
+        and (velocity.times_out or velocity.expires == math.inf),
     )
 
 

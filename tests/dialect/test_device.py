@@ -273,6 +273,26 @@ def test_a_run_may_go_on_without_its_program_or_end_with_silence(
     assert host.take() == log
 
 
+def test_silence_ends_a_velocity_of_a_command_as_well(tmp_path: Path) -> None:
+    commands = '[[command]]\nmatch = "v {x}"\ndo = "vv-{x};0;0"\n' + COMMANDS
+    robot, host = device(tmp_path, "[robot]\nhalts_after = 2\n", commands)
+    robot.received(b"v 6\n")
+    host.end(MoveEnd(lasts=True))
+    host.pass_time(1.9)
+    robot.received(b"get\n")
+    assert not robot.moves, "readings on the way count, as of every continuous motion"
+    host.pass_time(1.9)
+    host.take()
+    host.pass_time(0.2)
+    assert host.take() == ["halt by watchdog"]
+    assert host.informed == ["nothing has come for 2 s: the robot stops (halts_after)"]
+    robot.received(b"v 6\nv 0\n")
+    host.end(MoveEnd(lasts=True))
+    host.end()
+    host.pass_time(2.1)
+    assert host.take() == ["vv-6;0;0", "vv-0;0;0"], "it stands"
+
+
 def test_people_who_stop_the_robot_end_the_message(tmp_path: Path) -> None:
     robot, host = device(tmp_path)
     robot.received(b"f 1\nf 2\n")
