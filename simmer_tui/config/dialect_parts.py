@@ -108,7 +108,9 @@ class RuleParts:
         framing = self._framing
         if not framing.head:
             return
-        size = struct.calcsize(reply.pack) if reply.pack else len(reply.text.source) if reply.text else 0
+        # Of a text, the part that is always the same.
+        plain = [part for part in reply.text.parts if isinstance(part, str)] if reply.text else []
+        size = struct.calcsize(reply.pack) if reply.pack else len("".join(plain).encode())
         if isinstance(framing.body, int) and size != framing.body and reply.pack:
             self._file.add_problem(place, f"has {counted(size, 'byte')}; the frame has {framing.body}")
             return
@@ -159,7 +161,7 @@ class RuleParts:
     def _check_names(self, expression: Expression, place: str, names: Names) -> None:
         known = {*names, *self._state, *self._parts.readable, *READING}
         for name in sorted(expression.names - known):
-            hint = did_you_mean(name, known)
+            hint = did_you_mean(name, (*known, *expressions.CONSTANTS))
             what = f"'{name}' is neither a value of the message, nor of [state], nor a sensor of the set"
             self._file.add_problem(place, what + (hint or f"; there are {', '.join(sorted(known))}"))
 

@@ -38,7 +38,7 @@ from simmer_tui.dialect.dialect_rules import (
     StopStep,
     StreamRule,
 )
-from simmer_tui.dialect.frames import TYPE, FrameKind, Framing
+from simmer_tui.dialect.frames import TYPE, Deframer, Frame, FrameKind, Framing, Noise
 from simmer_tui.dialect.kinds import (
     ANY_TYPE,
     LIST_TYPE,
@@ -51,15 +51,23 @@ from simmer_tui.dialect.kinds import (
 from simmer_tui.dialect.patterns import NAME, Pattern
 from simmer_tui.dialect.templates import check_pack, pack_codes
 from simmer_tui.errors import Problem
-from simmer_tui.sim.command import parse_value
+from simmer_tui.sim.command import escape, parse_value
 from simmer_tui.sim.rules import did_you_mean
 from simmer_tui.sim.specs import VelocityKind
 
 # The rules of the public teams have at most 40 commands each.
 MOST_RULES = 500
 """Tables [[command]] of a file, and [[stream]]."""
+_MARKS = ("end", "open", "close")
+"""Keys of [frame] that are a mark of a message."""
 _MARKS_OF = {FrameKind.LINE: ("end",), FrameKind.BRACKET: ("open", "close")}
 """The marks that a message of a kind must have."""
+_ARRIVES = {
+    FrameKind.LINE: "line ends and blanks around a message are dropped, and it ends at the first [frame] end",
+    FrameKind.BRACKET: "match is the text between [frame] open and close",
+    FrameKind.BYTE: "a message is one character here, of ASCII",
+}
+"""The form in which a message of a kind arrives."""
 _KINDS = {
     "number": NUMBER_TYPE,
     "int": NUMBER_TYPE,
@@ -70,7 +78,8 @@ _KINDS = {
 }
 """The kinds of values by the kinds of a pattern's fields."""
 _ASSIGNED = re.compile(r"([A-Za-z_]\w*)\s*=(?!=)(.*)", re.ASCII | re.DOTALL)
-_RUN = re.compile(r"run\s+(.+?)(?:\s+for\s+(.+?)\s*s)?", re.DOTALL)
+# The unit is no letter of a name: not `for ms`.
+_RUN = re.compile(r"run\s+(.+?)(?:\s+for\s+(.*\W|[\d.]+)s)?", re.DOTALL)
 _PAUSE = re.compile(r"pause\s+(.+)", re.DOTALL)
 _COMMAND = re.compile(r"\w\w(?:\W.*)?", re.DOTALL)
 _STEPS = "there are d1-6, run d1, run d1 for 2 s, pause 0.2, stop, name = expression"
@@ -104,6 +113,7 @@ class _Reader(RuleParts):
         self._is_framed = file.mistakes == before
         reply = file.values(REPLY, file.table("reply"), "reply.")
         self._reply_end = reply.get("end", "")
+        self._check_escapes("reply.end", self._reply_end)
         robot = RobotRules(**file.values(ROBOT, file.table("robot"), "robot."))
         self._state = dict(self._read_state())
         commands = file.tables("command")
@@ -148,7 +158,9 @@ class _Reader(RuleParts):
         kind = values.get("kind", FrameKind.LINE)
         if kind is not FrameKind.LINE and "end" not in given:
             values["end"] = ""
-        marks = {name: values[name].encode() for name in ("end", "open", "close") if name in values}
+        for name in _MARKS:
+            self._check_escapes(f"frame.{name}", values.get(name, ""))
+        marks = {name: values[name].encode() for name in _MARKS if name in values}
         framing = Framing(**(values | marks))
         for name in _MARKS_OF.get(kind, ()):
             if not getattr(framing, name):
@@ -160,6 +172,13 @@ class _Reader(RuleParts):
             if name in given:
                 self._file.add_problem(f"frame.{name}", 'is for kind = "binary" only')
         return framing
+
+    def _check_escapes(self, place: str, mark: str) -> None:
+        """Report a line end that is written in single quotes."""
+        if re.search(r"\\[nr]", mark):
+            self._file.add_problem(
+                place, 'has a backslash and a letter; a line end is "\\n", in double quotes'
+            )
 
     def _with_head(self, framing: Framing, given: Mapping[str, Any]) -> Framing:
         head, names, body = (given.get(key) for key in HEAD_KEYS)
@@ -248,12 +267,26 @@ class _Reader(RuleParts):
             return ()
         patterns = without_gaps([self._made(place, Pattern, each) for each in texts])
         for pattern in patterns:
-            if self._framing.kind is FrameKind.BYTE and len(pattern.example) != 1:
-                self._file.add_problem(place, f"'{pattern.source}': a message is one character here")
-            elif pattern.match(pattern.example) is None:
+            if pattern.match(pattern.example) is None:
                 what = f"'{pattern.source}' matches nothing: one field leaves nothing to the next"
                 self._file.add_problem(place, what)
+            elif why := self._never_received(pattern):
+                self._file.add_problem(place, f"'{escape(pattern.source)}' is never received: {why}")
         return patterns
+
+    def _never_received(self, pattern: Pattern) -> str:
+        """The reason why the example of a pattern, sent as a message, does not arrive; empty if it does."""
+        framing = self._framing
+        # Frames carry any content. A field that may be empty makes an example that is not typical.
+        if framing.kind is FrameKind.BINARY or not self._is_framed or "" in pattern.defaults.values():
+            return ""
+        if pattern.kinds:  # a message may have a shorter number than its example
+            framing = replace(framing, longest=len(pattern.example.encode()))
+        parts = Deframer(framing).receive(framing.message(None, pattern.example.encode()))
+        first = parts[0] if parts else None
+        if len(parts) == 1 and isinstance(first, Frame) and pattern.match(first.text) is not None:
+            return ""
+        return first.why if isinstance(first, Noise) else _ARRIVES[framing.kind]
 
     def _type(self, given: Mapping[str, Any], prefix: str) -> int | None:
         kind, place, add_problem = given.get("type"), f"{prefix}type", self._file.add_problem
@@ -316,7 +349,7 @@ class _Reader(RuleParts):
             row = f"{VelocityKind.ALL.value},vv,1"
             raise ValueError(f"run needs the row '{row}' in drive.csv")
         if seconds is None and re.search(r"\sfor\s", drive):
-            raise ValueError(f"'run {drive}' needs seconds with their unit: run {drive} s")
+            raise ValueError(f"'run {drive}' needs seconds with their unit, as in run d1 for 0.5 s")
         template = self._text(drive, place, names)
         time = self._expression(_bare(seconds), place, names) if seconds is not None else None
         if template is None or (seconds is not None and time is None):
@@ -358,7 +391,9 @@ class _Reader(RuleParts):
                 taken = next((each for each in earlier if _takes(each, rule, pattern)), None)
                 if taken is not None:
                     what = f"'{pattern.example}' is taken by the command before it at {taken.place}"
-                    self._file.add_problem(f"command.{rule.number}.match", f"{what}; put this one first")
+                    same = any(each.source == pattern.source for each in taken.patterns)
+                    advice = "give that one an if" if same else "put this one first"
+                    self._file.add_problem(f"command.{rule.number}.match", f"{what}; {advice}")
             if rule.type is None or rule.patterns:
                 continue
             taken = next((each for each in earlier if _takes_frames(each, rule)), None)

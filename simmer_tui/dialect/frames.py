@@ -40,6 +40,14 @@ class Framing(Struct, frozen=True):
     names: tuple[str, ...] = ()
     body: str | int = 0
 
+    def message(self, kind: int | None, content: bytes) -> bytes:
+        """A message to the robot that carries `content`; `kind` is the type of a binary frame."""
+        if self.kind is FrameKind.BINARY:
+            return self.frame(kind, content)
+        if self.kind is FrameKind.BRACKET:
+            return self.open + content + self.close
+        return content if self.kind is FrameKind.BYTE else content + self.end
+
     def frame(self, kind: int | None, content: bytes) -> bytes:
         """A binary frame of a type that carries `content`, its length filled in."""
         fields = dict.fromkeys(self.names, 0)

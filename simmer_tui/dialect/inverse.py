@@ -24,7 +24,7 @@ from simmer_tui.dialect.dialect_rules import (
     scaled,
 )
 from simmer_tui.dialect.expressions import FieldValue, FieldValues
-from simmer_tui.dialect.frames import Deframer, Frame, FrameKind
+from simmer_tui.dialect.frames import Deframer, Frame
 from simmer_tui.dialect.patterns import NUMERIC, Pattern
 from simmer_tui.dialect.readings import ROUNDING, MessageScope, readable_sensors, straight_line
 from simmer_tui.dialect.templates import pack_codes
@@ -232,7 +232,7 @@ class InverseRules:
         """The message with these numbers; None if one is missing, or an earlier rule matches it."""
         try:
             content, text = form.content(numbers)
-            data = self._framed(form.rule, content)
+            data = self._rules.framing.message(form.rule.type, content)
         except (KeyError, ValueError, struct.error):
             return None
         frame = self._frame(data)
@@ -242,14 +242,6 @@ class InverseRules:
         if found is None or found[0] is not form.rule:
             return None
         return DialectMessage(data, text, form.rule)
-
-    def _framed(self, rule: MessageRule, content: bytes) -> bytes:
-        framing = self._rules.framing
-        if framing.kind is FrameKind.BINARY:
-            return framing.frame(rule.type, content)
-        if framing.kind is FrameKind.BRACKET:
-            return framing.open + content + framing.close
-        return content if framing.kind is FrameKind.BYTE else content + framing.end
 
     def _frame(self, data: bytes) -> Frame | None:
         """The frame that the robot would read from these bytes; None if they are not one whole message."""

@@ -7,7 +7,6 @@ from collections.abc import Iterator, Sequence
 from simmer_tui.dialect import dialect_rules
 from simmer_tui.dialect.dialect_rules import AnyReply, DialectRules, MessageRule, Step
 from simmer_tui.dialect.expressions import MOST_RAYS, Expression, FieldValue, listed_codes
-from simmer_tui.dialect.patterns import Pattern
 from simmer_tui.dialect.templates import BinaryReply
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.rules import did_you_mean
@@ -16,10 +15,8 @@ from simmer_tui.sim.rules import did_you_mean
 def nearest(text: str, rules: DialectRules) -> str:
     """`; getData differs in case`, or the pattern that is closest to an unknown message; else nothing."""
     patterns = [pattern for rule in rules.rules for pattern in rule.patterns]
-    folded = text.casefold()
     for pattern in patterns:
-        same = Pattern(pattern.source if "{" in pattern.source else pattern.source.casefold())
-        if same.match(folded) is not None:
+        if pattern.matches_in_any_case(text):
             return f"; '{pattern.source}' differs in case"
     for pattern in patterns:
         if pattern.match(" ".join(text.split())) is not None:

@@ -129,6 +129,10 @@ class Pattern:
 
         return _FIELD.sub(text, self.source)
 
+    def matches_in_any_case(self, message: str) -> bool:
+        """True if the whole message matches, or would with other capitals."""
+        return re.fullmatch(self._pattern.pattern, message, re.DOTALL | re.IGNORECASE) is not None
+
     def match(self, message: str) -> dict[str, FieldValue] | None:
         """The values of the fields, or None if the whole message does not match."""
         found = self._pattern.fullmatch(message)

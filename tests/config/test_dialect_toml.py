@@ -65,6 +65,18 @@ BINARY = (
         ('[[command]]\nmatch = "g"\ndone = "x"', 1, "do: is missing; done and stopped are sent at the end"),
         ('[[command]]\nreply = "x"', 1, "match: is missing"),
         ('[frame]\nkind = "byte"\n[[command]]\nmatch = "go"', 4, "a message is one character here"),
+        ('[frame]\nkind = "byte"\n[[command]]\nmatch = "é"', 4, "a message is one character here, of ASCII"),
+        ('[[command]]\nmatch = "get\\n"', 2, "'get\\n' is never received: line ends and blanks around"),
+        ('[[command]]\nmatch = "get "', 2, "'get ' is never received: line ends and blanks around"),
+        ('[frame]\nend = ";"\n[[command]]\nmatch = "a;b"', 4, "'a;b' is never received"),
+        ('[frame]\nlongest = 3\n[[command]]\nmatch = "stop"', 4, "never received: longer than 3 bytes"),
+        (
+            '[frame]\nkind = "bracket"\n[[command]]\nmatch = "[p]"',
+            4,
+            "'[p]' is never received: match is the text between [frame] open and close",
+        ),
+        ("[frame]\nend = '\\n'\n[[command]]\nmatch = 'a'", 2, 'a line end is "\\n", in double quotes'),
+        ("[reply]\nend = '\\r\\n'\n[[command]]\nmatch = 'a'", 2, 'a line end is "\\n", in double quotes'),
         ('[[stream]]\nevery = 0\nsend = "x"', 2, "must be seconds from 0.0005 to 3600"),
         ('[[command]]\nmatch = "g"\nreply = {type = 1, text = "x"}', 3, 'needs [frame] kind = "binary"'),
         (BINARY + 'reply = {type = 1, pack = "<f", values = []}', 8, "has 1 value for 0 names"),
@@ -100,7 +112,16 @@ BINARY = (
         (
             '[[command]]\nmatch = "g"\ndo = "run d1 for 2"',
             3,
-            "'run d1 for 2' needs seconds with their unit: run d1 for 2 s",
+            "'run d1 for 2' needs seconds with their unit, as in run d1 for 0.5 s",
+        ),
+        # The unit stands alone: this is no time of m, the factor of length.
+        ('[[command]]\nmatch = "f {ms}"\ndo = "run d1 for ms"', 3, "'run d1 for ms' needs seconds"),
+        ('[[command]]\nmatch = "g"\ndo = "run d1 for 500 ms"', 3, "'run d1 for 500 ms' needs seconds"),
+        ('[[command]]\nmatch = "g"\nreply = "{u1*CM}"', 3, 'did you mean "cm"?'),
+        (
+            '[[command]]\nmatch = "a"\n[[command]]\nmatch = "a"',
+            4,
+            "'a' is taken by the command before it at dialect.toml:1:command.1; give that one an if",
         ),
         (BINARY.replace("type = 1", "type = 300"), 7, "300 does not fit the header '<BB'"),
         (BINARY + 'reply = "ok"', 8, "a text is no binary frame"),
@@ -113,6 +134,30 @@ BINARY = (
 def test_a_mistake_is_named_with_its_line(tmp_path: Path, text: str, line: int, what: str) -> None:
     problems = problems_of(tmp_path, text)
     assert [each for each in problems if what in each and each.startswith(f"dialect.toml:{line}:")], problems
+
+
+def test_messages_that_arrive_are_right(tmp_path: Path) -> None:
+    lines = ["go {x:text=}", "{a:text}", "a  b", "$GET*{c:word}", "{n=300}", '{{"go": {n}}}', "größe"]
+    text = "".join(f"[[command]]\nmatch = {json.dumps(each)}\nif = '1'\n" for each in lines)
+    assert problems_of(tmp_path, text) == []
+    brackets = '[frame]\nkind = "bracket"\nopen = "<"\nclose = ">"\n[[command]]\nmatch = " p[1]\\n"\n'
+    assert problems_of(tmp_path, brackets) == []
+    assert problems_of(tmp_path, '[frame]\nlongest = 3\n[[command]]\nmatch = "f {n}"\n') == []
+    byte = '[frame]\nkind = "byte"\n[[command]]\nmatch = "\\n"\n[[command]]\nmatch = " "\n'
+    assert problems_of(tmp_path, byte) == []
+
+
+@pytest.mark.parametrize("time", ["2 s", "2s", "{ms/1000} s", "{ms/1000}s", "ms/1000 s", "(ms/1000)s"])
+def test_seconds_of_a_run_have_their_unit(tmp_path: Path, time: str) -> None:
+    assert problems_of(tmp_path, f'[[command]]\nmatch = "f {{ms}}"\ndo = "run d1 for {time}"') == []
+
+
+def test_a_text_of_a_frame_may_be_longer_in_the_file_than_on_the_line(tmp_path: Path) -> None:
+    fields = ",".join(["{u1*cm*10/10:.0f}"] * 20)
+    assert len(fields) > 255
+    assert problems_of(tmp_path, BINARY + f'reply = {{type = 1, text = "{fields}"}}') == []
+    plain = BINARY + f'reply = {{type = 1, text = "{"x" * 256}"}}'
+    assert "256 bytes of content do not fit" in problems_of(tmp_path, plain)[0]
 
 
 def test_all_mistakes_are_named_at_once(tmp_path: Path) -> None:

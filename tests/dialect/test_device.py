@@ -315,6 +315,8 @@ def test_unknown_messages_and_noise_are_told_with_the_nearest_pattern(tmp_path: 
     robot.received(b"GET\nf  x\n")
     assert host.take() == ["< ? GET", "< ? f  x"]
     assert host.told[0] == "'GET' is no message of the dialect; 'get' differs in case"
+    robot.received(b"SLOW 3\n")
+    assert host.told[-1] == "'SLOW 3' is no message of the dialect; 'slow {s}' differs in case"
     robot.received(b"\xff\xfeget\n")
     assert host.told[-1].startswith(r"'\xff\xfeget' is no message of the dialect"), "the bytes that came"
     robot.received(b"half")
@@ -407,3 +409,9 @@ def test_codes_that_a_message_names_are_read(tmp_path: Path) -> None:
     made.received(b"read u1,u2, zz\n")
     assert host.take() == ["< [u1:10.00,u2:inf,zz:inf]"]
     assert host.reads == 2
+
+
+def test_a_message_in_small_letters_differs_in_case_too(tmp_path: Path) -> None:
+    robot, host = device(tmp_path, commands='[[command]]\nmatch = "MOVE {way:L=1|R=2} {n}"\n')
+    robot.received(b"move r 3\n")
+    assert host.told == ["'move r 3' is no message of the dialect; 'MOVE {way:L=1|R=2} {n}' differs in case"]
