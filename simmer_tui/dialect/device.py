@@ -161,6 +161,8 @@ class DialectDevice:
         rules: The rules.
         host: The robot and the wire.
         observer: Called with the rule and the values of each message before it is carried out.
+        cut_short: Called with the values of a message that is lost, or ended by something else: some of its
+            replies are not sent.
     """
 
     def __init__(
@@ -168,8 +170,10 @@ class DialectDevice:
         rules: DialectRules,
         host: DeviceHost,
         observer: Callable[[MessageRule, FieldValues], None] = lambda rule, values: None,
+        cut_short: Callable[[FieldValues], None] = lambda values: None,
     ) -> None:
         self._observer = observer
+        self._cut_short = cut_short
         self.host = host
         self.state: dict[str, FieldValue] = dict(rules.state)
         self._rules = rules
@@ -311,6 +315,7 @@ class DialectDevice:
             self._begin(task)
         elif policy is Busy.DROP:
             self._faults.note(f"'{rule.shown}' is lost: the robot is busy")
+            self._cut_short(task.values)
         elif policy is Busy.REPLACE:
             self._replace(task)
         else:
@@ -330,6 +335,7 @@ class DialectDevice:
         if held + task.size > buffer:
             what = f"{held} bytes wait already, and the robot's buffer has {buffer}"
             self._faults.note(f"'{task.rule.shown}' is lost: {what}", alike="buffer")
+            self._cut_short(task.values)
             return
         queue.append(task)
 
@@ -337,7 +343,8 @@ class DialectDevice:
         """End the movement under way, drop waiting messages, and begin another."""
         before = self._moving
         if before is not None and self._goes_on(before, task):
-            self._waiting.clear()
+            self._drop_waiting()
+            self._cut_short(before.values)
             self._end(before)
         else:
             self._halt()
@@ -461,7 +468,7 @@ class DialectDevice:
         if movement.refused:
             self._give_up(task, f"'{task.rule.shown}' at {task.rule.place}: {movement.refused}")
         elif movement.stopped:  # by people, or the end of the run
-            self._waiting.clear()
+            self._drop_waiting()
             self._break_off(task)
             self._go_on()
         else:
@@ -476,12 +483,14 @@ class DialectDevice:
 
     def _break_off(self, task: _Task) -> None:
         """End a message that a stop or another message has interrupted."""
+        self._cut_short(task.values)
         self._end(task)
         self._reply(task, task.rule.stopped)
 
     def _give_up(self, task: _Task, fault: str) -> None:
         """End a message that cannot be carried out."""
         self._faults.note(fault)
+        self._cut_short(task.values)
         self._end(task)
         self._go_on()
 
@@ -503,12 +512,18 @@ class DialectDevice:
 
     def _halt(self, by: _Task | None = None, source: str = "") -> None:
         """Stop, perhaps as a step of a message: end the motion, and drop waiting messages."""
-        self._waiting.clear()
+        self._drop_waiting()
         task = self._moving
         if task is not None and task is not by:
             self._break_off(task)
         self._runs = self._lasts = False
         self.host.halt(source)
+
+    def _drop_waiting(self) -> None:
+        """Drop waiting messages with a movement."""
+        dropped, self._waiting = self._waiting, deque()
+        for task in dropped:
+            self._cut_short(task.values)
 
     # -- replies -----------------------------------------------------------------------------------
 

@@ -123,7 +123,9 @@ class Comparison:
         """Pending messages, by the identity of their values."""
         self._delays: dict[str, list[tuple[float, float, int]]] = {}
         self._host = _PlannedHost(rules, self._note)
-        self._device = DialectDevice(rules.reactive, self._host, self._note_message)
+        self._device = DialectDevice(
+            rules.reactive, self._host, self._note_message, lambda values: self._reader.cut_short(values)
+        )
         self._reader = ReplyReader(rules, self._device.state)
 
     def differences(self, pieces: Sequence[Exchanged]) -> list[OtherAnswer]:
@@ -174,7 +176,7 @@ class Comparison:
         shown = escape(reply.data.decode("latin-1").strip())
         if not shown:
             return
-        pending = next(iter(self._reader.pending), None)
+        pending = next((each for each in self._reader.pending if not each.optional), None)
         if pending is None:
             self._note(f"the robot says '{shown}', and the dialect nothing")
             return
@@ -185,7 +187,7 @@ class Comparison:
         """Replies of the dialect that the robot never sent."""
         for pending in self._reader.pending:
             asked = self._asked.get(id(pending.values))
-            if asked is None or pending.part == "stopped" or asked.time > end - REPLY_TIMEOUT:
+            if asked is None or pending.optional or asked.time > end - REPLY_TIMEOUT:
                 continue
             if pending.part == "done" and self._device.doing is pending.values:
                 continue

@@ -29,7 +29,9 @@ _LONGEST = 4096
 # Each text may end anywhere, so that every further one multiplies the possible matches.
 MOST_TEXTS = 2
 """Most fields of a reply that are not numbers; a reply with more is only passed on."""
-_NUMBER = rb"[ ]*([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
+_NUMBER = rb"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
+_DIGITS = {"x": (16, b"[0-9a-fA-F]"), "X": (16, b"[0-9a-fA-F]"), "o": (8, b"[0-7]"), "b": (2, b"[01]")}
+"""Bases of formats that are not decimal, with their digits."""
 _WORDS = rb"|inf|-inf|nan|ovf"
 _TEXT = rb"([^\r\n]{0,400}?)"
 
@@ -54,13 +56,14 @@ class RobotReply(Struct, frozen=True):
 
 class PendingReply(Struct, eq=False):
     """A pending reply: its remaining templates. `rule` and `values` are its message's; the rule of a stream
-    has no message."""
+    has no message. An `optional` one may never come."""
 
     rule: MessageRule
     part: str
     templates: list[AnyReply]
     values: FieldValues
     patterns: list[re.Pattern[bytes]]
+    optional: bool = False
 
 
 class ReplyReader:
@@ -108,7 +111,19 @@ class ReplyReader:
     def _made_pending(
         self, rule: MessageRule, part: str, replies: Sequence[AnyReply], values: FieldValues
     ) -> PendingReply:
-        return PendingReply(rule, part, [*replies], values, [self._pattern(each) for each in replies])
+        patterns = [self._pattern(each) for each in replies]
+        return PendingReply(rule, part, [*replies], values, patterns, optional=part == "stopped")
+
+    def cut_short(self, values: FieldValues) -> None:
+        """A message, by its values, is lost or ended by something else. The robot may still answer it, if its
+        answer is already under way."""
+        for each in self.pending:
+            each.optional = each.optional or each.values is values
+
+    @property
+    def _candidates(self) -> list[PendingReply]:
+        """Pending replies and streams, in the order in which a reply is compared with them."""
+        return [*sorted(self.pending, key=lambda each: each.optional), *self._streams]
 
     def forget(self, rule: MessageRule) -> None:
         """Remove the replies of a message from the pending ones."""
@@ -147,7 +162,7 @@ class ReplyReader:
     def _first(self, *, at_end: bool) -> RobotReply | None:
         """The reply at the beginning of the received bytes, if it matches a pending one."""
         window = bytes(self._buffer[:_LONGEST])
-        for pending in (*self.pending, *self._streams):
+        for pending in self._candidates:
             match = pending.patterns[0].match(window)
             if match is None or not match.end():
                 continue
@@ -203,14 +218,14 @@ class ReplyReader:
             if isinstance(part, str):
                 made += re.escape(part.encode())
             elif self._is_number(part):
-                made += _NUMBER + (b"|" + missing if missing else b"") + _WORDS + b")"
+                made += b"[ ]*(" + _number(part.format) + (b"|" + missing if missing else b"") + _WORDS + b")"
             else:
                 made += _TEXT
         return re.compile(made + re.escape(self._end))
 
     def _is_number(self, part: Field) -> bool:
         """True if a field is a number, and cannot be a text."""
-        if part.joint is not None or part.format.endswith("s"):
+        if part.joint is not None or part.format.endswith(("s", "c", "%")) or "," in part.format:
             return False
         return bool(part.format) or part.expression.names <= self._numbers
 
@@ -224,14 +239,14 @@ class ReplyReader:
             if line is None or not self._is_number(part):
                 continue
             shown = text.decode("latin-1").strip()
-            found[code] = math.inf if shown == self._rules.missing else _solved(shown, line)
+            found[code] = math.inf if shown == self._rules.missing else _solved(shown, part.format, line)
         return found
 
     # -- binary ------------------------------------------------------------------------------------
 
     def _frame(self, frame: Frame) -> RobotReply:
         kind = frame.head.get(TYPE)
-        for pending in (*self.pending, *self._streams):
+        for pending in self._candidates:
             template = pending.templates[0]
             if not isinstance(template, BinaryReply) or template.type not in (None, kind):
                 continue
@@ -250,9 +265,25 @@ class ReplyReader:
         return RobotReply(frame.data)
 
 
-def _solved(text: str, line: tuple[float, float]) -> float:
-    """The reading in a field, from its text."""
+def _number(shape: str) -> bytes:
+    """Regular expression of a number in a format. Numbers with leading zeros may follow each other without
+    anything in between."""
+    if shape[-1:] not in _DIGITS:
+        return _NUMBER
+    _, digit = _DIGITS[shape[-1]]
+    padded = re.search(r"(#?)0(\d+)", shape)
+    if padded is None:
+        return rb"[+-]?(?:0[xXob])?" + digit + b"+"
+    # The width counts the sign, and the 0x of a #.
+    width = int(padded[2]) - 2 * len(padded[1])
+    sizes = (digit, max(width - 1, 1), digit, max(width, 1))
+    return rb"(?:[+-](?:0[xXob])?%b{%d,}?|(?:0[xXob])?%b{%d,}?)" % sizes
+
+
+def _solved(text: str, shape: str, line: tuple[float, float]) -> float:
+    """The reading in a field, from its text in a format."""
     try:
-        return (float(text) - line[1]) / line[0]
+        number = int(text, _DIGITS[shape[-1]][0]) if shape[-1:] in _DIGITS else float(text)
+        return (number - line[1]) / line[0]
     except ValueError:  # ovf, which an Arduino prints for what is too great
         return math.inf

@@ -85,7 +85,9 @@ class MonitoredRobot(RealRobot):
         # Messages that the robot sends by itself come from the real one only.
         reactive = rules.reactive
         self._twin = Twin(self.engine, reactive, self._twin_moved)
-        self._device = DialectDevice(reactive, self._twin, self._note_message)
+        self._device = DialectDevice(
+            reactive, self._twin, self._note_message, lambda values: self._reader.cut_short(values)
+        )
         self._reader = ReplyReader(rules, self._device.state)
         self._silence = LoopTimer(self._fell_silent, self._loop)
         self._lost_reported = False

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 
 import pytest
 
 from simmer_tui.cli.main import main
-from simmer_tui.config.loader import find_set, init_set
+from simmer_tui.config.dialect_reader import load_dialect
+from simmer_tui.config.loader import find_set, init_set, load
+from simmer_tui.dialect.dialect_rules import Parts
+from simmer_tui.dialect.reply_reader import ReplyReader
+from simmer_tui.errors import Problem
 from tests.links.sketch_robot import DIALECT
 
 TO, FROM = "to", "from"
@@ -81,6 +86,82 @@ def test_what_is_otherwise_is_told_with_its_line(
     assert code == 1
     assert out.splitlines()[0].startswith(f"exchange.jsonl:{told}")
     assert out.endswith("; 1 difference\n")
+
+
+DROPS = '[robot]\nbusy = "drop"\n' + DIALECT
+REPLACES = '[robot]\nbusy = "replace"\n' + DIALECT
+
+
+@pytest.mark.parametrize(
+    ("dialect", "pieces"),
+    [
+        # A stop ends the first one; the end of the second is that of the second.
+        (DIALECT, [(0.0, TO, "f 20\n"), (1.0, TO, "x\n"), (2.0, TO, "f 1\n"), (2.2, FROM, "ok\r\n")]),
+        # It also drops what waits.
+        (DIALECT, [(0.0, TO, "f 20\n"), (0.1, TO, "f 20\n"), (1.0, TO, "x\n")]),
+        (REPLACES, [(0.0, TO, "f 20\n"), (1.0, TO, "f 1\n"), (1.2, FROM, "ok\r\n")]),
+        # The stop comes while the answer is under way.
+        (DIALECT, [(0.0, TO, "f 20\n"), (1.0, TO, "x\n"), (1.01, FROM, "ok\r\n")]),
+    ],
+)
+def test_a_movement_that_something_ends_need_not_be_answered(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    dialect: str,
+    pieces: list[tuple[float, str, str]],
+) -> None:
+    code, out = checked(tmp_path, capsys, [*pieces, (9.0, TO, "light\n")], dialect)
+    assert code == 0, out
+
+
+def test_of_a_message_that_is_lost_only_that_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pieces = [(0.0, TO, "f 6\n"), (0.5, TO, "f 6\n"), (1.0, FROM, "ok\r\n"), (9.0, TO, "light\n")]
+    _, out = checked(tmp_path, capsys, pieces, DROPS)
+    assert out.splitlines() == [
+        "exchange.jsonl:3: 'f {n}' is lost: the robot is busy",
+        "3 messages of the dialect; 1 difference",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("reply", "said"),
+    [
+        ("{u1*10:04X}", "00D2"),
+        ("{u1*10:x},{u2:02x}", "7f,0c"),
+        ("{u1:#x}", "0x1f"),
+        ("{u1:#06x};{u1:01X}", "0x001f;A"),
+        ("{u1*10:04X}{u2*10:04X}", "00D200FF"),
+        ("{u1:b} {u2:o}", "1011 17"),
+        ("{u1:04X}", "-1"),
+        ("{u1/100:.1%}", "12.5%"),
+        ("{u1*1000:,.0f}", "12,345"),
+    ],
+)
+def test_numbers_of_other_forms_are_answers(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], reply: str, said: str
+) -> None:
+    dialect = f'[reply]\nend = "\\r\\n"\nmissing = "-1"\n[[command]]\nmatch = "h"\nreply = "{reply}"\n'
+    pieces = [(0.0, TO, "h\n"), (0.01, FROM, f"{said}\r\n"), (9.0, TO, "h\n")]
+    code, out = checked(tmp_path, capsys, pieces, dialect)
+    assert code == 0, out
+
+
+def test_a_reading_in_hex_is_read(tmp_path: Path) -> None:
+    text = '[reply]\nmissing = "-1"\n[[command]]\nmatch = "h"\nreply = "{u1*10:04X}{u2:#x};"\n'
+    (tmp_path / "dialect.toml").write_text(text, "utf-8")
+    spec, problems = load(find_set("default")).simulation, list[Problem]()
+    rules = load_dialect(tmp_path, Parts(spec.sensors, spec.drives), problems)
+    assert not problems
+    reader = ReplyReader(rules, {})
+    for said, readings in (
+        ("00D20x10;", {"u1": 21.0, "u2": 16.0}),
+        ("-10x10;", {"u1": math.inf, "u2": 16.0}),
+    ):
+        reader.asked(rules.rules[0], {})
+        (reply,) = reader.receive(said.encode())
+        assert reply.readings == readings
 
 
 def test_a_reply_too_early(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
