@@ -454,6 +454,21 @@ def test_a_program_that_was_not_led_is_not_told_of_its_own_line(tmp_path: Path) 
 
 
 @pytest.mark.slow
+def test_a_run_that_pressed_against_a_wall_has_met_something(tmp_path: Path) -> None:
+    rules = '[[command]]\nmatch = "{way:w=w1|s=s1} {ms}"\ndo = "run {way} for {ms/1000} s"\n'
+    rules += 'done = "{contact}\\n"\n'
+    program = """
+        import serial
+        robot = serial.Serial("COM6", 115200, timeout=9)
+        for message in b"w 100", b"w 2000", b"w 100", b"s 100":
+            robot.write(message + b"\\n")
+            print(robot.readline())
+    """
+    ended = run(tmp_path, program, "--clock", "program", dialect=rules)
+    assert ended.stdout.split() == ["b'0\\n'", "b'1\\n'", "b'1\\n'", "b'0\\n'"]
+
+
+@pytest.mark.slow
 def test_a_contact_names_the_message_of_the_program(tmp_path: Path) -> None:
     rules = '[[command]]\nmatch = "[{ms}]"\ndo = "run d1 for {ms/1000} s"\n'
     rules += '[[command]]\nmatch = "w {n}"\ndo = "d1-{n}"\n'

@@ -21,7 +21,7 @@ from simmer_tui.config.loader import Configuration, find_set, init_set, load
 from simmer_tui.config.settings import with_any_ports
 from simmer_tui.config.settings_file import Override
 from simmer_tui.errors import ConfigurationError, PortError
-from simmer_tui.events import Event, Notice, WireMessage
+from simmer_tui.events import Action, ActionName, Event, Notice, WireMessage
 from simmer_tui.program.program_command import HOOK_FOLDER, out_of_reach
 from simmer_tui.server import Server
 
@@ -133,6 +133,22 @@ def test_a_program_that_opens_writes_and_leaves_at_once_has_driven(tmp_path: Pat
         with serial.Serial(str(path), timeout=TIMEOUT) as second:  # nothing is left of the first one
             second.write(b"get\n")
             assert second.readline().startswith(b"u1: ")
+
+
+@pytest.mark.parametrize("action", [Action(ActionName.STOP), Action(ActionName.TELEPORT, (30.0, 42.0, 0.0))])
+def test_a_run_that_a_person_ends_was_stopped(tmp_path: Path, action: Action) -> None:
+    path = tmp_path / "robot"
+    rules = (
+        '[[command]]\nmatch = "t"\ndo = "run d1 for 600 s"\nreply = "+\\n"\ndone = "ok"\nstopped = "cut\\n"'
+    )
+    with (
+        running(configuration(tmp_path, rules, pty=str(path))) as run,
+        serial.Serial(str(path), 115200, timeout=TIMEOUT) as robot,
+    ):
+        robot.write(b"t\n")
+        assert robot.readline() == b"+\n"
+        run.server.call(run.server.engine.perform, action)
+        assert robot.readline() == b"cut\n"
 
 
 def test_a_program_that_does_not_read_holds_nobody_up(tmp_path: Path) -> None:

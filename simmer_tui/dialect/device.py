@@ -243,6 +243,19 @@ class DialectDevice:
         if self._runs and not self._rules.robot.runs_on:
             self._halt()
 
+    def run_touched(self) -> None:
+        """Called when the robot meets something in a continuous motion."""
+        if self._moving is not None and self._moving.velocity is not None:
+            self._moving.touched = True
+
+    def run_ended(self) -> None:
+        """Called when a continuous motion is ended by something else than its time or a message."""
+        self._runs = self._lasts = False
+        if self._moving is not None and self._moving.velocity is not None:
+            self._drop_waiting()
+            self._break_off(self._moving)
+            self._go_on()
+
     def received(self, data: bytes) -> None:
         """Called with received bytes."""
         if self._booting.pending:
@@ -440,6 +453,7 @@ class DialectDevice:
         seconds = step.seconds.number(scope) if step.seconds is not None else None
         if seconds is not None and not seconds > 0:
             return True
+        task.velocity = velocity if seconds is not None else None
         refused = self.host.drive(velocity, seconds)
         if refused:
             self._give_up(task, f"'{task.rule.shown}' at {task.rule.place}: {refused}")
@@ -447,7 +461,6 @@ class DialectDevice:
         self._runs, self._lasts = seconds is None, False
         if seconds is None:
             return True
-        task.velocity = velocity
         return self._pause(task, seconds)
 
     def _velocity(self, step: RunStep, scope: _TaskScope) -> Velocity:

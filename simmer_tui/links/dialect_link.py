@@ -16,7 +16,17 @@ from simmer_tui.dialect.device import DialectDevice, MoveEnd, Timer
 from simmer_tui.dialect.dialect_rules import DialectRules
 from simmer_tui.dialect.expressions import FieldValue
 from simmer_tui.engine import Engine
-from simmer_tui.events import NOT_CONNECTED, Event, Notice, NoticeKind, ProgramEnded, WireMessage
+from simmer_tui.events import (
+    NOT_CONNECTED,
+    Event,
+    LegEnded,
+    Notice,
+    NoticeKind,
+    ProgramEnded,
+    VelocityEnd,
+    VelocityEnded,
+    WireMessage,
+)
 from simmer_tui.links.course_device import FRAMINGS, CourseDevice
 from simmer_tui.links.driver_lock import NOT_SERVED, DriverLock
 from simmer_tui.links.hook_port import HookedProgram
@@ -40,6 +50,8 @@ NO_HOOK_ADVICE = (
     else "Run it as plain Python, or send commands over TCP (listeners)"
 )
 """Advice in the notice: the next step."""
+_ENDED_BY_OTHERS = frozenset((VelocityEnd.STOP, VelocityEnd.PLACED, VelocityEnd.MOVEMENT))
+"""Ends of a velocity that are not its own, while its sender is there."""
 _STOP = Command(STOP, STOP, stops=True)
 """The stop sent by a rule of the dialect, or at the end of a run."""
 
@@ -56,6 +68,15 @@ def move_end(result: CommandResult) -> MoveEnd:
         and velocity.twist.moves
         and (velocity.times_out or velocity.expires == math.inf),
     )
+
+
+def note_motion(event: Event, device: DialectDevice) -> None:
+    """Tell a device of contacts of its runs, and of those that people or other senders end."""
+    # Who is pressed against a wall again within 0.1 s has no new contact.
+    if isinstance(event, LegEnded) and (event.contact is not None or event.leg.pressed):
+        device.run_touched()
+    elif isinstance(event, VelocityEnded) and event.reason in _ENDED_BY_OTHERS:
+        device.run_ended()
 
 
 class SimulatedHost:
@@ -218,7 +239,10 @@ class DialectLink:
         self._reached = True
 
     def _watch(self, event: Event) -> None:
-        """Report at its end that a program could not find the port."""
+        """Tell the device of contacts and other ends of its runs. Report at its end that a program could not
+        find the port."""
+        if isinstance(self._device, DialectDevice):
+            note_motion(event, self._device)
         if isinstance(event, Notice) and event.text.startswith(NOT_CONNECTED):
             self._reached = True
         elif isinstance(event, ProgramEnded) and event.started and not event.stopped:

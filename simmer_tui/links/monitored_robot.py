@@ -20,13 +20,21 @@ from simmer_tui.dialect.reply_reader import SILENCE, ReplyReader, RobotReply
 from simmer_tui.engine import PEOPLE, Engine
 from simmer_tui.events import (
     LegBegun,
+    LegEnded,
     MovementPlanned,
     Notice,
     NoticeKind,
     TwinReading,
+    VelocityEnded,
     WireMessage,
 )
-from simmer_tui.links.dialect_link import LOGGED_OF_STREAM, SimulatedHost, move_end, reply_value
+from simmer_tui.links.dialect_link import (
+    LOGGED_OF_STREAM,
+    SimulatedHost,
+    move_end,
+    note_motion,
+    reply_value,
+)
 from simmer_tui.links.real_robot import RealRobot
 from simmer_tui.sessions import LoopTimer
 from simmer_tui.sim.command import parse_command
@@ -216,6 +224,12 @@ class MonitoredRobot(RealRobot):
     def on_leg_begun(self, event: LegBegun) -> None:
         if event.command.source in PEOPLE and event.leg.contact is not None:
             self._foresee(event.leg.travelled(event.leg.end_time))
+
+    def on_leg_ended(self, event: LegEnded) -> None:
+        note_motion(event, self._device)
+
+    def on_velocity_ended(self, event: VelocityEnded) -> None:
+        note_motion(event, self._device)
 
     def _foresee(self, distance: float) -> None:
         text = f"this will touch in {distance:.1f} in, if the robot is where the simulated one is"

@@ -302,6 +302,52 @@ def test_people_who_stop_the_robot_end_the_message(tmp_path: Path) -> None:
     assert host.take() == ["< 25.4,inf,10"]
 
 
+RUNS = """
+[[command]]
+match = "t {s}"
+do = "run d1 for {s} s"
+done = "ok {contact}"
+stopped = "cut {contact}"
+[[command]]
+match = "then {s}"
+do = ["run d1 for {s} s", "r1-5"]
+done = "ok {contact}"
+[[command]]
+match = "w"
+do = "run d1"
+"""
+
+
+def test_a_run_that_met_something_says_so(tmp_path: Path) -> None:
+    robot, host = device(tmp_path, commands=RUNS)
+    robot.received(b"t 2\nthen 1\nt 3\n")
+    host.pass_time(1)
+    robot.run_touched()
+    host.pass_time(1)
+    assert host.take() == ["(6.0, 0.0, 0.0) 2.0", "< ok 1", "(6.0, 0.0, 0.0) 1.0"]
+    host.pass_time(1)
+    robot.run_touched()  # of somebody else: a movement tells its own contacts
+    host.end()
+    assert host.take() == ["r1-5", "< ok 0", "(6.0, 0.0, 0.0) 3.0"]
+
+
+def test_people_who_stop_a_run_end_the_message(tmp_path: Path) -> None:
+    robot, host = device(tmp_path, commands=RUNS)
+    robot.received(b"t 2\nt 3\n")
+    host.pass_time(1)
+    robot.run_ended()
+    assert host.take() == ["(6.0, 0.0, 0.0) 2.0", "< cut 0"], "what waits is dropped"
+    robot.received(b"w\n")
+    assert robot.moves
+    robot.run_ended()
+    assert not robot.moves
+    robot.received(b"then 1\n")
+    host.pass_time(1)
+    robot.run_ended()
+    host.end()
+    assert host.take()[-1] == "< ok 0", "its run was over"
+
+
 def test_a_refused_step_ends_the_message_without_done(tmp_path: Path) -> None:
     robot, host = device(tmp_path)
     robot.received(b"f 1\n")
