@@ -247,7 +247,7 @@ class DialectLink:
             self._reached = True
         elif isinstance(event, ProgramEnded) and event.started and not event.stopped:
             clock = self._context.clock
-            if not self._reached and not (clock is not None and clock.reached):
+            if not (self._reached or self._lock.used or (clock is not None and clock.reached)):
                 self.engine.tell_fault(f"{NOT_CONNECTED}: {NO_HOOK}. {NO_HOOK_ADVICE}")
 
     def opened(self, endpoint: SerialEndpoint, name: str, baud: float | None) -> None:

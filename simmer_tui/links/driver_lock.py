@@ -19,6 +19,8 @@ class DriverLock:
 
     def __init__(self, clock: ProgramClock | None = None, processes: ProcessLookup | None = None) -> None:
         """Without `clock` and `processes` it is a lock of one link's own, which that can always acquire."""
+        self.used = False
+        """True once a program has driven the robot."""
         self._clock = clock
         self._processes = processes
         self._holder: object = None
@@ -35,7 +37,7 @@ class DriverLock:
             return f"{self._name} drives the robot, and one program at a time does"
         if self._holder is not holder:
             self._process = None
-        self._holder, self._name = holder, escape(name)
+        self._holder, self._name, self.used = holder, escape(name), True
         self._process = process or self._process
         return ""
 

@@ -18,7 +18,7 @@ from msgspec.structs import replace
 
 from simmer_tui.config.loader import find_set, init_set, load
 from simmer_tui.config.settings import with_any_ports
-from simmer_tui.events import Event, Notice
+from simmer_tui.events import NOT_CONNECTED, Event, Notice, ProgramEnded
 from simmer_tui.links import driver_lock
 from simmer_tui.links.driver_lock import DriverLock
 from simmer_tui.links.processes import LONGEST_LOOK, Process, ProcessLookup
@@ -95,6 +95,20 @@ def test_who_comes_by_another_door_is_told_and_closed(tmp_path: Path, purpose: s
             third.sendall(said)
             assert third.recv(100) or purpose == "packets"
             run.until("client")
+
+
+def test_a_program_that_drove_by_tcp_gets_no_advice_about_the_serial_port(tmp_path: Path) -> None:
+    ended = ProgramEnded(1.0, 0)
+    for drives in (True, False):
+        with running(tmp_path) as run:
+            if drives:
+                with run.connect("commands") as first:
+                    first.sendall(b"u1\n")
+                    first.recv(8)
+                run.until("disconnected")
+            run.server.call(run.server.engine.tell, ended)
+            run.server.call(run.server.engine.tell_fault, "the last one")
+            assert run.until("the ").startswith("the last one" if drives else NOT_CONNECTED)
 
 
 def test_the_serial_port_is_refused_while_a_program_drives_by_tcp(tmp_path: Path) -> None:
