@@ -21,7 +21,7 @@ from simmer_tui.config.loader import Configuration, find_set, init_set, load
 from simmer_tui.config.settings import with_any_ports
 from simmer_tui.config.settings_file import Override
 from simmer_tui.errors import ConfigurationError, PortError
-from simmer_tui.events import Action, ActionName, Event, Notice, WireMessage
+from simmer_tui.events import Action, ActionName, Event, Notice, ProgramEnded, WireMessage
 from simmer_tui.program.program_command import HOOK_FOLDER, out_of_reach
 from simmer_tui.server import Server
 
@@ -238,6 +238,13 @@ def test_a_program_out_of_reach_is_told_with_what_to_do(tmp_path: Path, options:
     told = [line for line in ended.stderr.splitlines() if "not connected to the robot's serial port" in line]
     assert len(told) == 1
     assert "--pty PATH" in told[0]
+
+
+def test_a_program_that_does_not_open_the_pseudo_terminal_is_told_its_path(tmp_path: Path) -> None:
+    path = tmp_path / "robot"
+    with running(configuration(tmp_path, pty=str(path))) as run:
+        run.server.call(run.server.engine.tell, ProgramEnded(1.0, 0))
+        assert run.until("not connected").endswith(f"Run it as plain Python, or let it open {path}")
 
 
 @pytest.mark.slow

@@ -187,9 +187,10 @@ class RunLife:
             lambda: server.engine.present, lambda why: server.tell(Notice(NoticeKind.FAULT, why))
         )
         if SERIAL.purpose in server.ports and (why := out_of_reach(command)):
-            from simmer_tui.links.dialect_link import NO_HOOK_ADVICE
+            from simmer_tui.links.dialect_link import no_hook_advice
 
-            server.tell(Notice(NoticeKind.FAULT, f"{NOT_CONNECTED}: {why}. {NO_HOOK_ADVICE}"))
+            advice = no_hook_advice(server.terminal)
+            server.tell(Notice(NoticeKind.FAULT, f"{NOT_CONNECTED}: {why}. {advice}"))
         self._shutdown.program = Program(
             command,
             server.environment,

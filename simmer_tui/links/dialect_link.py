@@ -32,11 +32,11 @@ from simmer_tui.links.driver_lock import NOT_SERVED, DriverLock
 from simmer_tui.links.hook_port import HookedProgram
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.peer import MOST_WAITING, PIECE, ReadBudget
-from simmer_tui.links.pty_port import PtyPort
+from simmer_tui.links.pty_port import PtyDevice, PtyPort
 from simmer_tui.links.serial_wire import SerialEndpoint, Wire
 from simmer_tui.protocol.packets import STOP
 from simmer_tui.sessions import Session
-from simmer_tui.sim.command import Command, counted, escape, escape_word, parse_command
+from simmer_tui.sim.command import Command, counted, escape, escape_word, parse_command, shown_path
 from simmer_tui.sim.records import REFUSALS, CommandResult, Status
 
 # A stream at 240 Hz would be most of a log, and its messages are all alike.
@@ -44,16 +44,21 @@ LOGGED_OF_STREAM = 1000
 """Messages of streams that are logged; later ones are only counted."""
 NO_HOOK = "it is no Python, it is frozen, or it was started with -I, -E or -S"
 """Reasons why a program may not use the hook."""
-NO_HOOK_ADVICE = (
-    "Run it as plain Python, or give it a serial port with --pty PATH"
-    if platform_has.POSIX
-    else "Run it as plain Python, or send commands over TCP (listeners)"
-)
-"""Advice in the notice: the next step."""
 _ENDED_BY_OTHERS = frozenset((VelocityEnd.STOP, VelocityEnd.PLACED, VelocityEnd.MOVEMENT))
 """Ends of a velocity that are not its own, while its sender is there."""
 _STOP = Command(STOP, STOP, stops=True)
 """The stop sent by a rule of the dialect, or at the end of a run."""
+
+
+def no_hook_advice(terminal: PtyDevice | None) -> str:
+    """The next step for a program without the hook, with the pseudo-terminal that there is."""
+    if terminal is not None:
+        other = f"let it open {shown_path(terminal.path)}"
+    elif platform_has.POSIX:
+        other = "give it a serial port with --pty PATH"
+    else:
+        other = "send commands over TCP (listeners)"
+    return f"Run it as plain Python, or {other}"
 
 
 def move_end(result: CommandResult) -> MoveEnd:
@@ -248,7 +253,8 @@ class DialectLink:
         elif isinstance(event, ProgramEnded) and event.started and not event.stopped:
             clock = self._context.clock
             if not (self._reached or self._lock.used or (clock is not None and clock.reached)):
-                self.engine.tell_fault(f"{NOT_CONNECTED}: {NO_HOOK}. {NO_HOOK_ADVICE}")
+                advice = no_hook_advice(self._context.terminal)
+                self.engine.tell_fault(f"{NOT_CONNECTED}: {NO_HOOK}. {advice}")
 
     def opened(self, endpoint: SerialEndpoint, name: str, baud: float | None) -> None:
         """Answer a program that opens a port."""
