@@ -36,6 +36,7 @@ from simmer_tui.dialect.fault_notices import UNKNOWN_MESSAGE, FaultNotices
 from simmer_tui.dialect.frames import Deframer, Frame, Noise
 from simmer_tui.dialect.messages import nearest
 from simmer_tui.dialect.templates import LONGEST_REPLY, BinaryReply
+from simmer_tui.dialect.timer import Timer
 from simmer_tui.errors import ExpressionError
 from simmer_tui.sim.command import counted, escape
 from simmer_tui.sim.sensors import Lidar, sensor_of
@@ -48,27 +49,6 @@ LATEST = 1.0
 """Seconds by which a message of a stream may be late; later ones are not sent."""
 WATCHDOG = "watchdog"
 """Source of the end of a run, or velocity, that `halts_after` ends."""
-
-
-class Timer:
-    """A call that is due later, unless it is cancelled before; without a call it is over."""
-
-    def __init__(self, call: Callable[[], None] | None = None) -> None:
-        self._call = call
-
-    @property
-    def pending(self) -> bool:
-        """True until the call is made or cancelled."""
-        return self._call is not None
-
-    def cancel(self) -> None:
-        """Cancel the call."""
-        self._call = None
-
-    def __call__(self) -> None:
-        call, self._call = self._call, None
-        if call is not None:
-            call()
 
 
 class MoveEnd(Struct, frozen=True):

@@ -8,12 +8,13 @@ from collections.abc import Callable, Mapping, Sequence
 
 from msgspec import Struct
 
-from simmer_tui.dialect.device import DialectDevice, MoveEnd, Timer
+from simmer_tui.dialect.device import DialectDevice, MoveEnd
 from simmer_tui.dialect.dialect_rules import DialectRules, MessageRule, Velocity
 from simmer_tui.dialect.expressions import FieldValues
 from simmer_tui.dialect.readings import MessageScope
 from simmer_tui.dialect.reply_reader import SILENCE, PendingReply, ReplyReader, RobotReply
 from simmer_tui.dialect.templates import TextReply
+from simmer_tui.dialect.timer import Timer
 from simmer_tui.errors import ExpressionError
 from simmer_tui.sim.command import escape, parse_command, parse_value
 

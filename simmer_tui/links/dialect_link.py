@@ -12,9 +12,10 @@ from msgspec.structs import replace
 from simmer_tui import platform_has
 from simmer_tui.config.dialects import SERIAL
 from simmer_tui.config.settings import USUAL_BAUD
-from simmer_tui.dialect.device import DialectDevice, MoveEnd, Timer
+from simmer_tui.dialect.device import DialectDevice, MoveEnd
 from simmer_tui.dialect.dialect_rules import DialectRules
 from simmer_tui.dialect.expressions import FieldValue
+from simmer_tui.dialect.timer import Timer
 from simmer_tui.engine import Engine
 from simmer_tui.events import (
     NOT_CONNECTED,

@@ -13,8 +13,8 @@ from functools import partial
 from typing import Protocol
 
 from simmer_tui.config.settings import BITS_OF_A_BYTE
-from simmer_tui.dialect.device import Timer
 from simmer_tui.dialect.frames import FrameKind, Framing
+from simmer_tui.dialect.timer import Timer
 from simmer_tui.engine import Engine
 from simmer_tui.links.peer import ReadBudget
 

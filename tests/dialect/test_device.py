@@ -11,8 +11,9 @@ import pytest
 
 from simmer_tui.config.dialect_reader import load_dialect
 from simmer_tui.config.loader import find_set, load
-from simmer_tui.dialect.device import DialectDevice, MoveEnd, Timer
+from simmer_tui.dialect.device import DialectDevice, MoveEnd
 from simmer_tui.dialect.dialect_rules import Parts
+from simmer_tui.dialect.timer import Timer
 from simmer_tui.errors import Problem
 
 BEGIN = 1000.3
