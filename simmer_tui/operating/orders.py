@@ -8,15 +8,15 @@ from msgspec import Struct
 from simmer_tui.config.settings import PACES
 from simmer_tui.errors import ConsoleCommandError
 from simmer_tui.events import LARGEST_NUMBER, Action, ActionName
-from simmer_tui.sim.command import Command, counted, escape_word, parse_command, parse_value
+from simmer_tui.sim.command import LARGEST_VALUE, Command, counted, escape_word, parse_command, parse_value
 from simmer_tui.sim.noise import SEEDS
 from simmer_tui.sim.rules import NumberRule, did_you_mean
 from simmer_tui.sim.specs import SimulationSpec
-from simmer_tui.sim.velocity_commands import LARGEST_SPEED, MOST_WAITED, WAIT
+from simmer_tui.sim.velocity_commands import MOST_WAITED, WAIT
 
 _ANY_NUMBER = NumberRule()
 # The robot has the same limits. It gets a velocity and a wait, and might refuse only one of them.
-_SPEEDS = NumberRule(-LARGEST_SPEED, LARGEST_SPEED)
+_SPEEDS = NumberRule(-LARGEST_VALUE, LARGEST_VALUE)
 _SECONDS = NumberRule(0.0, MOST_WAITED, low_open=True)
 
 
