@@ -298,7 +298,9 @@ class OneLineParser(argparse.ArgumentParser):
             is_option = given.startswith("-")
             options = [name for action in self._actions for name in action.option_strings]
             hint = did_you_mean(given, options if is_option else self._words)
-            hint = _program_in_quotes(words, unknown) or hint
+            # An option like one of ours is that one, mistyped; a program's file may resemble a command.
+            if not (is_option and hint):
+                hint = _program_in_quotes(words, unknown) or hint
             kind = "option" if is_option else "command" if self._words else "argument"
             self.error(f'unknown {kind} "{escape(unknown[0])}"{hint}')
         return parsed
