@@ -16,6 +16,8 @@ from typing import BinaryIO
 
 PARTIAL = ".part"
 """The end of the name of a file that is being written."""
+NOT_OVERWRITTEN = "it exists already and is not overwritten"
+"""The reason why a file that a person names in a run is not written."""
 
 
 @contextmanager

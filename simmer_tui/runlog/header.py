@@ -186,7 +186,7 @@ def parse_header(line: bytes, shown: str) -> Header:
     # Checked before the whole header is decoded: other formats have other fields.
     if version.format != FORMAT:
         raise RunLogError(
-            f"{shown} is a run log of format {escape_word(str(version.format))}, written by simmer-tui "
+            f"{shown} is a run log of format {escape_word(repr(version.format))}, written by simmer-tui "
             f"{escape_word(str(version.program))}; simmer-tui {__version__} reads format {FORMAT}: "
             "log the run again, with --log"
         )

@@ -28,6 +28,7 @@ from simmer_tui.runlog.header import TakenOver, header_of
 from simmer_tui.runlog.log_records import encode_line
 from simmer_tui.sim.command import shown_path
 from simmer_tui.sim.simulator import Simulator
+from simmer_tui.whole_file import NOT_OVERWRITTEN
 
 # A log has a program's output and, in a mission, the data for grades: other users never write it.
 MODE = 0o644
@@ -251,9 +252,7 @@ class _LogFile:
         except FileExistsError:
             # An empty file has been made by `auto_path`, or by mktemp: nothing is lost with it.
             if path.is_file() and path.stat().st_size > 0:
-                raise FileExistsError(
-                    0, "it exists already and is not overwritten; name another file, or auto"
-                ) from None
+                raise FileExistsError(0, f"{NOT_OVERWRITTEN}; name another file, or auto") from None
             self._descriptor = _existing(path, flags)
         # A pipe or a device has neither a size nor a lock to look at.
         self._plain = stat.S_ISREG(os.fstat(self._descriptor).st_mode)

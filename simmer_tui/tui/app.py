@@ -50,7 +50,7 @@ from simmer_tui.tui.shell import Shell, put
 from simmer_tui.tui.sizes import BRIEF_ANSWER, Box
 from simmer_tui.tui.terminal import TerminalChoice
 from simmer_tui.tui.textual_internals import age_of, rows_of
-from simmer_tui.whole_file import write_whole
+from simmer_tui.whole_file import NOT_OVERWRITTEN, write_whole
 
 _PROMPT = 5
 """Columns by which typed text is longer than the reply beside it, on a small screen."""
@@ -87,6 +87,8 @@ class SimmerApp(Shell):
         """Starts a program beside the run; None where there may be none, as beside another."""
         self.page_links: tuple[str, ...] = ()
         """Lines with the links to the page that shows the run in browsers."""
+        self._written: set[Path] = set()
+        """The files that orders have written: only those may be written again."""
         self.run_again: Callable[[], None] = partial(self.action_press, "reset")
         """Restarts the run."""
         self._panes.pointer = " ".join(REASONS)
@@ -308,7 +310,10 @@ class SimmerApp(Shell):
     def _write(self, name: str, text: str, what: str) -> None:
         file = Path(name).expanduser()
         try:
+            if file.is_file() and file.stat().st_size and file.resolve() not in self._written:
+                raise FileExistsError(0, f"{NOT_OVERWRITTEN}; name another file")
             write_whole(file, text)
+            self._written.add(file.resolve())
         except (OSError, ValueError) as error:  # ValueError: a name with a zero byte
             self._console.show_error(f"{shown_path(name)}: {escape(reason_of(error))}")
         else:

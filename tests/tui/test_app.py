@@ -464,10 +464,22 @@ def test_shot_save_and_copy_hand_the_screen_and_the_log_out(fly: Fly, tmp_path: 
         assert "<script" not in picture
         await cockpit.type(f":save {tmp_path / 'log.txt'}")
         await cockpit.until(lambda: (tmp_path / "log.txt").exists())
-        assert "u1" in (saved := (tmp_path / "log.txt").read_text(encoding="utf-8"))
+        saved = (tmp_path / "log.txt").read_text(encoding="utf-8")
+        assert "u1" in saved
         assert cockpit["log"].startswith(saved.rstrip()), "what was written is told after it"
         await cockpit.type(":copy")
         await cockpit.until(lambda: cockpit.app.clipboard == cockpit["log"])
+        await cockpit.type("u2")
+        await cockpit.until(lambda: "by console" in cockpit["log"])
+        await cockpit.type(f":save {tmp_path / 'log.txt'}")  # its own file may be written again
+        await cockpit.until(lambda: (tmp_path / "log.txt").read_text(encoding="utf-8") != saved)
+        for order, name in ((":save", "good.py"), (":shot", "good.svg")):
+            (tmp_path / name).write_text("work")
+            await cockpit.type(f"{order} {tmp_path / name}")
+            await cockpit.until(lambda: "it exists already and is not overwritten" in cockpit["hint"])
+            assert (tmp_path / name).read_text() == "work"
+            await cockpit.type("u1")
+            await cockpit.until(lambda: "it exists already" not in cockpit["hint"])
         await cockpit.type(f":save {tmp_path / 'none' / 'log.txt'}")
         await cockpit.until(lambda: "No such file or directory" in cockpit["hint"])
 
