@@ -12,6 +12,7 @@ from __future__ import annotations
 import contextlib
 import os
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 try:
@@ -23,6 +24,18 @@ else:
 """True if the calls of POSIX are there; False on Windows."""
 LINUX = POSIX and sys.platform == "linux"
 """True if there are /proc and netlink, though a container may hide either."""
+
+
+def shell_line(words: Sequence[str]) -> str:
+    """The line to type in this system's shell for a command of these words."""
+    # Imported here because few commands print one.
+    if POSIX:
+        import shlex
+
+        return shlex.join(words)
+    import subprocess
+
+    return subprocess.list2cmdline(words)
 
 
 def lock_alone(descriptor: int) -> None:

@@ -27,7 +27,7 @@ from simmer_tui.errors import (
     SimmerError,
     reason_of,
 )
-from simmer_tui.sim.command import counted, escape, escape_passage, shown_path
+from simmer_tui.sim.command import counted, escape, shown_passage, shown_path, typed_path
 from simmer_tui.sim.rules import FlagRule, Rule, did_you_mean
 
 if TYPE_CHECKING:  # a run has no documents, and must start quickly
@@ -233,11 +233,11 @@ def _path(text: str) -> Path:
 
 def _program_in_quotes(words: Sequence[str], unknown: Sequence[str]) -> str:
     """A hint for a program without quotes (`--run python my_robot.py`), if that is the mistake."""
-    first, *more = words[words.index("--run") + 1 :] if "--run" in words else [""]
+    given = words[words.index("--run") + 1 :] if "--run" in words else []
     # An option of ours is not part of the program.
-    own = list(takewhile(lambda pair: pair[0] == pair[1], zip(more, unknown, strict=False)))
-    program = " ".join([first, *(word for word, _ in own)])
-    return f'; the command after --run needs quotes: --run "{escape(program)}"' if own else ""
+    own = list(takewhile(lambda pair: pair[0] == pair[1], zip(given[1:], unknown, strict=False)))
+    program = " ".join(map(typed_path, given[: len(own) + 1]))
+    return f'; the command after --run needs quotes: --run "{program}"' if own else ""
 
 
 class OneLineParser(argparse.ArgumentParser):
@@ -311,7 +311,7 @@ class OneLineParser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         # One line: argparse would print the usage of all options first.
-        self.exit(2, f"{self.prog}: {escape_passage(message)} (see {self.prog} --help)\n")
+        self.exit(2, f"{self.prog}: {shown_passage(message)} (see {self.prog} --help)\n")
 
 
 def _join_negative_values(args: Sequence[str]) -> list[str]:

@@ -1,9 +1,7 @@
 """Sample programs as files: their folder, and copying them."""
 
-import shlex
 import sys
 from pathlib import Path
-from subprocess import list2cmdline
 
 from simmer_tui import platform_has
 from simmer_tui.config.sets import PACKAGE, installed_folder, read_all, write_files
@@ -27,7 +25,7 @@ def examples_folder() -> Path:
 def example_command() -> str:
     """Command that runs the sample program with our own interpreter."""
     words = [sys.executable, str(examples_folder() / EXAMPLE)]
-    return shlex.join(words) if platform_has.POSIX else list2cmdline(words)
+    return platform_has.shell_line(words)
 
 
 def example_files() -> dict[str, bytes]:

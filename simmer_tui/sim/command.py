@@ -4,6 +4,8 @@ import re
 
 from msgspec import Struct
 
+from simmer_tui import platform_has
+
 NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 """A decimal number as people and MATLAB's num2str write it; Python's float accepts far more."""
 
@@ -73,9 +75,14 @@ def escape_passage(text: str) -> str:
     return escape(text, _PASSAGE)
 
 
+def shown_passage(text: str) -> str:
+    """Sentences with a command or a path to type, made safe to show: letters of all scripts stay."""
+    return _cut(printable(text), _PASSAGE)
+
+
 def shown_path(path: object) -> str:
     """A path made safe to show. Letters of all scripts stay: people type commands with the path."""
-    return _cut(printable(str(path)), _PASSAGE)
+    return shown_passage(str(path))
 
 
 def printable(text: str) -> str:
@@ -88,9 +95,7 @@ def printable(text: str) -> str:
 
 def typed_path(path: object) -> str:
     """A path as it can be typed in a shell, unless it has control characters."""
-    import shlex  # only for messages
-
-    return shlex.quote(printable(str(path)))
+    return platform_has.shell_line([printable(str(path))])
 
 
 def plural(number: int, noun: str) -> str:

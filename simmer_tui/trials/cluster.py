@@ -9,7 +9,6 @@ from __future__ import annotations
 import importlib
 import os
 import shlex
-import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
@@ -97,7 +96,7 @@ def unpack(bundle: ProgramBundle, folder: Path) -> str:
         words[0] = sys.executable  # the Python that has this package
     elif words and words[0] in bundle.files:
         words[0] = str(folder / words[0])
-    return shlex.join(words) if platform_has.POSIX else subprocess.list2cmdline(words)
+    return platform_has.shell_line(words)
 
 
 def unpack_files(files: Mapping[str, PackedFile], folder: Path) -> None:

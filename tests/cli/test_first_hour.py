@@ -401,3 +401,19 @@ def test_a_program_without_quotes_is_told_of_with_them(
     with pytest.raises(SystemExit, match="2"):
         main([*command, "--run", *program.split(), "--seed", "3"])
     assert f"""the command after --run needs quotes: --run "{program}" (see""" in capsys.readouterr().err
+
+
+@pytest.mark.posix
+def test_the_quotes_of_a_program_keep_its_words_and_letters(capsys: Capture) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        main(["--run", "python", "my robot.py", "Übung.py"])
+    assert """--run "python 'my robot.py' 'Übung.py'" (see""" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "words", [["check", "config", "--run"], ["--", "--run"], ["check", "config", "--run", "x"]]
+)
+def test_a_run_option_where_there_is_none_is_unknown(capsys: Capture, words: list[str]) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        main(words)
+    assert "unknown" in capsys.readouterr().err
