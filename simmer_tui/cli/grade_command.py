@@ -138,7 +138,7 @@ def _begun(options: argparse.Namespace) -> GradeFolder:
     course = dataclasses.replace(course, **given)
     if others := not_teams(course):
         names = ", ".join(map(shown_name, others))
-        say(f"simmer-tui grade: not graded, because they are no folders: {names}")
+        say(f"simmer-tui grade: not graded, because they are links or archives: {names}")
     isolation = _isolation(options)
     path = options.out or _usual_place(course)
     seed = secrets.randbits(SEED_BITS) if options.seed is None else options.seed

@@ -34,7 +34,7 @@ _LARGEST_TEAM_FILE = 65536
 # Judged: a name is a cell of a table; a path and a mistake with its advice need more room to be understood.
 _SHORT, LONG = 60, 300
 """Characters shown of the name of a team, and of a path or a mistake."""
-_ARCHIVES = tuple(ending for _, endings, _ in shutil.get_unpack_formats() for ending in endings)
+_ARCHIVES = (*(ending for _, endings, _ in shutil.get_unpack_formats() for ending in endings), ".rar", ".7z")
 _WORD = re.compile(r"[^a-z0-9]+")
 
 
@@ -259,7 +259,7 @@ def not_teams(course: Course) -> list[str]:
         path.name
         for folder in course.team_folders
         for path in sorted(folder.iterdir())
-        if (path.is_symlink() if path.is_dir() else path.name.endswith(_ARCHIVES))
+        if (path.is_symlink() if path.is_dir() else path.name.lower().endswith(_ARCHIVES))
     ]
 
 

@@ -12,8 +12,8 @@ from __future__ import annotations
 
 import hmac
 import shutil
-from collections.abc import Iterable, Mapping, Sequence
-from contextlib import closing, suppress
+from collections.abc import Generator, Iterable, Mapping, Sequence
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path, PurePosixPath
@@ -264,7 +264,7 @@ class GradeFolder:
         if not entry.team.folder.is_dir():
             raise GradeError(f"{shown_name(str(entry.team.folder), LONG)} is not a folder any more")
         team, attempt = entry.team, entry.planned.attempt + 1
-        with self.store.locked(), self.store.reported("written"), closing(SubmissionReader()) as reader:
+        with self._changing_plan(), self.store.reported("written"), closing(SubmissionReader()) as reader:
             # If the copy is cut off, the earlier results must not count for a part of the new files.
             self._plan_team(entry, PlannedTeam(team, attempt, refused=_CUT_OFF))
             for place in (self.home(team), self.runs / team.slug):
@@ -276,8 +276,18 @@ class GradeFolder:
 
     def hide_names(self, *, hidden: bool) -> None:
         """Change whether pages have codes in place of names. Raises GradeError."""
-        with self.store.locked():
+        with self._changing_plan():
             self._write_plan(structs.replace(self.plan, hides_names=hidden))
+
+    @contextmanager
+    def _changing_plan(self) -> Generator[None, None, None]:
+        """The lock for a change of the plan. Raises GradeError if the plan is not as it was read: the change
+        would undo that of another process."""
+        with self.store.locked():
+            if _changes_of(self.store.read_plan()) != _changes_of(self.plan):
+                what = "another simmer-tui has changed this grading meanwhile; try again"
+                raise GradeError(f"{shown_path(self.path)}: {what}")
+            yield
 
     def _plan_team(self, entry: Entry, planned: PlannedTeam) -> None:
         """Write the plan with a team's next grading, which has no results yet."""
@@ -306,6 +316,11 @@ class GradeFolder:
                     configuration = with_clock(check.configuration, self.course.clock)
                     check = replace(check, configuration=configuration)
                 entry.check = check
+
+
+def _changes_of(plan: GradePlan) -> tuple[bool, list[int]]:
+    """The parts of a plan that are changed later."""
+    return plan.hides_names, [each.attempt for each in plan.teams]
 
 
 def _run_seed(seed: int, number: int) -> int:

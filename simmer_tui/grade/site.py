@@ -194,12 +194,13 @@ def _index_page(folder: GradeFolder, team_results: list[TeamResult], isolation: 
         tone=tone,
         sentence=(f"A success rate of {folder.test.rate:g} passes.{never}",),
     )
-    # Each team is in one of the three numbers.
+    # Each team is in one of the three numbers. A refused one may have results of an earlier check.
+    unstarted = sum(each.status is TeamStatus.FAILED for each in silent)
     failed, refused = statuses[TeamStatus.FAILED], statuses[TeamStatus.REFUSED]
     if left := statuses[TeamStatus.UNDER_WAY]:
         failed, third = failed + refused, (str(left), "under way")
     else:
-        failed, third = failed - len(silent), (str(refused + len(silent)), "refused or never started")
+        failed, third = failed - unstarted, (str(refused + unstarted), "refused or never started")
     runs = sum(each.runs for each in team_results)
     graded = f"{folder.course.name} · {counted(teams, 'team')} · {counted(runs, 'run')}"
     table = replace(grades_table(folder, ranked(team_results), links=True), title="", sortable=True)

@@ -202,15 +202,15 @@ def test_links_and_archives_among_the_folders_of_teams_are_named(
     """Each may be a submission, and grades without that team look complete."""
     (teams / "notes.txt").touch()
     assert not_teams(read_course(teams)) == []
-    for name in ("late.zip", "b.tar.gz"):
+    for name in ("late.ZIP", "b.tar.gz", "c.7z"):
         (teams / name).touch()
     (teams / "link").symlink_to(teams / "a")
     (teams / "link.txt").symlink_to(teams / "notes.txt")
-    assert not_teams(read_course(teams)) == ["b.tar.gz", "late.zip", "link"]
+    assert not_teams(read_course(teams)) == ["b.tar.gz", "c.7z", "late.ZIP", "link"]
     for name in ("a", "b"):
         (teams / name / "team.toml").write_text("no = 1")  # refused: nothing has to be run
     run_grade([str(teams), "--isolation", "none", "--out", str(tmp_path / "out")])
-    said = "not graded, because they are no folders: b.tar.gz, late.zip, link"
+    said = "not graded, because they are links or archives: b.tar.gz, c.7z, late.ZIP, link"
     assert f"simmer-tui grade: {said}\n" in capsys.readouterr().err
 
 

@@ -165,6 +165,20 @@ def test_nobody_changes_a_grading_that_runs(folder: GradeFolder) -> None:
         change()
 
 
+def test_a_change_does_not_undo_that_of_another_process(folder: GradeFolder) -> None:
+    first, second = GradeFolder.read(folder.path), GradeFolder.read(folder.path)
+    first.regrade("a")
+    for change in (lambda: second.regrade("b"), lambda: second.hide_names(hidden=True)):
+        with pytest.raises(
+            GradeError, match="another simmer-tui has changed this grading meanwhile; try again"
+        ):
+            change()
+    assert [each.planned.attempt for each in GradeFolder.read(folder.path).entries] == [2, 1, 1, 1]
+    first.regrade("b")
+    first.hide_names(hidden=True)
+    assert GradeFolder.read(folder.path).plan.hides_names
+
+
 def test_team_whose_files_are_not_copied_to_the_end_is_not_graded_by_the_rest(
     folder: GradeFolder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
