@@ -8,7 +8,7 @@ from msgspec import Struct
 from simmer_tui.config.settings import PACES
 from simmer_tui.errors import ConsoleCommandError
 from simmer_tui.events import LARGEST_NUMBER, Action, ActionName
-from simmer_tui.sim.command import LARGEST_VALUE, Command, counted, escape_word, parse_command, parse_value
+from simmer_tui.sim.command import LARGEST_VALUE, Command, escape_word, parse_command, parse_value
 from simmer_tui.sim.noise import SEEDS
 from simmer_tui.sim.rules import NumberRule, did_you_mean
 from simmer_tui.sim.specs import SimulationSpec
@@ -79,7 +79,7 @@ def _numbers(order: OrderSpec, words: Sequence[str]) -> ConsoleCommand:
     assert order.action is not None  # a number is a command for the robot
     count = len(order.words.split())
     if len(words) != count:
-        raise ConsoleCommandError(f"takes {counted(count, 'number')}")
+        raise ConsoleCommandError(f"takes {'one number' if count == 1 else f'{count} numbers'}")
     return Action(order.action, _each_number(words))
 
 

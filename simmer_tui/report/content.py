@@ -320,7 +320,8 @@ def _time_spent(run: RunStatistics) -> DataTable:
     total = run.history.elapsed or 1.0
     rows = [(name, seconds, seconds / total) for name, seconds in spent]
     rest = "In the remaining time the robot waited."
-    if sum(seconds for _, seconds in spent) > total:
+    # Times of sensors are in single precision.
+    if sum(seconds for _, seconds in spent) > total * (1 + 1e-6):
         rest = "The robot also drove while it read and sent, so the shares add up to more than 100%."
     return TIME_SPENT.filled(rows, f"Of simulated time; the sensor that costs most comes first. {rest}")
 

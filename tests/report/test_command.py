@@ -244,6 +244,16 @@ def test_readings_in_motion_do_not_leave_time_to_wait(start_run: Any) -> None:
     ]
 
 
+def test_readings_alone_take_all_of_the_time_and_no_more(start_run: Any, configuration: Any) -> None:
+    """0.1 s in single precision is more than 0.1 s."""
+    sensors = tuple(structs.replace(sensor, read_time=0.1) for sensor in configuration.simulation.sensors)
+    header, row, *_ = configuration.files["sensors.csv"].splitlines()
+    run = start_run(sensors=sensors, files={"sensors.csv": f"{header},Read Time (s)\n{row},0.1\n"})
+    run.send(*("u1",) * 30)
+    [table] = [each for each in report_tables(build_report(run.path)) if each.key == "time_spent"]
+    assert table.note.endswith(" In the remaining time the robot waited.")
+
+
 @pytest.mark.parametrize(("gain", "off"), [("1", "true value"), ("1.3", "true value times Gain")])
 def test_the_note_says_from_what_errors_of_readings_count(
     start_run: Any, configuration: Any, gain: str, off: str

@@ -606,7 +606,7 @@ def said_of(line: dict[str, Any]) -> str:
 
 def test_messages_about_headers_are_cut() -> None:
     said = said_of({"format": "f" * 50, "program": "p" * 50})
-    assert f"format {'f' * 37}..., written by simmer-tui {'p' * 37}...; " in said
+    assert f"format '{'f' * 36}..., written by simmer-tui {'p' * 37}...; " in said
     assert "simmer-tui ?; " in said_of({"format": 2})
     said = said_of({"format": FORMAT, "t": 0, "program": "", "start": "", "real": 0, "x": {"k" * 200: 1}})
     assert said.startswith("LOG: the header is broken: Object missing required field")
