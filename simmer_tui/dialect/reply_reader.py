@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from msgspec import Struct, field
 
 from simmer_tui.dialect.dialect_rules import AnyReply, DialectRules, MessageRule
-from simmer_tui.dialect.expressions import FieldValues
+from simmer_tui.dialect.expressions import Expression, FieldValues
 from simmer_tui.dialect.frames import TYPE, Deframer, Frame
 from simmer_tui.dialect.readings import MessageScope, read_by
 from simmer_tui.dialect.templates import BinaryReply, Field, TextReply
@@ -64,6 +64,11 @@ class PendingReply(Struct, eq=False):
     values: FieldValues
     patterns: list[re.Pattern[bytes]]
     optional: bool = False
+
+    @property
+    def expressions(self) -> list[Expression]:
+        """The expressions of its remaining templates."""
+        return [each for template in self.templates for each in template.expressions]
 
 
 class ReplyReader:

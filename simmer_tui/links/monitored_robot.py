@@ -180,10 +180,17 @@ class MonitoredRobot(RealRobot):
 
     def _note_message(self, rule: MessageRule, values: Mapping[str, FieldValue]) -> None:
         """Have the twin begin a message's command; its replies are expected from now on."""
-        # A reading of before: the robot was faster than `takes`, and its reply was compared without it.
-        self._twin.read_last.clear()
+        self._drop_readings()
         if not rule.stops:
             self._reader.asked(rule, values)
+
+    def _drop_readings(self) -> None:
+        """Drop readings of the twin for which no reply is pending: the robot was faster than `takes`, and its
+        reply was compared without them."""
+        said = [each for pending in self._reader.pending for each in pending.expressions]
+        awaited = self.rules.sensors_in(said) if self._twin.read_last else ()
+        for code in self._twin.read_last.keys() - awaited:
+            del self._twin.read_last[code]
 
     def _note_received(self, reply: RobotReply) -> None:
         """Take a reply of the robot."""

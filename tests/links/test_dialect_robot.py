@@ -208,6 +208,24 @@ def test_a_robot_faster_than_takes_is_compared_with_the_twin_of_now(
     assert first.simulated - second.simulated == pytest.approx(12.0, abs=4.0)
 
 
+def test_a_message_behind_a_question_leaves_the_twins_reading_of_it(
+    stage: Callable[..., Scene], program: Callable[[Scene], Any]
+) -> None:
+    scene = stage(silent=frozenset(("get", "f")), motion__time_scale=1.0)
+    port = program(scene)
+    port.write(b"get\n")
+    scene.robot.wait_for("get")
+    scene.robot.say(b"25.4,14.2 led 0\r\n")
+    scene.wait_until(lambda: len(scene.of(TwinReading)) == 2)
+    port.write(b"get\nf 20\n")
+    scene.wait_until(lambda: bool(scene.of(MovementPlanned)))
+    scene.robot.wait_for("get", "get", "f 20")
+    scene.robot.say(b"25.4,14.2 led 0\r\n")
+    scene.wait_until(lambda: len(scene.of(TwinReading)) == 4)
+    (moved,) = scene.of(MovementPlanned)
+    assert all(each.time <= moved.time for each in scene.of(TwinReading))
+
+
 def test_programs_over_tcp_are_answered_by_rules_turned_round(stage: Callable[..., Scene]) -> None:
     scene = stage()
 
