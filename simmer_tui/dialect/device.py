@@ -60,8 +60,9 @@ class MoveEnd(Struct, frozen=True):
     """True if it met an obstacle."""
     stopped: bool = False
     """True if it ended neither by itself nor by an obstacle, but was stopped."""
-    lasts: bool = False
-    """True if it set a velocity that lasts until something ends it."""
+    lasts: bool | None = None
+    """True if it set a velocity that lasts until something ends it, False if another one; None if it set
+    none."""
 
 
 class DeviceHost(Protocol):
@@ -228,10 +229,12 @@ class DialectDevice:
         if self._moving is not None and self._moving.velocity is not None:
             self._moving.touched = True
 
-    def run_ended(self) -> None:
-        """Called when a continuous motion is ended by something else than its time or a message."""
+    def velocity_ended(self, *, by_others: bool = False) -> None:
+        """Called when a velocity has ended, or a person has set another one. `by_others` is True unless its
+        time was over or its program has left: a run under way is then broken off. The movements and stops of
+        messages end velocities too, when no run is under way any more."""
         self._runs = self._lasts = False
-        if self._moving is not None and self._moving.velocity is not None:
+        if by_others and self._moving is not None and self._moving.velocity is not None:
             self._drop_waiting()
             self._break_off(self._moving)
             self._go_on()
@@ -412,8 +415,6 @@ class DialectDevice:
                 return self._run(task, step, scope)
             else:
                 command = step.command.text(scope, "inf")
-                # The engine ends a velocity before a movement.
-                self._runs = self._lasts = False
                 self.host.move(command, lambda movement: self._moved(task, movement))
                 return False
         except ExpressionError as error:
@@ -457,7 +458,8 @@ class DialectDevice:
         if task.over:
             return
         task.touched = task.touched or movement.touched
-        self._lasts = movement.lasts
+        if movement.lasts is not None:
+            self._runs, self._lasts = False, movement.lasts
         if movement.refused:
             self._give_up(task, f"'{task.rule.shown}' at {task.rule.place}: {movement.refused}")
         elif movement.stopped:  # by people, or the end of the run

@@ -17,6 +17,7 @@ from simmer_tui.dialect.templates import TextReply
 from simmer_tui.dialect.timer import Timer
 from simmer_tui.errors import ExpressionError
 from simmer_tui.sim.command import escape, parse_command, parse_value
+from simmer_tui.sim.velocity_commands import WAIT
 
 # Enough for the loop of a sketch, and an adapter that passes bytes on every 16 ms.
 LATE = 0.1
@@ -53,6 +54,8 @@ class _PlannedHost:
         self._due: list[tuple[float, int, Timer]] = []
         self._count = itertools.count()
         self._moving: Timer | None = None
+        self.velocity_ended: Callable[[], None] = lambda: None
+        """Called when a command has ended a velocity."""
         self._stopped: Callable[[], None] = lambda: None
 
     def pass_time(self, until: float) -> None:
@@ -72,6 +75,8 @@ class _PlannedHost:
 
     def move(self, command: str, done: Callable[[MoveEnd], None]) -> None:
         made = parse_command(command)
+        if made.code != WAIT:
+            self.velocity_ended()
         value = parse_value(made.argument)
         speed = math.hypot(*self._rules.parts.speeds.get(made.code, ()))
         seconds = abs(value) / speed if isinstance(value, float) and speed else 0.0
@@ -127,6 +132,7 @@ class Comparison:
         self._device = DialectDevice(
             rules.reactive, self._host, self._note_message, lambda values: self._reader.cut_short(values)
         )
+        self._host.velocity_ended = self._device.velocity_ended
         self._reader = ReplyReader(rules, self._device.state)
 
     def differences(self, pieces: Sequence[Exchanged]) -> list[OtherAnswer]:

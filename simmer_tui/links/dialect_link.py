@@ -70,19 +70,19 @@ def move_end(result: CommandResult) -> MoveEnd:
         refused=(result.reason or result.status.value) if result.status in REFUSALS else "",
         touched=result.contact is not None,
         stopped=result.status is Status.STOPPED or cut,
-        lasts=velocity is not None
-        and velocity.twist.moves
-        and (velocity.times_out or velocity.expires == math.inf),
+        lasts=None
+        if velocity is None
+        else velocity.twist.moves and (velocity.times_out or velocity.expires == math.inf),
     )
 
 
 def note_motion(event: Event, device: DialectDevice) -> None:
-    """Tell a device of contacts of its runs, and of those that people or other senders end."""
+    """Tell a device of contacts of its runs, and of the ends of velocities."""
     # Who is pressed against a wall again within 0.1 s has no new contact.
     if isinstance(event, LegEnded) and (event.contact is not None or event.leg.pressed):
         device.run_touched()
-    elif isinstance(event, VelocityEnded) and event.reason in _ENDED_BY_OTHERS:
-        device.run_ended()
+    elif isinstance(event, VelocityEnded):
+        device.velocity_ended(by_others=event.reason in _ENDED_BY_OTHERS)
 
 
 class SimulatedHost:

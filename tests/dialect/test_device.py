@@ -289,7 +289,7 @@ def test_silence_ends_a_velocity_of_a_command_as_well(tmp_path: Path) -> None:
     assert host.informed == ["nothing has come for 2 s: the robot stops (halts_after)"]
     robot.received(b"v 6\nv 0\n")
     host.end(MoveEnd(lasts=True))
-    host.end()
+    host.end(MoveEnd(lasts=False))
     host.pass_time(2.1)
     assert host.take() == ["vv-6;0;0", "vv-0;0;0"], "it stands"
 
@@ -336,15 +336,15 @@ def test_people_who_stop_a_run_end_the_message(tmp_path: Path) -> None:
     robot, host = device(tmp_path, commands=RUNS)
     robot.received(b"t 2\nt 3\n")
     host.pass_time(1)
-    robot.run_ended()
+    robot.velocity_ended(by_others=True)
     assert host.take() == ["(6.0, 0.0, 0.0) 2.0", "< cut 0"], "what waits is dropped"
     robot.received(b"w\n")
     assert robot.moves
-    robot.run_ended()
+    robot.velocity_ended(by_others=True)
     assert not robot.moves
     robot.received(b"then 1\n")
     host.pass_time(1)
-    robot.run_ended()
+    robot.velocity_ended(by_others=True)
     host.end()
     assert host.take()[-1] == "< ok 0", "its run was over"
 

@@ -189,3 +189,15 @@ def test_a_file_that_is_no_exchange(tmp_path: Path, capsys: pytest.CaptureFixtur
 def test_what_was_never_sent_does_not_count(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pieces = [(0.0, TO, "Get\n"), (0.1, "unsent", "Get\n"), (0.1, TO, "x\n")]
     assert checked(tmp_path, capsys, pieces)[0] == 0
+
+
+def test_silence_after_a_run_ends_no_movement_behind_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    dialect = (
+        '[robot]\nhalts_after = 2\n[[command]]\nmatch = "m"\ndo = ["run d1", "d1-30"]\ndone = "ok"\n'
+        '[[command]]\nmatch = "light"\n'
+    )
+    code, out = checked(tmp_path, capsys, [(0.0, TO, "m\n"), (20.0, TO, "light\n")], dialect)
+    assert code == 1
+    assert "'m': the robot says nothing at its end" in out
