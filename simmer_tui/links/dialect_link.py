@@ -16,7 +16,7 @@ from simmer_tui.dialect.device import DialectDevice, MoveEnd
 from simmer_tui.dialect.dialect_rules import DialectRules
 from simmer_tui.dialect.expressions import FieldValue
 from simmer_tui.dialect.timer import Timer
-from simmer_tui.engine import Engine
+from simmer_tui.engine import PEOPLE, Engine
 from simmer_tui.events import (
     NOT_CONNECTED,
     Event,
@@ -83,6 +83,8 @@ def note_motion(event: Event, device: DialectDevice) -> None:
         device.run_touched()
     elif isinstance(event, VelocityEnded):
         device.velocity_ended(by_others=event.reason in _ENDED_BY_OTHERS)
+    elif isinstance(event, CommandResult) and event.velocity is not None and event.command.source in PEOPLE:
+        device.velocity_ended(by_others=True)
 
 
 class SimulatedHost:

@@ -126,6 +126,16 @@ def test_nothing_is_told_of_silence_after_the_velocity(scene: Callable[..., Scen
     assert (made.ends, made.told) == ([VelocityEnd.LEFT], [])
 
 
+@pytest.mark.parametrize("typed", ["vv-0;0;10;1", "vv-0;0;0", "d1-1"])
+def test_a_person_who_drives_ends_a_timed_run(scene: Callable[..., Scene], typed: str) -> None:
+    made = scene()
+    made.write("t 4")
+    made.type(typed)
+    assert made.said == [b"cut"]
+    made.wait(5.0)
+    assert made.said == [b"cut"]
+
+
 def test_a_run_after_another_is_no_end_of_it(scene: Callable[..., Scene]) -> None:
     made = scene()
     made.write("t 1", "t 1")
