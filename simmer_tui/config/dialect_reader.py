@@ -79,7 +79,7 @@ _KINDS = {
 """The kinds of values by the kinds of a pattern's fields."""
 _ASSIGNED = re.compile(r"([A-Za-z_]\w*)\s*=(?!=)(.*)", re.ASCII | re.DOTALL)
 # The unit is no letter of a name: not `for ms`.
-_RUN = re.compile(r"run\s+(.+?)(?:\s+for\s+(.*\W|[\d.]+)s)?", re.DOTALL)
+_RUN = re.compile(r"run\s+(.+?)(?:\s+for\s+(.*\W|[\d.]+(?:[eE][+-]?\d+)?)s)?", re.DOTALL)
 _PAUSE = re.compile(r"pause\s+(.+)", re.DOTALL)
 _COMMAND = re.compile(r"\w\w(?:\W.*)?", re.DOTALL)
 _STEPS = "there are d1-6, run d1, run d1 for 2 s, pause 0.2, stop, name = expression"

@@ -147,7 +147,9 @@ def test_messages_that_arrive_are_right(tmp_path: Path) -> None:
     assert problems_of(tmp_path, byte) == []
 
 
-@pytest.mark.parametrize("time", ["2 s", "2s", "{ms/1000} s", "{ms/1000}s", "ms/1000 s", "(ms/1000)s"])
+@pytest.mark.parametrize(
+    "time", ["2 s", "2s", "1e3s", "2.5E-1s", "{ms/1000} s", "{ms/1000}s", "ms/1000 s", "(ms/1000)s"]
+)
 def test_seconds_of_a_run_have_their_unit(tmp_path: Path, time: str) -> None:
     assert problems_of(tmp_path, f'[[command]]\nmatch = "f {{ms}}"\ndo = "run d1 for {time}"') == []
 
