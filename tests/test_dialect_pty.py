@@ -92,7 +92,7 @@ def each_way(wire: Iterable[tuple[str, bool]]) -> dict[bool, list[str]]:
 
 
 def test_a_program_reaches_the_robot_at_the_path_with_the_bytes_of_the_hook(tmp_path: Path) -> None:
-    path = tmp_path / "COM6"
+    path = tmp_path / "für COM6"
     with running(configuration(tmp_path, pty=str(path))) as run:
         assert str(path) in run.until("the robot's serial port is at")
         with serial.Serial(str(path), 115200, timeout=TIMEOUT) as robot:

@@ -218,7 +218,7 @@ class DialectLink:
         self._terminal: PtyPort | None = None
         if context.terminal is not None:
             self._terminal = PtyPort(context.terminal, self)
-            where = escape(str(context.terminal.path))
+            where = shown_path(context.terminal.path)
             self.engine.tell(Notice(NoticeKind.HINT, f"the robot's serial port is at {where}"))
 
     @property
