@@ -22,13 +22,14 @@ SILENCE = 0.05
 """Seconds without a byte after which the received bytes are a reply, even without its end."""
 # A robot that answers nothing must not fill the memory; a buffer of 64 bytes has fewer messages.
 MOST_PENDING = 64
-"""Most pending replies; beyond it the oldest are dropped."""
+"""Most pending replies; beyond it the oldest are dropped, those that may never come first."""
 # A line of 360 rays with 7 characters each.
 _LONGEST = 4096
 """Bytes of a reply; longer ones are only passed on."""
 # Each text may end anywhere, so that every further one multiplies the possible matches.
 MOST_TEXTS = 2
 """Most fields of a reply that are not numbers; a reply with more is only passed on."""
+_ENDS = ("done", "stopped")
 _NUMBER = rb"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
 _DIGITS = {"x": (16, b"[0-9a-fA-F]"), "X": (16, b"[0-9a-fA-F]"), "o": (8, b"[0-7]"), "b": (2, b"[01]")}
 """Bases of formats that are not decimal, with their digits."""
@@ -51,19 +52,35 @@ class RobotReply(Struct, frozen=True):
     @property
     def ends(self) -> bool:
         """True if it is the reply at the end of a movement."""
-        return self.part in ("done", "stopped")
+        return self.part in _ENDS
 
 
 class PendingReply(Struct, eq=False):
     """A pending reply: its remaining templates. `rule` and `values` are its message's; the rule of a stream
-    has no message. An `optional` one may never come."""
+    has no message. `cut` is True if the message was lost, or ended by something else."""
 
     rule: MessageRule
     part: str
     templates: list[AnyReply]
     values: FieldValues
     patterns: list[re.Pattern[bytes]]
-    optional: bool = False
+    cut: bool = False
+
+    @property
+    def ends(self) -> bool:
+        """True if it is a reply at the end of a movement."""
+        return self.part in _ENDS
+
+    @property
+    def optional(self) -> bool:
+        """True if it may never come."""
+        return self.cut or self.part == "stopped"
+
+    @property
+    def look(self) -> tuple[re.Pattern[bytes], int | None]:
+        """The look of its next reply: text, or type of the frame."""
+        template = self.templates[0]
+        return self.patterns[0], template.type if isinstance(template, BinaryReply) else None
 
     @property
     def expressions(self) -> list[Expression]:
@@ -111,19 +128,23 @@ class ReplyReader:
         for part, replies in (("reply", rule.reply), ("done", rule.done), ("stopped", rule.stopped)):
             if replies:
                 self.pending.append(self._made_pending(rule, part, replies, values))
-        del self.pending[:-MOST_PENDING]
+        surplus = max(len(self.pending) - MOST_PENDING, 0)
+        self._remove(sorted(self.pending, key=lambda each: not each.optional)[:surplus])
 
     def _made_pending(
         self, rule: MessageRule, part: str, replies: Sequence[AnyReply], values: FieldValues
     ) -> PendingReply:
         patterns = [self._pattern(each) for each in replies]
-        return PendingReply(rule, part, [*replies], values, patterns, optional=part == "stopped")
+        return PendingReply(rule, part, [*replies], values, patterns)
 
     def cut_short(self, values: FieldValues) -> None:
         """A message, by its values, is lost or ended by something else. The robot may still answer it, if its
         answer is already under way."""
         for each in self.pending:
-            each.optional = each.optional or each.values is values
+            each.cut = each.cut or each.values is values
+
+    def _remove(self, gone: Sequence[PendingReply]) -> None:
+        self.pending = [each for each in self.pending if each not in gone]
 
     @property
     def _candidates(self) -> list[PendingReply]:
@@ -197,18 +218,19 @@ class ReplyReader:
         """Remove a received reply from the pending ones."""
         if pending.part == "stream":
             return
+        look = pending.look
         del pending.templates[0], pending.patterns[0]
         if pending.templates:
             return
         gone = [pending]
-        if pending.part in ("done", "stopped"):  # the one instead of the other
-            at = self.pending.index(pending)
-            if pending.part == "done":
-                near = self.pending[at + 1 : at + 2]
-            else:
-                near = self.pending[at - 1 : at] if at else []
-            gone += [each for each in near if each.rule is pending.rule and each.part in ("done", "stopped")]
-        self.pending = [each for each in self.pending if each not in gone]
+        if pending.ends:  # the one instead of the other
+            gone = [each for each in self.pending if each.values is pending.values and each.ends]
+        # Answers come in the order of messages, but a robot may answer questions while it comes to rest. A
+        # reply that looks the same may have been that of the earlier message.
+        for each in self.pending[: self.pending.index(pending)]:
+            if each.cut and each.look != look and (pending.ends or each.part != "stopped"):
+                gone.append(each)
+        self._remove(gone)
 
     def _pattern(self, reply: AnyReply) -> re.Pattern[bytes]:
         """Regular expression of a text reply, with a group for each field."""

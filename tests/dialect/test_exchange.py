@@ -12,7 +12,7 @@ from simmer_tui.cli.main import main
 from simmer_tui.config.dialect_reader import load_dialect
 from simmer_tui.config.loader import find_set, init_set, load
 from simmer_tui.dialect.dialect_rules import Parts
-from simmer_tui.dialect.reply_reader import ReplyReader
+from simmer_tui.dialect.reply_reader import MOST_PENDING, ReplyReader
 from simmer_tui.errors import Problem
 from tests.links.sketch_robot import DIALECT
 
@@ -102,6 +102,10 @@ REPLACES = '[robot]\nbusy = "replace"\n' + DIALECT
         (REPLACES, [(0.0, TO, "f 20\n"), (1.0, TO, "f 1\n"), (1.2, FROM, "ok\r\n")]),
         # The stop comes while the answer is under way.
         (DIALECT, [(0.0, TO, "f 20\n"), (1.0, TO, "x\n"), (1.01, FROM, "ok\r\n")]),
+        (
+            REPLACES,
+            [(0.0, TO, "f 20\n"), (1.0, TO, "b 1\n"), (1.01, FROM, "ok\r\n"), (1.2, FROM, "ok\r\n")],
+        ),
     ],
 )
 def test_a_movement_that_something_ends_need_not_be_answered(
@@ -201,3 +205,31 @@ def test_silence_after_a_run_ends_no_movement_behind_it(
     code, out = checked(tmp_path, capsys, [(0.0, TO, "m\n"), (20.0, TO, "light\n")], dialect)
     assert code == 1
     assert "'m': the robot says nothing at its end" in out
+
+
+GOT = "25.4,14.2 led 0\r\n"
+BROKEN_OFF = [(0.0, TO, "f 20\n"), (1.0, TO, "x\n"), (1.1, TO, "get\n"), (1.12, FROM, GOT)]
+
+
+def test_an_answer_to_a_later_message_is_none_to_a_movement_that_a_stop_ended(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, out = checked(tmp_path, capsys, [*BROKEN_OFF, (99.0, TO, "light\n"), (99.1, FROM, "ok\r\n")])
+    assert code == 1
+    assert out.startswith("exchange.jsonl:7: the robot says 'ok', and the dialect nothing")
+
+
+def test_a_robot_that_comes_to_rest_slowly_may_tell_it_after_another_answer(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    dialect = DIALECT.replace('done = "ok"', 'done = "ok"\nstopped = "cut"', 1)
+    assert checked(tmp_path, capsys, [*BROKEN_OFF, (1.2, FROM, "cut\r\n")], dialect)[0] == 0
+
+
+def test_messages_that_need_no_answer_displace_none_that_needs_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    ended = [(1.0 + count, TO, "f 20\nx\n") for count in range(MOST_PENDING + 1)]
+    code, out = checked(tmp_path, capsys, [(0.0, TO, "get\n"), *ended])
+    assert code == 1
+    assert out.startswith("exchange.jsonl:2: 'get': the robot does not answer")
