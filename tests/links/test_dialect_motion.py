@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from simmer_tui.config.loader import find_set, init_set, load
 from simmer_tui.dialect.device import DialectDevice
@@ -47,13 +48,14 @@ SILENT = "dialect: nothing has come for 2 s: the robot stops (halts_after)"
 class Scene:
     """A device that drives the simulated robot, and all that has happened. The test's clock moves both."""
 
-    def __init__(self, folder: Path, rules: str) -> None:
+    def __init__(self, folder: Path, rules: str, velocity_timeout: float) -> None:
         init_set(folder, find_set("default"))
         (folder / "dialect.toml").write_text(rules, "utf-8")
         configuration = load(folder)
         assert configuration.dialect is not None
         self.loop = ManualLoop(0.0)
-        self.engine = Engine(Simulator(configuration.simulation, 3), timed=True)
+        spec = replace(configuration.simulation, velocity_timeout=velocity_timeout)
+        self.engine = Engine(Simulator(spec, 3), timed=True)
         self.engine.start(self.loop)  # type: ignore[arg-type]
         self.said: list[bytes] = []
         self.told: list[str] = []
@@ -92,7 +94,7 @@ class Scene:
 @pytest.fixture
 def scene(tmp_path: Path) -> Callable[..., Scene]:
     """Makes scenes."""
-    return lambda rules=RULES: Scene(tmp_path / "set", rules)
+    return lambda rules=RULES, velocity_timeout=0.0: Scene(tmp_path / "set", rules, velocity_timeout)
 
 
 @pytest.mark.parametrize(
@@ -124,6 +126,16 @@ def test_nothing_is_told_of_silence_after_the_velocity(scene: Callable[..., Scen
     made.host.close(runs_on=False)
     made.wait(3.0)
     assert (made.ends, made.told) == ([VelocityEnd.LEFT], [])
+
+
+@pytest.mark.parametrize("line", ["v 1", "w"])
+def test_nothing_is_told_of_silence_after_a_velocity_timed_out(
+    scene: Callable[..., Scene], line: str
+) -> None:
+    made = scene(velocity_timeout=1.0)
+    made.write(line)
+    made.wait(3.0)
+    assert (made.ends, made.told) == ([VelocityEnd.TIMEOUT], [])
 
 
 @pytest.mark.parametrize("typed", ["vv-0;0;10;1", "vv-0;0;0", "d1-1"])
