@@ -11,7 +11,7 @@ from simmer_tui.config.device_file import DEVICE_FOLDER as DEVICES
 from simmer_tui.config.device_file import read_devices
 from simmer_tui.config.given_path import drive_hint, given_path
 from simmer_tui.errors import ConfigurationError, Problem, reason_of
-from simmer_tui.sim.command import shown_path
+from simmer_tui.sim.command import first_of, shown_path
 from simmer_tui.sim.rules import did_you_mean
 from simmer_tui.whole_file import write_whole
 
@@ -172,9 +172,7 @@ def write_files(destination: Path, files: Mapping[str, bytes]) -> tuple[Path, ..
     # Before anything is written: a mixture of two sets would be worse than none.
     present = [name for name in files if (destination / name).exists()]
     if present:
-        more = f" and {len(present) - _MOST_NAMED} more" if len(present) > _MOST_NAMED else ""
-        names = ", ".join(present[:_MOST_NAMED])
-        what = f"has {names}{more} already; nothing is overwritten, name another folder"
+        what = f"has {first_of(present, _MOST_NAMED)} already; nothing is overwritten, name another folder"
         raise ConfigurationError([Problem(shown, what)])
     written: list[Path] = []
     try:

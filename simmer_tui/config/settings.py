@@ -466,7 +466,7 @@ class Settings(Struct, frozen=True, kw_only=True):
         return bool(self.realistic or self.sensor_profile or self.drive_profile or self.link_profile)
 
     def run_seed(self) -> int:
-        """The seed of a run: with errors that do not repeat a new one each time."""
+        """The seed of a run: `seed`, or one drawn for this run if random errors differ from run to run."""
         # Not with the module secrets, whose import takes time.
         return int.from_bytes(os.urandom(4)) if self.randerror else self.seed
 

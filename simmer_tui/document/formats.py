@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from simmer_tui.sim.command import escape_passage, escape_word
+from simmer_tui.sim.command import escape_passage, escape_word, first_of
 
 Plain = str | bool | int | float | Sequence[Any] | None
 """A value that JSON has: text, a number, a list of these, or nothing."""
@@ -95,8 +95,7 @@ def numbers(limit: int = _LISTED) -> Format:
     """Format of a list of whole numbers: `3, 4 and 7 more`."""
 
     def show(values: Sequence[int]) -> str:
-        more = f" and {len(values) - limit} more" if len(values) > limit else ""
-        return ", ".join(map(str, values[:limit])) + more
+        return first_of([str(each) for each in values], limit)
 
     return Format(show)
 

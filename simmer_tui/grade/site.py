@@ -24,7 +24,7 @@ from simmer_tui.document.model import (
 from simmer_tui.grade.grade_folder import GradeFolder, number_in_team
 from simmer_tui.grade.team_result import TeamResult, TeamStatus, code_of, last_failure, ranked
 from simmer_tui.phrases import SHOWN_OUTPUT
-from simmer_tui.sim.command import counted, escape, escape_passage
+from simmer_tui.sim.command import counted, escape, escape_passage, first_of
 from simmer_tui.sim.fingerprint import math_fingerprint
 from simmer_tui.trials.figures import log_page, map_figure
 from simmer_tui.trials.sequential import shown_test
@@ -184,9 +184,8 @@ def _index_page(folder: GradeFolder, team_results: list[TeamResult], isolation: 
     passed, teams = statuses[TeamStatus.PASSED], len(team_results)
     silent = [each for each in team_results if each.never_started]
     tone = Tone.GOOD if passed == teams else Tone.MIXED if passed else Tone.BAD
-    names = ", ".join(each.label for each in silent[:_MOST_SILENT])
-    more = f" and {len(silent) - _MOST_SILENT} more" if len(silent) > _MOST_SILENT else ""
-    never = f" Never started: {names}{more}." if silent else ""
+    names = first_of([each.label for each in silent], _MOST_SILENT)
+    never = f" Never started: {names}." if silent else ""
     verdict = VerdictBox(
         key="answer",
         text=_answer(team_results),

@@ -12,7 +12,7 @@ from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.run.episodes import Episode, EpisodeKind
 from simmer_tui.run.history_rows import ContactRow
 from simmer_tui.run.run_history import RunHistory
-from simmer_tui.sim.command import counted, escape_passage, escape_word
+from simmer_tui.sim.command import counted, escape_passage, escape_word, first_of
 
 # Readings named in a sentence; it says how many more there are.
 _READINGS = 6
@@ -115,8 +115,7 @@ def _before(row: ContactRow) -> str:
     if not row.seen:
         return ""
     shown = [f"{escape_word(each.text.strip())} {each.reading.value:.1f}" for each in row.seen]
-    more = f" and {len(shown) - _READINGS} more" if len(shown) > _READINGS else ""
-    return f"Readings before it: {', '.join(shown[:_READINGS])}{more}."
+    return f"Readings before it: {first_of(shown, _READINGS)}."
 
 
 # -- episodes of beliefs: localized, lost, frozen or moved ---------------------------------------------

@@ -1,6 +1,7 @@
 """The text of a command, `CC` or `CC-V`, parsed."""
 
 import re
+from collections.abc import Sequence
 
 from msgspec import Struct
 
@@ -12,7 +13,8 @@ NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 # 16 miles, far beyond any maze; at 1e6 in a coordinate still has nine decimals. At 1e6 in/s a robot crosses a
 # maze in a ten-thousandth of a second.
 LARGEST_VALUE = 1e6
-"""Greatest movement (times Gain) and speed that one command may ask for: inches or degrees, a second."""
+"""Greatest movement (times Gain) that one command may ask for, inches or degrees, and greatest speed, in/s or
+deg/s."""
 
 
 class Command(Struct, frozen=True):
@@ -106,6 +108,12 @@ def plural(number: int, noun: str) -> str:
 def counted(number: int, noun: str) -> str:
     """`1 contact`, `3 contacts`."""
     return f"{number} {plural(number, noun)}"
+
+
+def first_of(texts: Sequence[str], most: int) -> str:
+    """The first `most` texts, and the number of the others: `a, b and 3 more`."""
+    more = f" and {len(texts) - most} more" if len(texts) > most else ""
+    return ", ".join(texts[:most]) + more
 
 
 def parse_command(text: str, source: str = "client") -> Command:

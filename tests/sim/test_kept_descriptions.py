@@ -22,6 +22,7 @@ from simmer_tui.sim.command import (
     escape,
     escape_passage,
     escape_word,
+    first_of,
     printable,
     shown_path,
 )
@@ -231,6 +232,12 @@ def test_a_rule_takes_and_refuses_what_it_did(name: str) -> None:
             except ValueError as error:
                 found.append(str(error))
     assert_kept(found, KEPT, f"rule {name}")
+
+
+def test_the_first_texts_are_named_and_the_others_counted() -> None:
+    assert [first_of(texts, 2) for texts in ("", "a", "ab", "abc", "abcd")] == [
+        *("", "a", "a, b", "a, b and 1 more", "a, b and 2 more")
+    ]
 
 
 def test_one_thing_is_counted_in_the_singular() -> None:
