@@ -144,7 +144,7 @@ def _begun(options: argparse.Namespace) -> GradeFolder:
     seed = secrets.randbits(SEED_BITS) if options.seed is None else options.seed
     _check_outside(path, course)
     if options.dask is None:
-        check_isolation(isolation, path, course.read_only)
+        check_isolation(isolation, path, course)
     return GradeFolder.create(path, course, seed, isolation, hides_names=bool(options.hide_names))
 
 
@@ -205,7 +205,7 @@ def _resumed(options: argparse.Namespace) -> GradeFolder:
         raise GradeError("there is no grading here to resume: name its folder with --out")
     folder = GradeFolder.read(path)
     if options.dask is None:
-        check_isolation(folder.plan.isolation, path, folder.course.read_only)
+        check_isolation(folder.plan.isolation, path, folder.course)
     for name in options.regrade:
         folder.regrade(name)
     if options.hide_names is not None:

@@ -14,6 +14,7 @@ import socket
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -38,6 +39,11 @@ _USER = 65534
 # An engine that is starting takes seconds.
 _ASKED = 30.0
 """Time limit for an engine to answer that it is running, seconds."""
+# An engine that copies the image for every container took 12 s on a busy machine.
+_BEGINNING = 60.0
+"""Time limit for a container to begin, seconds."""
+_LOOK_EVERY = 0.2
+"""Time between two looks at whether an engine's process has ended, seconds."""
 # The reason is at the end, below a history of what the engine tried.
 _END = 200
 """Characters of an engine's output that are shown."""
@@ -72,7 +78,7 @@ class Container(LaunchedSandbox):
             listening.bind(str(self._door / _KNOCKER))
             (self._door / _KNOCKER).chmod(0o666)
             listening.listen(1)
-            listening.settimeout(ANSWER_TIMEOUT)
+            listening.settimeout(_LOOK_EVERY)
             process = subprocess.Popen(
                 self.words(),
                 stdin=subprocess.DEVNULL,
@@ -80,13 +86,13 @@ class Container(LaunchedSandbox):
                 stderr=subprocess.PIPE,
                 start_new_session=True,
             )
-            try:
-                link, _ = listening.accept()
-            except TimeoutError:
+            link = _knock(listening, process)
+            if link is None:
+                late = "" if process.returncode is not None else f" within {_BEGINNING:g} s"
                 self._kill()
                 process.kill()
-                said = b"".join(process.communicate()).decode(errors="replace")
-                raise GradeError(f"the container did not begin: {_shown_end(said)}") from None
+                said = _shown_end(b"".join(process.communicate()).decode(errors="replace"))
+                raise GradeError(f"the container did not begin{late}{said and f': {said}'}")
         (self._door / _KNOCKER).unlink()  # only one launcher may connect, and it has
         return process, link
 
@@ -123,17 +129,39 @@ class Container(LaunchedSandbox):
             shutil.rmtree(self._door, ignore_errors=True)
 
 
-def what_is_missing(engine: str) -> str:
-    """Reason why an engine cannot sandbox programs here, or an empty string."""
+def _knock(listening: socket.socket, process: subprocess.Popen[bytes]) -> socket.socket | None:
+    """The launcher's connection; None if the engine's process has ended, or it does not come in time."""
+    deadline = time.monotonic() + _BEGINNING
+    while True:
+        is_last = process.poll() is not None or time.monotonic() >= deadline
+        try:
+            return listening.accept()[0]
+        except TimeoutError:
+            if is_last:
+                return None
+
+
+def what_is_missing(engine: str, image: str) -> str:
+    """Reason why an engine cannot sandbox programs in an image here, or an empty string."""
     if shutil.which(engine) is None:
         return f"{engine} is not installed"
     if not platform_has.POSIX:
         return f"{engine} needs to be on the same Linux machine"
-    try:
-        asked = subprocess.run([engine, "info"], capture_output=True, text=True, timeout=_ASKED, check=False)
-    except (OSError, subprocess.TimeoutExpired) as error:
-        return f"{engine} does not answer: {error}"
-    return "" if asked.returncode == 0 else f"{engine} does not answer: {_shown_end(asked.stderr)}"
+    image = image or DEFAULT_IMAGE
+    # An image that the engine has to fetch first comes too late for a run.
+    for words, refused in (
+        (("info",), f"{engine} does not answer"),
+        (("image", "inspect", image), f"{engine} has no image {image} ({engine} pull {image} fetches it)"),
+    ):
+        try:
+            asked = subprocess.run(
+                [engine, *words], capture_output=True, text=True, timeout=_ASKED, check=False
+            )
+        except (OSError, subprocess.TimeoutExpired) as error:
+            return f"{engine} does not answer: {error}"
+        if asked.returncode:
+            return f"{refused}: {_shown_end(asked.stderr)}"
+    return ""
 
 
 def _shown_end(output: str) -> str:

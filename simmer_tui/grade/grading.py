@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from simmer_tui.errors import GradeError
 from simmer_tui.grade import bubblewrap, container
-from simmer_tui.grade.course import LONG, absent, shown_name
+from simmer_tui.grade.course import LONG, Course, absent, shown_name
 from simmer_tui.grade.grade_folder import Entry, GradeFolder
 from simmer_tui.grade.grade_run import GradeRun, GradeTrial
 from simmer_tui.grade.sandbox import Isolation
@@ -95,42 +95,43 @@ def here(folder: GradeFolder, jobs: int) -> RunSource:
     return lambda trials: run_locally(trials, folder.runs, jobs, GradeRun)
 
 
-def check_isolation(isolation: Isolation, path: Path, read_only: Sequence[str]) -> None:
-    """Check a grading in the folder `path`, whose programs may also read `read_only`. Raises GradeError if
-    they cannot be sandboxed as asked."""
-    missing = what_is_missing(isolation)
+def check_isolation(isolation: Isolation, path: Path, course: Course) -> None:
+    """Check a grading in the folder `path`. Raises GradeError if programs cannot be sandboxed as asked."""
+    missing = what_is_missing(isolation, course.image)
     if missing:
         raise GradeError(
             f"programs cannot be sandboxed: {missing}. Without it, a program can read this grading's seed, "
             "logs and results; --isolation none grades without it"
         )
-    seen = bubblewrap.seen_folders(read_only)
+    seen = bubblewrap.seen_folders(course.read_only)
     inside = [place for place in seen if path.resolve().is_relative_to(place.resolve())]
     if isolation is Isolation.BWRAP and inside:
         raise GradeError(f"the grading would lie in {inside[0]}, which programs can read: name another --out")
 
 
-def what_is_missing(isolation: Isolation) -> str:
-    """Missing piece without which programs cannot be sandboxed, or an empty string."""
+def what_is_missing(isolation: Isolation, image: str = "") -> str:
+    """Missing piece without which programs cannot be sandboxed, in a container of an image, or an empty
+    string."""
     match isolation:
         case Isolation.NONE:
             return ""
         case Isolation.BWRAP:
             return bubblewrap.what_is_missing()
         case engine:
-            return container.what_is_missing(engine.value)
+            return container.what_is_missing(engine.value, image)
 
 
-def missing_there(isolation: Isolation, read_only: Sequence[str]) -> str:
+def missing_there(isolation: Isolation, image: str, read_only: Sequence[str]) -> str:
     """The same on a worker of a cluster, which also needs the folders of `read_only`."""
     for each in absent(read_only) if isolation is not Isolation.NONE else ():
         return f"{shown_name(each, LONG)} does not exist (read_only)"
-    return what_is_missing(isolation)
+    return what_is_missing(isolation, image)
 
 
 def on_cluster(folder: GradeFolder, client: Client) -> RunSource:
     """Runs on the workers of a cluster. Raises GradeError if one of them cannot sandbox programs."""
-    answers = client.run(missing_there, folder.plan.isolation, folder.course.read_only)
+    course = folder.course
+    answers = client.run(missing_there, folder.plan.isolation, course.image, course.read_only)
     missing = {where: why for where, why in answers.items() if why}
     if missing:
         where, why = next(iter(missing.items()))

@@ -162,7 +162,10 @@ def _become(order: dict[str, Any]) -> None:
     for name in ("SIGPIPE", "SIGXFSZ", "SIGINT", "SIGTERM", "SIGHUP"):  # ignored here; programs should not
         signal.signal(getattr(signal, name), signal.SIG_DFL)
     os.environ["PATH"] = order["environment"]["PATH"]  # where the program is looked for
-    os.execvpe(order["run"][0], order["run"], order["environment"])
+    program = order["run"][0]
+    if shutil.which(program) is None and not os.path.lexists(program):
+        raise OSError(errno.ENOENT, f"the sandbox has no {program}")
+    os.execvpe(program, order["run"], order["environment"])
 
 
 if __name__ == "__main__":

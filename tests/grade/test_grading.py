@@ -185,7 +185,7 @@ def test_program_or_robot_that_cannot_be_is_the_teams_own_failure(
     out = tmp_path / "out"
     assert run_grade([str(file), "--out", str(out)]) == 1
     rows = read_grades(out)
-    assert "No such file" in rows["none"]["main_cause"]
+    assert "the sandbox has no ./no-such-program" in rows["none"]["main_cause"]
     assert rows["good"]["status"] == "passed"
     assert rows["ports"]["status"] in ("failed", "refused")
     assert rows["robot"]["status"] == "refused"
@@ -301,6 +301,13 @@ def test_what_an_engine_says_last_is_told(tmp_path: Path, monkeypatch: pytest.Mo
     engine.write_text(f"#!/bin/sh\necho {'a' * 300}{'b' * 200} >&2\nexit 1\n")
     engine.chmod(0o755)
     monkeypatch.setenv("PATH", str(tmp_path), prepend=os.pathsep)
-    assert what_is_missing("docker") == f"docker does not answer: {'b' * 200}"
+    assert what_is_missing("docker", "") == f"docker does not answer: {'b' * 200}"
     engine.write_text("#!/bin/sh\nexit 0\n")
-    assert what_is_missing("docker") == ""
+    assert what_is_missing("docker", "") == ""
+    # An image that has to be fetched first would come too late for the runs.
+    engine.write_text('#!/bin/sh\n[ "$1" = info ] || { echo "no image $3" >&2; exit 1; }\n')
+    assert (
+        what_is_missing("docker", "ours")
+        == "docker has no image ours (docker pull ours fetches it): no image ours"
+    )
+    assert what_is_missing("docker", "").startswith("docker has no image python:3.12-slim (")

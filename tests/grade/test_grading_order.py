@@ -108,7 +108,7 @@ def test_a_fault_counts_three_times_for_each_run(folder: GradeFolder) -> None:
 
 def test_programs_must_not_see_the_grading(folder: GradeFolder, monkeypatch: pytest.MonkeyPatch) -> None:
     def check(isolation: Isolation) -> None:
-        check_isolation(isolation, folder.path, folder.course.read_only)
+        check_isolation(isolation, folder.path, folder.course)
 
     check(Isolation.NONE)
     monkeypatch.setattr(bubblewrap, "seen_folders", lambda extra: [folder.path.parent])
@@ -121,8 +121,9 @@ def test_programs_must_not_see_the_grading(folder: GradeFolder, monkeypatch: pyt
     monkeypatch.setattr(bubblewrap, "what_is_missing", lambda: "a reason")
     with pytest.raises(GradeError, match=r"programs cannot be sandboxed: a reason. Without it, a program"):
         check(Isolation.BWRAP)
-    monkeypatch.setattr(container, "what_is_missing", lambda engine: f"no {engine}")
-    assert [what_is_missing(each) for each in Isolation] == ["a reason", "no docker", "no podman", ""]
+    monkeypatch.setattr(container, "what_is_missing", lambda engine, image: f"no {image} of {engine}")
+    missing = [what_is_missing(each, "ours") for each in Isolation]
+    assert missing == ["a reason", "no ours of docker", "no ours of podman", ""]
 
 
 class Cluster:
@@ -133,7 +134,7 @@ class Cluster:
         self.sent: list[tuple[object, ...]] = []
 
     def run(self, function: object, *given: object) -> dict[str, str]:
-        assert (function, given) == (missing_there, (Isolation.NONE, ()))
+        assert (function, given) == (missing_there, (Isolation.NONE, "", ()))
         return self.missing
 
     def submit(self, function: object, *given: object, pure: bool) -> str:
