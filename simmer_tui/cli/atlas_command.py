@@ -16,9 +16,10 @@ from simmer_tui.cli.command_line import (
     ExitCode,
     OneLineParser,
     add_config_option,
+    add_flag,
     add_setting_options,
     add_trust_option,
-    by_rule,
+    add_value,
     overrides_from,
     subcommand,
     writing,
@@ -44,19 +45,10 @@ _MANY = 2_000_000
 def _options(parser: OneLineParser) -> None:
     parser.add_argument("out", metavar="OUT", type=Path, help="the file to write: .npz, .mat, .csv or .h")
     add_config_option(parser)
-    parser.add_argument(
-        "--step",
-        metavar="IN",
-        type=by_rule(STEP),
-        default=1.0,
-        help="side of a cell, inches (default %(default)g)",
-    )
-    parser.add_argument(
-        "--headings",
-        metavar="N",
-        type=by_rule(HEADINGS),
-        default=8,
-        help="directions, evenly spaced from 0 (default %(default)s)",
+    text = "side of a cell, inches (default %(default)g)"
+    add_value(parser, "--step", STEP, text, metavar="IN", default=1.0)
+    add_value(
+        parser, "--headings", HEADINGS, "directions, evenly spaced from 0 (default %(default)s)", default=8
     )
     parser.add_argument(
         "--sensors", metavar="CODES", help="which, as u1,u2 (default: every enabled range sensor)"
@@ -64,7 +56,7 @@ def _options(parser: OneLineParser) -> None:
     parser.add_argument(
         "--format", choices=_FORMATS, help="npz: numpy, mat: MATLAB, h: C (default: by OUT's ending)"
     )
-    parser.add_argument("--yes", action="store_true", help=f"compute more than {_MANY:,} poses")
+    add_flag(parser, "--yes", f"compute more than {_MANY:,} poses")
     add_trust_option(parser)
     add_setting_options(parser)
 

@@ -16,9 +16,10 @@ from rich.progress import TaskProgressColumn
 from simmer_tui.cli.command_line import (
     ExitCode,
     OneLineParser,
+    add_flag,
     add_json_option,
     add_trust_option,
-    by_rule,
+    add_value,
     print_answer,
     subcommand,
     writing,
@@ -53,33 +54,23 @@ def _options(parser: OneLineParser) -> None:
     what.add_argument(
         "--check", metavar="SET", help="say whether the robot still behaves as this calibrated set says"
     )
-    what.add_argument(
-        "--strength",
-        action="store_true",
-        help="the LOGs are calibrated sets of several robots: say how their biases differ, for the "
-        "setting strength",
+    text = (
+        "the LOGs are calibrated sets of several robots: say how their biases differ, for the "
+        "setting strength"
     )
-    parser.add_argument(
-        "--seed",
-        metavar="N",
-        type=by_rule(SEEDS),
-        default=0,
-        help="seed of the search for the path (default %(default)s); rarely needed",
-    )
-    parser.add_argument(
-        "--anyway",
-        action="store_true",
-        help="write the set even if a sensor or drive seems to be swapped, inverted or stuck",
-    )
+    add_flag(what, "--strength", text)
+    text = "seed of the search for the path (default %(default)s); rarely needed"
+    add_value(parser, "--seed", SEEDS, text, default=0)
+    text = "write the set even if a sensor or drive seems to be swapped, inverted or stuck"
+    add_flag(parser, "--anyway", text)
     add_json_option(parser)
     add_trust_option(parser)
     guided = parser.add_argument_group("guided")
-    guided.add_argument(
-        "--guided",
-        action="store_true",
-        help="no log yet: drive the robot on --serial, with as few movements as possible, and use that log; "
-        "the log is written beside DIR, as DIR.jsonl",
+    text = (
+        "no log yet: drive the robot on --serial, with as few movements as possible, and use that log; "
+        "the log is written beside DIR, as DIR.jsonl"
     )
+    add_flag(guided, "--guided", text)
     guided.add_argument("--serial", metavar="PORT", help="the robot's serial port or URL")
     guided.add_argument("--config", metavar="SET", help="the set that describes the robot so far")
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 from itertools import takewhile
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn, TextIO, TypeVar
+from typing import TYPE_CHECKING, Any, NoReturn, TextIO
 
 from simmer_tui.config.device_trust import OPTION, TRUST, DeviceTrust
 from simmer_tui.config.mission_toml import OVERRIDDEN
@@ -34,7 +34,8 @@ if TYPE_CHECKING:  # a run has no documents, and must start quickly
     from simmer_tui.config.device_file import DeviceFile
     from simmer_tui.document.model import Document
 
-_T = TypeVar("_T")
+OptionGroup = argparse._ActionsContainer
+"""A parser, or a group of its options."""
 
 _DEST = "setting."
 """Prefix of the attributes of setting options, so that they do not clash with others."""
@@ -188,9 +189,9 @@ def _question(file: DeviceFile, directory: Path) -> list[str]:
     ]
 
 
-def add_trust_option(parser: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
+def add_trust_option(parser: OptionGroup) -> None:
     """The option `--trust-devices`, of commands that may run a set's own devices."""
-    parser.add_argument(OPTION, action="store_true", help="run the set's devices/*.py without asking")
+    add_flag(parser, OPTION, "run the set's devices/*.py without asking")
 
 
 def asking_nobody() -> AbstractContextManager[None]:
@@ -346,16 +347,24 @@ def add_setting_options(
     parser.setting_groups = [] if names else list(groups.values())
 
 
-def by_rule(rule: Rule[_T]) -> Callable[[str], _T]:
-    """The type of an option whose values follow a rule."""
+def add_flag(parser: OptionGroup, option: str, text: str, **settings: Any) -> None:
+    """Add an option without a value. `settings` are further arguments of `add_argument`."""
+    parser.add_argument(option, action="store_true", help=text, **settings)
 
-    def value(text: str) -> _T:
+
+def add_value(
+    parser: OptionGroup, option: str, rule: Rule[Any], text: str, *, metavar: str = "", **settings: Any
+) -> None:
+    """Add an option whose values follow a rule; the rule has the usual `metavar`. `settings` are further
+    arguments of `add_argument`."""
+
+    def value(given: str) -> object:
         try:
-            return rule.from_text(text)
+            return rule.from_text(given)
         except ValueError as error:
             raise argparse.ArgumentTypeError(str(error)) from None
 
-    return value
+    parser.add_argument(option, metavar=metavar or rule.metavar, type=value, help=text, **settings)
 
 
 def _add_option(group: argparse._ArgumentGroup, item: Setting) -> None:
@@ -399,12 +408,10 @@ def overrides_from(namespace: argparse.Namespace) -> dict[str, Override]:
 
 def add_json_option(parser: argparse.ArgumentParser) -> None:
     """The option `--json`."""
-    parser.add_argument("--json", action="store_true", help="print the answer as JSON, for scripts")
+    add_flag(parser, "--json", "print the answer as JSON, for scripts")
 
 
-def add_config_option(
-    parser: argparse.ArgumentParser | argparse._ArgumentGroup, default: str = f"./config, else {DEFAULT_SET}"
-) -> None:
+def add_config_option(parser: OptionGroup, default: str = f"./config, else {DEFAULT_SET}") -> None:
     """The option `--config`; `default` says which set is taken without it."""
     parser.add_argument(
         "--config",

@@ -5,7 +5,14 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from simmer_tui.cli.command_line import ExitCode, OneLineParser, add_json_option, print_answer, subcommand
+from simmer_tui.cli.command_line import (
+    ExitCode,
+    OneLineParser,
+    add_flag,
+    add_json_option,
+    print_answer,
+    subcommand,
+)
 from simmer_tui.config.device_trust import DeviceUse
 from simmer_tui.trials.compare import comparison, paired
 from simmer_tui.trials.folder import TrialFolder
@@ -14,11 +21,8 @@ from simmer_tui.trials.folder import TrialFolder
 def _options(parser: OneLineParser) -> None:
     parser.add_argument("first", metavar="A", type=Path, help="a folder of trials")
     parser.add_argument("second", metavar="B", type=Path, help="another folder of trials")
-    parser.add_argument(
-        "--other-robot",
-        action="store_true",
-        help="compare them although robot, sensors, drives or settings differ, not only the program",
-    )
+    text = "compare them although robot, sensors, drives or settings differ, not only the program"
+    add_flag(parser, "--other-robot", text)
     add_json_option(parser)
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from simmer_tui.cli.command_line import (
     ExitCode,
     OneLineParser,
+    add_flag,
     add_json_option,
     add_setting_options,
     add_trust_option,
@@ -50,11 +51,8 @@ def _init_options(parser: OneLineParser) -> None:
     sets = ", ".join(bundled_sets())
     parser.add_argument("--from", dest="source", metavar="SET", help=f"copy this set: {sets}, or a folder")
     add_mission_option(parser)
-    parser.add_argument(
-        "--term",
-        action="store_true",
-        help="write a whole course: set, mission, samples, a page for students, devcontainer, CI, grading",
-    )
+    text = "write a whole course: set, mission, samples, a page for students, devcontainer, CI, grading"
+    add_flag(parser, "--term", text)
     parser.add_argument(
         "--dialect",
         choices=[each.value for each in FrameKind],
@@ -90,11 +88,7 @@ def run_init(options: argparse.Namespace) -> int:
 
 def add_mission_option(parser: argparse.ArgumentParser) -> None:
     """The option `--mission` of the commands that write a set."""
-    parser.add_argument(
-        "--mission",
-        action="store_true",
-        help="add a gripper, a load sensor and a mission.toml",
-    )
+    add_flag(parser, "--mission", "add a gripper, a load sensor and a mission.toml")
 
 
 def _write(directory: Path, files: Mapping[str, bytes]) -> str:

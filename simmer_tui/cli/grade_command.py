@@ -15,13 +15,14 @@ from rich.console import Console
 from simmer_tui.cli.command_line import (
     ExitCode,
     OneLineParser,
+    add_flag,
     add_json_option,
-    by_rule,
+    add_value,
     print_answer,
     say,
     subcommand,
 )
-from simmer_tui.cli.trials_options import add_place_options, newest_folder, rate, run_to_end
+from simmer_tui.cli.trials_options import add_place_options, newest_folder, run_to_end
 from simmer_tui.config.settings import CLOCKS
 from simmer_tui.document.as_data import table_csv
 from simmer_tui.errors import GradeError
@@ -36,7 +37,7 @@ from simmer_tui.runlog.writer import moment_name
 from simmer_tui.sim.command import counted, typed_path
 from simmer_tui.sim.noise import SEED_BITS, SEEDS
 from simmer_tui.trials.cluster import check_package
-from simmer_tui.trials.sequential import CAP_RULE, MARGIN, REQUIRED_RATE, shown_test
+from simmer_tui.trials.sequential import CAP_RULE, MARGIN, RATE_RULE, REQUIRED_RATE, shown_test
 from simmer_tui.trials.trial import TrialResult
 
 _GRADES, _JUNIT, _GRADESCOPE, _SITE = "grades.csv", "junit.xml", "gradescope", "site"
@@ -46,22 +47,13 @@ _PREFIX = "grade_"
 def _options(parser: OneLineParser) -> None:
     parser.add_argument("target", metavar="COURSE", nargs="?", type=Path, help="teams.toml, or a folder")
     parser.add_argument("--course", metavar="FILE", type=Path, help="a course.toml with the requirements")
-    parser.add_argument(
-        "--practice",
-        action="store_true",
-        default=None,
-        help="COURSE is one team's own folder: the same check, for students",
-    )
-    parser.add_argument(
-        "--require", metavar="RATE", type=rate, help=f"success rate that passes (default {REQUIRED_RATE:g})"
-    )
-    parser.add_argument(
-        "--margin",
-        metavar="RATE",
-        type=rate,
-        help=f"a success rate this much lower fails (default {MARGIN:g})",
-    )
-    parser.add_argument("--cap", metavar="N", type=by_rule(CAP_RULE), help="most runs of a team")
+    text = "COURSE is one team's own folder: the same check, for students"
+    add_flag(parser, "--practice", text, default=None)
+    text = f"success rate that passes (default {REQUIRED_RATE:g})"
+    add_value(parser, "--require", RATE_RULE, text, metavar="RATE")
+    text = f"a success rate this much lower fails (default {MARGIN:g})"
+    add_value(parser, "--margin", RATE_RULE, text, metavar="RATE")
+    add_value(parser, "--cap", CAP_RULE, "most runs of a team")
     parser.add_argument(
         "--clock", choices=CLOCKS, help="clock of the runs, in place of that of the course's set"
     )
@@ -70,12 +62,7 @@ def _options(parser: OneLineParser) -> None:
         choices=[each.value for each in Isolation],
         help="the sandbox of programs (default bwrap; with --practice none where there is no bubblewrap)",
     )
-    parser.add_argument(
-        "--seed",
-        metavar="N",
-        type=by_rule(SEEDS),
-        help="seed of an earlier grading, to repeat it (default: a secret one)",
-    )
+    add_value(parser, "--seed", SEEDS, "seed of an earlier grading, to repeat it (default: a secret one)")
     add_place_options(parser)
     parser.add_argument(
         "--out",
@@ -83,7 +70,7 @@ def _options(parser: OneLineParser) -> None:
         type=Path,
         help=f"folder of the grading (default {_PREFIX}DATE_TIME, outside folders of teams)",
     )
-    parser.add_argument("--resume", action="store_true", help="resume the grading in the folder of --out")
+    add_flag(parser, "--resume", "resume the grading in the folder of --out")
     parser.add_argument(
         "--regrade",
         metavar="TEAM",

@@ -15,7 +15,7 @@ from simmer_tui.cli.command_line import (
     ExitCode,
     OneLineParser,
     add_json_option,
-    by_rule,
+    add_value,
     print_answer,
     print_json,
     subcommand,
@@ -122,23 +122,14 @@ def _export_options(parser: OneLineParser) -> None:
     add_log_argument(parser)
     parser.add_argument("--gif", metavar="OUT", type=Path, help="write the run as a GIF (needs Pillow)")
     parser.add_argument("--svg", metavar="OUT", type=Path, help="write the whole path as a picture")
-    seconds = by_rule(NumberRule(0))
-    parser.add_argument(
-        "--width",
-        metavar="PIXELS",
-        type=by_rule(IntegerRule(160, 3840)),
-        default=720,
-        help="width of the pictures (default %(default)s)",
-    )
-    parser.add_argument(
-        "--speed", metavar="X", type=by_rule(NumberRule(0.01, 1000)), dest="playback_rate",
-        help="simulated seconds a second of the GIF (default: 1, or as many as make it "
-        f"{USUAL_SECONDS:g} s long)",
-    )  # fmt: skip
-    parser.add_argument(
-        "--from", metavar="S", type=seconds, dest="begin", help="beginning of the GIF, seconds"
-    )
-    parser.add_argument("--until", metavar="S", type=seconds, help="end of the GIF, seconds")
+    text = "width of the pictures (default %(default)s)"
+    add_value(parser, "--width", IntegerRule(160, 3840), text, metavar="PIXELS", default=720)
+    usual = f"1, or as many as make it {USUAL_SECONDS:g} s long"
+    text = f"simulated seconds a second of the GIF (default: {usual})"
+    add_value(parser, "--speed", NumberRule(0.01, 1000), text, metavar="X", dest="playback_rate")
+    seconds = NumberRule(0)
+    add_value(parser, "--from", seconds, "beginning of the GIF, seconds", metavar="S", dest="begin")
+    add_value(parser, "--until", seconds, "end of the GIF, seconds", metavar="S")
 
 
 @subcommand("export", _export_options)

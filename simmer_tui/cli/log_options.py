@@ -7,7 +7,7 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
 
-from simmer_tui.cli.command_line import add_trust_option, say
+from simmer_tui.cli.command_line import OptionGroup, add_flag, add_trust_option, say
 from simmer_tui.errors import ConfigurationError, RunLogError
 from simmer_tui.runlog.reader import MOST_PACKED, MOST_UNPACKED, READS_LARGE
 from simmer_tui.runlog.saved_runs import last_run
@@ -28,12 +28,8 @@ def add_log_argument(parser: argparse.ArgumentParser) -> None:
 
 def add_large_option(parser: argparse.ArgumentParser) -> None:
     """The option `--large`."""
-    parser.add_argument(
-        "--large",
-        action="store_true",
-        help=f"read a compressed log although it unpacks to more than {MOST_PACKED} times its size and "
-        f"{MOST_UNPACKED / 1e9:g} GB",
-    )
+    most = f"{MOST_PACKED} times its size and {MOST_UNPACKED / 1e9:g} GB"
+    add_flag(parser, "--large", f"read a compressed log although it unpacks to more than {most}")
 
 
 def allow_large(options: argparse.Namespace) -> None:
@@ -55,7 +51,7 @@ def log_of(options: argparse.Namespace) -> Path:
     return path
 
 
-def add_device_options(parser: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
+def add_device_options(parser: OptionGroup) -> None:
     """The options of commands that rerun a log, for sets with devices of their own."""
     parser.add_argument(
         "--config",

@@ -19,6 +19,7 @@ from simmer_tui.cli.command_line import (
     ExitCode,
     OneLineParser,
     add_config_option,
+    add_flag,
     add_setting_options,
     add_trust_option,
     has_terminal,
@@ -83,14 +84,11 @@ def build_parser() -> OneLineParser:
     parser.add_argument("--version", action="version", version=f"simmer-tui {__version__}")
     run = parser.add_argument_group("run")
     add_config_option(run)
-    run.add_argument(
-        "--mission",
-        action="store_true",
-        help="do the set's mission (default set: ./config or mission); with --no-ui exit code 1: it failed",
-    )
-    run.add_argument("--no-ui", action="store_true", help="run without the screen")
-    run.add_argument("--quiet", action="store_true", help="without the screen: no lines about what happens")
-    run.add_argument("--once", action="store_true", help="end when the client has left (see also --idle)")
+    text = "do the set's mission (default set: ./config or mission); with --no-ui exit code 1: it failed"
+    add_flag(run, "--mission", text)
+    add_flag(run, "--no-ui", "run without the screen")
+    add_flag(run, "--quiet", "without the screen: no lines about what happens")
+    add_flag(run, "--once", "end when the client has left (see also --idle)")
     run.add_argument(
         "--run",
         metavar='"CMD ..."',

@@ -11,8 +11,9 @@ from simmer_tui.cli.app_start import apply_choice
 from simmer_tui.cli.command_line import (
     ExitCode,
     OneLineParser,
+    add_flag,
+    add_value,
     asking_nobody,
-    by_rule,
     has_terminal,
     subcommand,
 )
@@ -28,9 +29,7 @@ from simmer_tui.tui.recorded import RecordedRun
 
 def _options(parser: OneLineParser) -> None:
     add_log_argument(parser)
-    parser.add_argument(
-        "--follow", action="store_true", help="stay at the end of a log that is still being written"
-    )
+    add_flag(parser, "--follow", "stay at the end of a log that is still being written")
     for item in all_settings():
         if item.name in ("screen.color", "screen.glyphs"):
             choices = tuple(item.rule.schema["enum"])
@@ -38,10 +37,8 @@ def _options(parser: OneLineParser) -> None:
     take_over = parser.add_argument_group(
         "take over", "a live run that continues from a moment of the log (in the replay: t)"
     )
-    take_over.add_argument(
-        "--take-over", metavar="S", type=by_rule(NumberRule()), help="take over at once, at S seconds"
-    )
-    take_over.add_argument("--no-ui", action="store_true", help="without the screen")
+    add_value(take_over, "--take-over", NumberRule(), "take over at once, at S seconds", metavar="S")
+    add_flag(take_over, "--no-ui", "without the screen")
     take_over.add_argument("--run", metavar='"CMD ..."', help="run a program, which continues from there")
     take_over.add_argument("--log", metavar="FILE", help="log the run, all that was before included")
     add_device_options(take_over)

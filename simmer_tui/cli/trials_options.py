@@ -1,19 +1,20 @@
-"""The options of `simmer-tui trials`, and types of options that other commands share."""
+"""The options of `simmer-tui trials`, and those that other commands share."""
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable
 from pathlib import Path
 
 from simmer_tui.cli.command_line import (
     ExitCode,
     OneLineParser,
+    OptionGroup,
     add_config_option,
+    add_flag,
     add_json_option,
     add_setting_options,
     add_trust_option,
-    by_rule,
+    add_value,
 )
 from simmer_tui.config.sets import MISSION_SET
 from simmer_tui.errors import ClusterError
@@ -44,15 +45,12 @@ def run_to_end(work: Callable[[], None]) -> tuple[ExitCode, str]:
     return ExitCode.DONE, ""
 
 
-count = by_rule(IntegerRule(1, 1_000_000))
-rate = by_rule(RATE_RULE)
+_COUNT = IntegerRule(1, 1_000_000)
 
 
-def add_place_options(parser: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
+def add_place_options(parser: OptionGroup) -> None:
     """The options `--jobs` and `--dask`: where the runs are done."""
-    parser.add_argument(
-        "--jobs", metavar="N", type=count, help="runs at a time (default: the number of processors)"
-    )
+    add_value(parser, "--jobs", _COUNT, "runs at a time (default: the number of processors)")
     parser.add_argument(
         "--dask", metavar="ADDRESS", help="send the runs to a Dask cluster (needs simmer-tui[dask])"
     )
@@ -66,11 +64,8 @@ def add_trials_options(parser: OneLineParser) -> None:
         metavar='"CMD ..."',
         help="the program; it gets SIMMER_PORT and other variables (docs/trials.md)",
     )
-    group.add_argument(
-        "--runs",
-        metavar="N",
-        type=count,
-        help=f"number of runs (default {DEFAULT_RUNS}); with --vary, for each value",
+    add_value(
+        group, "--runs", _COUNT, f"number of runs (default {DEFAULT_RUNS}); with --vary, for each value"
     )
     add_config_option(group, f"./config with a mission.toml, else {MISSION_SET}")
     mazes = group.add_mutually_exclusive_group()
@@ -80,55 +75,34 @@ def add_trials_options(parser: OneLineParser) -> None:
         type=Path,
         help="a folder of files like maze.csv, which the runs take in turn",
     )
-    mazes.add_argument(
-        "--random-mazes",
-        action="store_true",
-        default=None,
-        help="a new maze for every run, of the size of the set's maze and with as many walls",
-    )
-    group.add_argument(
-        "--fixed-ports",
-        action="store_true",
-        default=None,
-        help="always the ports of the settings, for programs with 9000 built in; one run at a time",
-    )
-    group.add_argument(
-        "--time-limit",
-        metavar="SECONDS",
-        type=by_rule(NumberRule(0.01, 1e6)),
-        help="longest real time of a run (default "
-        f"{TIME_LIMIT:g}, with timed motion the mission's time limit more)",
-    )
+    text = "a new maze for every run, of the size of the set's maze and with as many walls"
+    add_flag(mazes, "--random-mazes", text, default=None)
+    text = "always the ports of the settings, for programs with 9000 built in; one run at a time"
+    add_flag(group, "--fixed-ports", text, default=None)
+    usual = f"{TIME_LIMIT:g}, with timed motion the mission's time limit more"
+    text = f"longest real time of a run (default {usual})"
+    add_value(group, "--time-limit", NumberRule(0.01, 1e6), text, metavar="SECONDS")
     add_place_options(group)
     group.add_argument(
         "--out", metavar="DIR", type=Path, help=f"folder of the results (default {PREFIX}DATE_TIME)"
     )
-    group.add_argument(
-        "--resume",
-        action="store_true",
-        help="continue the trials in the folder (default: the newest here); --runs may ask for more, and "
-        "--run for another program while no run is done",
+    text = (
+        "continue the trials in the folder (default: the newest here); --runs may ask for more, and "
+        "--run for another program while no run is done"
     )
-    group.add_argument(
-        "--require",
-        metavar="RATE",
-        type=rate,
-        help="exit code 1 if the success rate is below RATE, 0 to 1; with --vary, if no value of a name "
-        f"reaches RATE. The answer to --vary uses RATE, too (default {REQUIRED_RATE:g})",
+    add_flag(group, "--resume", text)
+    text = (
+        "exit code 1 if the success rate is below RATE, 0 to 1; with --vary, if no value of a name "
+        f"reaches RATE. The answer to --vary uses RATE, too (default {REQUIRED_RATE:g})"
     )
-    group.add_argument(
-        "--sure",
-        metavar="CONFIDENCE",
-        type=by_rule(NumberRule(0.501, 0.9999)),
-        help="with --require: decide by a sequential test, with as few runs as possible. A program with "
-        "RATE passes, and one with RATE - MARGIN fails, at least this often, such as 0.95; --runs is the cap",
+    add_value(group, "--require", RATE_RULE, text, metavar="RATE")
+    text = (
+        "with --require: decide by a sequential test, with as few runs as possible. A program with "
+        "RATE passes, and one with RATE - MARGIN fails, at least this often, such as 0.95; --runs is the cap"
     )
-    group.add_argument(
-        "--margin",
-        metavar="MARGIN",
-        type=rate,
-        help=f"with --sure: a success rate this much below RATE fails (default {MARGIN:g})",
-    )
+    add_value(group, "--sure", NumberRule(0.501, 0.9999), text, metavar="CONFIDENCE")
+    text = f"with --sure: a success rate this much below RATE fails (default {MARGIN:g})"
+    add_value(group, "--margin", RATE_RULE, text, metavar="MARGIN")
     group.add_argument(
         "--vary",
         metavar="NAME=VALUE,VALUE...",
@@ -138,15 +112,11 @@ def add_trials_options(parser: OneLineParser) -> None:
         "motion.time_scale) or of a column of one sensor or drive (u1.percent_error). Of several --vary, "
         "each is varied alone. Semicolons separate values that have commas",
     )
-    group.add_argument(
-        "--why",
-        metavar="N",
-        type=count,
-        nargs="?",
-        const=EXPLAINED,
-        help=f"then run N failed runs (default {EXPLAINED}) again with the same seed and one change at "
-        "a time, such as true readings of one sensor, and say which change made them succeed",
+    text = (
+        f"then run N failed runs (default {EXPLAINED}) again with the same seed and one change at "
+        "a time, such as true readings of one sensor, and say which change made them succeed"
     )
+    add_value(group, "--why", _COUNT, text, nargs="?", const=EXPLAINED)
     add_json_option(parser)
     add_trust_option(parser)
     add_setting_options(parser)
