@@ -17,9 +17,9 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from enum import StrEnum
-from typing import Generic, TypeVar, cast, get_type_hints
+from typing import Annotated, Generic, TypeVar, cast, get_type_hints
 
-from msgspec import Struct
+from msgspec import Meta, Struct, field
 
 from simmer_tui.belief_grid import GridBelief
 from simmer_tui.sim.command import Command
@@ -33,6 +33,8 @@ from simmer_tui.sim.trajectory import Trajectory
 # Beyond this, adding 0.01 to a float loses digits: no maze and no run comes near it.
 LARGEST_NUMBER = 1e12
 """Limit of all times (seconds), places (inches) and headings (degrees)."""
+Real = Annotated[float, Meta(ge=-LARGEST_NUMBER, le=LARGEST_NUMBER)]
+"""A number within it, as a log may have."""
 
 
 class NoticeKind(StrEnum):
@@ -73,9 +75,10 @@ NOT_STARTED = "could not start: "
 
 
 class OutputLine(Struct, frozen=True):
-    """A line that a program printed, as it came, and the simulated time then. Escape it to show it."""
+    """A line that a program printed, as it came, and the simulated time then (key `t` in a log). Escape it to
+    show it."""
 
-    time: float
+    time: Real = field(name="t")
     text: str
 
 

@@ -25,7 +25,6 @@ from simmer_tui.events import (
     MovementEnded,
     MovementPlanned,
     Notice,
-    OutputLine,
     ProgramEnded,
     TwinReading,
     VelocityEnded,
@@ -34,9 +33,6 @@ from simmer_tui.events import (
 from simmer_tui.run.state import Checkpoint, MissionProgress, MissionSums, TimeSpent
 from simmer_tui.runlog.log_records import (
     NO_REPLY,
-    SHARED_WITH_CHECKPOINT,
-    SHARED_WITH_CONTACT,
-    SHARED_WITH_PROGRAM,
     ActionRecord,
     AnswerRecord,
     AnyRecord,
@@ -59,6 +55,7 @@ from simmer_tui.runlog.log_records import (
     VelocityEndRecord,
     VelocityFields,
     WireRecord,
+    shared_fields,
     unpacked_particles,
 )
 from simmer_tui.runlog.logged_scans import ScanDecoder
@@ -119,7 +116,7 @@ class LogDecoder:
             NoticeRecord: lambda record: (Notice(record.about, record.text, record.subject, record.advice),),
             MissionRecord: _mission_event,
             TwinRecord: self._twin,
-            ProgramRecord: _program_end,
+            ProgramRecord: lambda record: (ProgramEnded(record.t, **shared_fields(record, ProgramEnded)),),
             CheckpointRecord: lambda record: (),
             LegRecord: self._leg_begun,
             LegCutRecord: lambda record: (),  # `_leg_over` gives its event
@@ -152,7 +149,9 @@ class LogDecoder:
             if mission.end is not None:
                 time, distance, commands, contacts, *times = astuple(mission.end)
                 end = MissionSums(time, distance, commands, contacts, TimeSpent(*times))
-            progress = MissionProgress(goals, mission.result, mission.reason, mission.helped, end)
+            progress = MissionProgress(
+                goals, end=end, **shared_fields(mission, MissionProgress, "goals", "end")
+            )
         x, y, heading = record.block
         return Checkpoint(
             spec=self._spec,
@@ -162,7 +161,7 @@ class LogDecoder:
             commands=record.n,
             mission=progress,
             spent=TimeSpent(record.driving, record.link, record.reading),
-            **{name: getattr(record, name) for name in SHARED_WITH_CHECKPOINT},
+            **shared_fields(record, Checkpoint, "pose", "block", "mission"),
         )
 
     def _pose_at(self, time: float, number: int) -> Pose:
@@ -431,30 +430,20 @@ class LogDecoder:
 
 def _contact_at(pose: Pose, fields: ContactFields) -> Contact:
     segment, turned, translated = fields.at
-    same = {name: getattr(fields, name) for name in SHARED_WITH_CONTACT}
+    same = shared_fields(fields, Contact)
     return Contact(pose, segment=segment, turned=turned, translated=translated, time=fields.t, **same)
 
 
 def _velocity(fields: VelocityFields) -> VelocityChange:
     expires = math.inf if fields.expires is None else fields.expires
-    twist = Twist(*fields.twist)
-    return VelocityChange(twist, expires, fields.changed, fields.slip, limited=fields.limited)
+    same = shared_fields(fields, VelocityChange, "twist", "expires")
+    return VelocityChange(Twist(*fields.twist), expires, **same)
 
 
 def _belief(record: BeliefRecord) -> tuple[Event, ...]:
     believed, true = Pose(*record.believed), Pose(*record.pose)
-    particles = unpacked_particles(record)
-    return (
-        Belief(record.t, believed, true, record.spread, particles, record.note, record.grid, record.again),
-    )
-
-
-def _program_end(record: ProgramRecord) -> tuple[Event, ...]:
-    stderr, stdout = (
-        tuple(OutputLine(line.t, line.text) for line in lines) for lines in (record.stderr, record.stdout)
-    )
-    same = {name: getattr(record, name) for name in SHARED_WITH_PROGRAM}
-    return (ProgramEnded(record.t, stderr=stderr, stdout=stdout, **same),)
+    same = shared_fields(record, Belief, "pose", "particles")
+    return (Belief(record.t, believed, true, particles=unpacked_particles(record), **same),)
 
 
 def _mission_event(record: MissionRecord) -> tuple[Event, ...]:

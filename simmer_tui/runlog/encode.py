@@ -33,9 +33,6 @@ from simmer_tui.run.state import Checkpoint
 from simmer_tui.runlog.log_records import (
     NO_DELAY,
     NO_REPLY,
-    SHARED_WITH_CHECKPOINT,
-    SHARED_WITH_CONTACT,
-    SHARED_WITH_PROGRAM,
     ActionRecord,
     AnswerRecord,
     BeliefRecord,
@@ -51,7 +48,6 @@ from simmer_tui.runlog.log_records import (
     MissionSumsFields,
     MoveRecord,
     NoticeRecord,
-    OutputFields,
     PlanRecord,
     ProgramRecord,
     ReadingRecord,
@@ -62,6 +58,7 @@ from simmer_tui.runlog.log_records import (
     logged_number,
     logged_pose,
     packed_particles,
+    shared_fields,
 )
 from simmer_tui.runlog.logged_scans import packed_ranges
 from simmer_tui.sim.path import Contact
@@ -263,13 +260,8 @@ def _answer_record(result: CommandResult, real_time: float) -> AnswerRecord:
 
 def _velocity_fields(velocity: VelocityChange) -> VelocityFields:
     twist, expires = velocity.twist, velocity.expires
-    return VelocityFields(
-        (twist.x, twist.y, twist.r),
-        None if expires == math.inf else expires,
-        velocity.changed,
-        velocity.slip,
-        velocity.limited,
-    )
+    same = shared_fields(velocity, VelocityFields, "twist", "expires")
+    return VelocityFields((twist.x, twist.y, twist.r), None if expires == math.inf else expires, **same)
 
 
 def _leg_record(begun: LegBegun, real_time: float) -> LegRecord:
@@ -337,8 +329,7 @@ def _path_fields(trajectory: Trajectory) -> dict[str, Any]:
 
 def _contact_fields(contact: Contact) -> ContactFields:
     at = (contact.segment, contact.turned, contact.translated)
-    same = {name: getattr(contact, name) for name in SHARED_WITH_CONTACT}
-    return ContactFields(t=contact.time, at=at, **same)
+    return ContactFields(t=contact.time, at=at, **shared_fields(contact, ContactFields))
 
 
 def _other_record(
@@ -355,19 +346,12 @@ def _other_record(
 ) -> LogRecord:
     match event:
         case VelocityEnded():
-            return VelocityEndRecord(event.time, real_time, reason=event.reason, source=event.source)
+            return VelocityEndRecord(event.time, real_time, **shared_fields(event, VelocityEndRecord))
         case ActionDone():
-            return ActionRecord(
-                event.time,
-                real_time,
-                n=present[0],
-                action=event.action.name,
-                source=event.action.source,
-                arguments=event.action.arguments,
-                text=event.text,
-                pose=logged_pose(event.pose),
-                refused=event.refused,
-            )
+            same = shared_fields(event, ActionRecord, "action", "pose")
+            same |= shared_fields(event.action, ActionRecord)
+            pose, name = logged_pose(event.pose), event.action.name
+            return ActionRecord(event.time, real_time, n=present[0], action=name, pose=pose, **same)
         case Belief():
             # The particles are offsets from this pose, which keeps their numbers short.
             believed = logged_pose(event.pose)
@@ -376,11 +360,8 @@ def _other_record(
                 real_time,
                 believed=believed,
                 pose=logged_pose(event.true),
-                spread=event.spread,
-                note=event.note,
-                grid=event.grid,
-                again=event.again,
                 particles=packed_particles(event.particles, believed),
+                **shared_fields(event, BeliefRecord, "pose", "particles"),
             )
         case TwinReading():
             return TwinRecord(
@@ -393,34 +374,16 @@ def _other_record(
                 simulated=logged_number(event.simulated),
             )
         case WireMessage():
-            return WireRecord(
-                event.time, real_time, data=event.data, reply=event.reply, meaning=event.meaning
-            )
+            return WireRecord(event.time, real_time, **shared_fields(event, WireRecord))
         case Notice():  # without a simulated time of its own
-            return NoticeRecord(
-                present[1],
-                real_time,
-                about=event.kind,
-                text=event.text,
-                subject=event.subject,
-                advice=event.advice,
-            )
+            same = shared_fields(event, NoticeRecord)
+            return NoticeRecord(present[1], real_time, about=event.kind, **same)
         case MissionEvent():
-            return MissionRecord(
-                event.time,
-                real_time,
-                goal=None if isinstance(event.subject, Result) else event.subject,
-                result=event.subject if isinstance(event.subject, Result) else None,
-                text=event.text,
-                reason=event.reason,
-            )
+            subject = "result" if isinstance(event.subject, Result) else "goal"
+            same = {subject: event.subject, **shared_fields(event, MissionRecord)}
+            return MissionRecord(event.time, real_time, **same)
         case ProgramEnded():
-            stderr, stdout = (
-                tuple(OutputFields(line.time, line.text) for line in lines)
-                for lines in (event.stderr, event.stdout)
-            )
-            same = {name: getattr(event, name) for name in SHARED_WITH_PROGRAM}
-            return ProgramRecord(event.time, real_time, stderr=stderr, stdout=stdout, **same)
+            return ProgramRecord(event.time, real_time, **shared_fields(event, ProgramRecord))
 
 
 def checkpoint_record(checkpoint: Checkpoint, real_time: float) -> CheckpointRecord:
@@ -436,7 +399,7 @@ def checkpoint_record(checkpoint: Checkpoint, real_time: float) -> CheckpointRec
             times = used.driving, used.link, dict(used.by_sensor)
             end = MissionSumsFields(time, distance, commands, contacts, *times)
         progress = MissionFields(
-            goals=goals, result=mission.result, reason=mission.reason, helped=mission.helped, end=end
+            goals=goals, end=end, **shared_fields(mission, MissionFields, "goals", "end")
         )
     return CheckpointRecord(
         checkpoint.time,
@@ -449,5 +412,5 @@ def checkpoint_record(checkpoint: Checkpoint, real_time: float) -> CheckpointRec
         link=spent.link,
         # A copy: the reducer continues to count in its own.
         reading=dict(spent.by_sensor),
-        **{name: getattr(checkpoint, name) for name in SHARED_WITH_CHECKPOINT},
+        **shared_fields(checkpoint, CheckpointRecord, "pose", "block", "mission"),
     )

@@ -18,8 +18,9 @@ from simmer_tui.config.loader import Configuration, Override, load
 from simmer_tui.config.set_devices import DeviceStatus
 from simmer_tui.config.settings import Settings, all_settings
 from simmer_tui.errors import RunLogError, reason_of
+from simmer_tui.events import Real
 from simmer_tui.run.state import Checkpoint, MissionProgress
-from simmer_tui.runlog.log_records import Count, LoggedPose, Real, RealSeconds, logged_pose
+from simmer_tui.runlog.log_records import Count, LoggedPose, RealSeconds, logged_pose
 from simmer_tui.runlog.logged_devices import (
     LoggedDevice,
     logged_devices,

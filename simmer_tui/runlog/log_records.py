@@ -12,13 +12,22 @@ import math
 import operator
 from enum import StrEnum
 from itertools import zip_longest
-from typing import Annotated, final
+from typing import Annotated, Any, final
 
 import msgspec
 
 from simmer_tui.actions import argument_count
 from simmer_tui.belief_grid import GridBelief
-from simmer_tui.events import LARGEST_NUMBER, ActionName, Goal, NoticeKind, Result, VelocityEnd
+from simmer_tui.events import (
+    LARGEST_NUMBER,
+    ActionName,
+    Goal,
+    NoticeKind,
+    OutputLine,
+    Real,
+    Result,
+    VelocityEnd,
+)
 from simmer_tui.runlog.typed_json import TypedJson
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import escape
@@ -34,7 +43,6 @@ NO_REPLY = math.nan
 """Reply of a reading whose scan has it. A reply that is no number is written as `NotFinite`."""
 _HUNDREDTH = 100  # hundredths of an inch or of a degree
 
-Real = Annotated[float, msgspec.Meta(ge=-LARGEST_NUMBER, le=LARGEST_NUMBER)]
 # Python's calendar ends in the year 9999, at 2.5e11 seconds.
 RealSeconds = Annotated[float, msgspec.Meta(ge=-1e10, le=1e10)]
 """Real time, within the range of calendars."""
@@ -324,13 +332,6 @@ class MissionRecord(LogRecord, tag="mission", frozen=True, kw_only=True):
             raise ValueError("it needs a goal or a result")
 
 
-class OutputFields(msgspec.Struct, frozen=True):
-    """A line of a program's output."""
-
-    t: Real
-    text: str
-
-
 class ProgramRecord(LogRecord, tag="program", frozen=True, kw_only=True):
     """The end of the program that drove the robot, with the last lines of its output."""
 
@@ -339,8 +340,8 @@ class ProgramRecord(LogRecord, tag="program", frozen=True, kw_only=True):
     stopped: bool = False
     error: str = ""
     place: str = ""
-    stderr: tuple[OutputFields, ...] = ()
-    stdout: tuple[OutputFields, ...] = ()
+    stderr: tuple[OutputLine, ...] = ()
+    stdout: tuple[OutputLine, ...] = ()
 
 
 class TwinRecord(LogRecord, tag="twin", frozen=True, kw_only=True):
@@ -395,15 +396,11 @@ class CheckpointRecord(LogRecord, tag="checkpoint", frozen=True, kw_only=True):
     reading: dict[str, Real] = {}
 
 
-SHARED_WITH_CHECKPOINT = (
-    *("seed", "holding", "noise", "paused", "time_scale"),
-    *("contacts", "distance", "client"),
-)
-"""Fields that a checkpoint and its record have by the same name."""
-SHARED_WITH_PROGRAM = ("exit_code", "signal", "stopped", "error", "place")
-"""Fields that a program's end and its record have by the same name."""
-SHARED_WITH_CONTACT = ("point", "cell", "ended", "drift", "held_block")
-"""Fields that a contact and its record have by the same name."""
+def shared_fields(source: msgspec.Struct, target: type[msgspec.Struct], *apart: str) -> dict[str, Any]:
+    """The values of `source` for the fields that `target` has by the same name, except those `apart`, which
+    have another form there. An event and its record share most of their fields."""
+    names = set(source.__struct_fields__).intersection(target.__struct_fields__).difference(apart)
+    return {name: getattr(source, name) for name in names}
 
 
 @final
