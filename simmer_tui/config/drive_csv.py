@@ -11,7 +11,6 @@ from simmer_tui.config.csv_table import (
     ID,
     TableRow,
     claim_id,
-    from_cell,
     read_csv,
     read_flags,
     read_table,
@@ -32,7 +31,7 @@ COLUMNS: tuple[CsvColumn, ...] = (
         "the movement: " + "; ".join(f"{kind.value} {kind.meaning}" for kind in DriveKind) + "; "
         "grip opens and closes the gripper; velocity and velocity-x, -y, -r set a velocity that lasts; "
         "wheels sets rim speeds",
-        name=ID,
+        *("", ID, "id"),
         needed=True,
     ),
     *(CODE, ENABLED, *columns.MOVEMENT, columns.REACH, columns.WIDTH),
@@ -79,7 +78,9 @@ def _read_row(
     row: TableRow, seen: dict[str, int], codes: dict[str, str]
 ) -> DriveSpec | GripperSpec | VelocitySpec | None:
     before = len(row.problems)
-    name = _read_id(row, seen)
+    name: str | None = row.cells(COLUMNS[:1]).get("id")
+    if name is not None:
+        claim_id(name, row, seen)
     values = read_flags(row, codes)
     if name in _VELOCITIES:
         row.refuse(_ONLY_OTHERS, f"has no effect for {name}: leave it blank")
@@ -99,16 +100,3 @@ def _read_row(
     kind = DriveKind(name)
     speed = columns.ROTATION_SPEED if kind.turns else columns.TRANSLATION_SPEED
     return with_values(DriveSpec(kind=kind, code="", speed=speed), values)
-
-
-def _read_id(row: TableRow, seen: dict[str, int]) -> str | None:
-    """The ID of a row; None, and a problem, if it is wrong or an earlier row has it."""
-    if ID not in row.values:
-        return None
-    try:
-        name: str = from_cell(COLUMNS[0].rule, row.values[ID])
-    except ValueError as error:
-        row.add_problem(ID, str(error))
-        return None
-    claim_id(name, row, seen)
-    return name
