@@ -35,6 +35,7 @@ from simmer_tui.document.model import (
     SideBySide,
     Tone,
     VerdictBox,
+    data_table,
 )
 from simmer_tui.phrases import capitalized
 from simmer_tui.report.figure import PICTURE_WIDTH, WALLS
@@ -47,75 +48,63 @@ _NUMBER = number(".3g")
 _FIGURE = replace(WORDS, numeric=True)
 _ESTIMATE = tuple(DataColumn(key, hidden=True) for key in ("value", "value_low", "value_high"))
 _BEFORE_AFTER = (DataColumn("before", _NUMBER), DataColumn("after", _NUMBER))
-MISFITS = DataTable(
+MISFITS = data_table(
     "misfits",
     "Misfits of the model",
-    (
-        DataColumn("part"),
-        DataColumn("kind"),
-        *_ESTIMATE,
-        DataColumn("unit", hidden=True),
-        DataColumn("p", number(".1g")),
-        DataColumn("text", heading="observation", wraps=True),
-    ),
+    DataColumn("part"),
+    DataColumn("kind"),
+    *_ESTIMATE,
+    DataColumn("unit", hidden=True),
+    DataColumn("p", number(".1g")),
+    DataColumn("text", heading="observation", wraps=True),
 )
-PARAMETERS = DataTable(
+PARAMETERS = data_table(
     "parameters",
     "Estimated parameters",
-    (
-        DataColumn("part"),
-        DataColumn("parameter", heading="parameter"),
-        DataColumn("unit", hidden=True),
-        DataColumn("was", number(".4g")),
-        *_ESTIMATE,
-        DataColumn("is", _FIGURE),
-        DataColumn("interval", _FIGURE, "95 % interval"),
-        DataColumn("changed", Format(lambda changed: "changed" if changed else ""), ""),
-    ),
+    DataColumn("part"),
+    DataColumn("parameter", heading="parameter"),
+    DataColumn("unit", hidden=True),
+    DataColumn("was", number(".4g")),
+    *_ESTIMATE,
+    DataColumn("is", _FIGURE),
+    DataColumn("interval", _FIGURE, "95 % interval"),
+    DataColumn("changed", Format(lambda changed: "changed" if changed else ""), ""),
 )
-UNIDENTIFIED = DataTable(
+UNIDENTIFIED = data_table(
     "unidentified",
     "Parameters left unchanged",
-    (
-        DataColumn("part"),
-        DataColumn("parameters", Format(", ".join), "parameters", wraps=True),
-        DataColumn("text", heading="why", wraps=True),
-    ),
+    DataColumn("part"),
+    DataColumn("parameters", Format(", ".join), "parameters", wraps=True),
+    DataColumn("text", heading="why", wraps=True),
 )
-RESIDUALS = DataTable("residuals", "Residuals", (DataColumn("part"), DataColumn("unit"), *_BEFORE_AFTER))
-_HELD_BACK = DataTable(
+RESIDUALS = data_table("residuals", "Residuals", DataColumn("part"), DataColumn("unit"), *_BEFORE_AFTER)
+_HELD_BACK = data_table(
     "held_back",
     "Predictions of held-back readings",
-    (
-        DataColumn("readings_of"),
-        DataColumn("ahead", COUNT),
-        *_BEFORE_AFTER,
-        DataColumn("unit"),
-        DataColumn("times_better", number(".1f")),
-        DataColumn("readings", COUNT),
-    ),
+    DataColumn("readings_of"),
+    DataColumn("ahead", COUNT),
+    *_BEFORE_AFTER,
+    DataColumn("unit"),
+    DataColumn("times_better", number(".1f")),
+    DataColumn("readings", COUNT),
 )
-_CHECK = DataTable(
+_CHECK = data_table(
     "parts",
     "Has the robot changed?",
-    (
-        *(DataColumn(key, hidden=True) for key in ("part", "changed", "p")),
-        DataColumn("owner", WORDS, "part"),
-        DataColumn("parameter", heading="parameter"),
-        DataColumn("set", number(".4g")),
-        DataColumn("log", number(".4g")),
-        DataColumn("error", number(".2g")),
-        DataColumn("unit", hidden=True),
-        DataColumn("verdict", WORDS, ""),
-    ),
+    *(DataColumn(key, hidden=True) for key in ("part", "changed", "p")),
+    DataColumn("owner", WORDS, "part"),
+    DataColumn("parameter", heading="parameter"),
+    DataColumn("set", number(".4g")),
+    DataColumn("log", number(".4g")),
+    DataColumn("error", number(".2g")),
+    DataColumn("unit", hidden=True),
+    DataColumn("verdict", WORDS, ""),
 )
-STRENGTHS = DataTable(
+STRENGTHS = data_table(
     "strengths",
     "How the biases of the robots differ",
-    (
-        DataColumn("movements"),
-        DataColumn("strength", estimate(".3g")),
-    ),
+    DataColumn("movements"),
+    DataColumn("strength", estimate(".3g")),
 )
 TABLES = (MISFITS, PARAMETERS, UNIDENTIFIED, _HELD_BACK, RESIDUALS, _CHECK, STRENGTHS)
 """All tables of a calibration, of a check, and of the strength of biases."""

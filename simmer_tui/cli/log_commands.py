@@ -23,7 +23,7 @@ from simmer_tui.cli.command_line import (
 )
 from simmer_tui.cli.log_options import add_device_options, add_log_argument, configuration_of, log_of
 from simmer_tui.cli.progress_bar import progress_bar
-from simmer_tui.document.model import Bullets, DataColumn, DataTable, Document
+from simmer_tui.document.model import Bullets, DataColumn, Document, data_table
 from simmer_tui.errors import ExportError, RunLogError
 from simmer_tui.report.animation import USUAL_SECONDS, shots, write_gif
 from simmer_tui.report.content import maze_picture, report_document, svg_picture
@@ -40,10 +40,10 @@ from simmer_tui.whole_file import whole_file, write_whole
 # nothing.
 _PROGRESS_EVERY = 500
 
-RERUN = DataTable(
+RERUN = data_table(
     "rerun",
     "Rerun",
-    tuple(map(DataColumn, ("log", "same", "commands", "actions", "seed", "configuration", "version"))),
+    *map(DataColumn, ("log", "same", "commands", "actions", "seed", "configuration", "version")),
     record=True,
 )
 

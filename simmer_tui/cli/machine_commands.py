@@ -18,7 +18,7 @@ from simmer_tui.config.device_trust import DeviceUse
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.sets import find_set
 from simmer_tui.config.settings import ServerSettings
-from simmer_tui.document.model import DataColumn, DataTable, Document
+from simmer_tui.document.model import DataColumn, Document, data_table
 from simmer_tui.errors import ConfigurationError, PortError
 from simmer_tui.links import port_list
 from simmer_tui.links.link import port_requests
@@ -42,9 +42,9 @@ _SAMPLE = "\N{QUADRANT UPPER LEFT}\N{QUADRANT LOWER RIGHT}\N{FULL BLOCK}\N{BRAIL
 # The size of a VT100's screen, which most terminal programs still have at their start.
 _USUAL = (80, 24)
 
-CHECKS = DataTable("checks", "Checks", (DataColumn("about"), DataColumn("ok"), DataColumn("text")))
-PORTS = DataTable(
-    "ports", "Serial ports", (DataColumn("device"), DataColumn("description"), DataColumn("leads_to"))
+CHECKS = data_table("checks", "Checks", DataColumn("about"), DataColumn("ok"), DataColumn("text"))
+PORTS = data_table(
+    "ports", "Serial ports", DataColumn("device"), DataColumn("description"), DataColumn("leads_to")
 )
 
 Check = tuple[bool, str]

@@ -13,7 +13,7 @@ from simmer_tui.config.settings import Setting, all_settings, value_of
 from simmer_tui.dialect.inverse import InverseRules
 from simmer_tui.dialect.messages import dictionary
 from simmer_tui.document.formats import PLACE, POSE, TEXT
-from simmer_tui.document.model import DataColumn, DataTable, Document
+from simmer_tui.document.model import DataColumn, DataTable, Document, data_table
 from simmer_tui.errors import Problem
 from simmer_tui.sim import columns
 from simmer_tui.sim.columns import column_name
@@ -50,40 +50,43 @@ def _columns(names: str, values: Iterable[Value] = ()) -> tuple[DataColumn, ...]
 _SENSOR_VALUES = tuple(
     {column.field: column for kind in KINDS.values() for column in (*columns.BASE, *kind.columns)}.values()
 )
-CHECK = DataTable("check", "The set", _columns("ok name directory"), record=True)
-PROBLEMS = DataTable("problems", "Its mistakes", _columns("where text"))
-WARNINGS = DataTable("warnings", "Warnings", _columns("text"))
-_MAZE = DataTable("maze", "The maze, the first row on top", _columns("cell_size_in cells floor"), record=True)
-_ROBOT = DataTable(
+CHECK = data_table("check", "The set", *_columns("ok name directory"), record=True)
+PROBLEMS = data_table("problems", "Its mistakes", *_columns("where text"))
+WARNINGS = data_table("warnings", "Warnings", *_columns("text"))
+_MAZE = data_table(
+    "maze", "The maze, the first row on top", *_columns("cell_size_in cells floor"), record=True
+)
+_ROBOT = data_table(
     "robot",
     "The robot's outline, a circle or a polygon, and its start",
-    (*_columns("radius_in vertices_in"), DataColumn("start", POSE)),
+    *_columns("radius_in vertices_in"),
+    DataColumn("start", POSE),
     record=True,
 )
-_BLOCK = DataTable(
-    "block", "The block", (DataColumn("centre", PLACE), *_columns("size_in solid")), record=True
+_BLOCK = data_table(
+    "block", "The block", DataColumn("centre", PLACE), *_columns("size_in solid"), record=True
 )
-_SENSORS = DataTable("sensors", "Sensors", _columns("id code kind enabled unit", _SENSOR_VALUES))
-_DEVICES = DataTable(
+_SENSORS = data_table("sensors", "Sensors", *_columns("id code kind enabled unit", _SENSOR_VALUES))
+_DEVICES = data_table(
     "devices",
     "Device files of the set's own; one that was not run was only parsed",
-    _columns("path sha256 trusted ran kinds unfinished"),
+    *_columns("path sha256 trusted ran kinds unfinished"),
 )
-_DRIVES = DataTable("drives", "Drives", _columns("id code enabled unit", columns.MOVEMENT))
-_GRIPPER = DataTable("gripper", "The gripper", _columns("code enabled", columns.GRIPPER), record=True)
-VELOCITIES = DataTable("velocities", "Commands of continuous motion", _columns("id code enabled"))
-_MISSION = DataTable(
+_DRIVES = data_table("drives", "Drives", *_columns("id code enabled unit", columns.MOVEMENT))
+_GRIPPER = data_table("gripper", "The gripper", *_columns("code enabled", columns.GRIPPER), record=True)
+VELOCITIES = data_table("velocities", "Commands of continuous motion", *_columns("id code enabled"))
+_MISSION = data_table(
     "mission",
     "The mission; null for a value that each run draws from its seed",
-    _columns("start heading_deg heading_drawn block clearance_in drop_zone time_limit_s contacts"),
+    *_columns("start heading_deg heading_drawn block clearance_in drop_zone time_limit_s contacts"),
     record=True,
 )
-_MESSAGES = DataTable("messages", "Messages of the dialect", _columns("message does reply"))
-TURNED = DataTable(
-    "real_robot", "Commands that a real robot is sent by the dialect", _columns("command message")
+_MESSAGES = data_table("messages", "Messages of the dialect", *_columns("message does reply"))
+TURNED = data_table(
+    "real_robot", "Commands that a real robot is sent by the dialect", *_columns("command message")
 )
-DIFFERENCES = DataTable(
-    "differences", "Lines of an exchange in which the dialect answers otherwise", _columns("line text")
+DIFFERENCES = data_table(
+    "differences", "Lines of an exchange in which the dialect answers otherwise", *_columns("line text")
 )
 TABLES = (
     *(CHECK, PROBLEMS, WARNINGS, _MAZE, _ROBOT, _BLOCK, _SENSORS, _DEVICES, _DRIVES, _GRIPPER, VELOCITIES),
@@ -94,7 +97,7 @@ TABLES = (
 def settings_table() -> DataTable:
     """The table of all settings, without rows. A function, because an added dialect has settings of its
     own."""
-    return DataTable("settings", "Settings", tuple(map(_setting_column, all_settings())), record=True)
+    return data_table("settings", "Settings", *map(_setting_column, all_settings()), record=True)
 
 
 def _setting_column(setting: Setting) -> DataColumn:

@@ -113,6 +113,18 @@ class DataTable:
             }
 
 
+def data_table(
+    key: str,
+    title: str,
+    *columns: DataColumn,
+    record: bool = False,
+    hidden: bool = False,
+    sortable: bool = False,
+) -> DataTable:
+    """A table without rows."""
+    return DataTable(key, title, columns, record=record, hidden=hidden, sortable=sortable)
+
+
 @dataclass(frozen=True, slots=True)
 class Code:
     """A command to be typed."""

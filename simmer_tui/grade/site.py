@@ -20,6 +20,7 @@ from simmer_tui.document.model import (
     Paragraph,
     Tone,
     VerdictBox,
+    data_table,
 )
 from simmer_tui.grade.grade_folder import GradeFolder, number_in_team
 from simmer_tui.grade.team_result import TeamResult, TeamStatus, code_of, last_failure, ranked
@@ -48,36 +49,32 @@ _SHOWN_RUNS = 3
 """Failed runs of a team with a page of their own."""
 _LARGEST_SHOWN = 2_000_000
 """Largest compressed log that a page is made of, bytes."""
-GRADES = DataTable(
+GRADES = data_table(
     "grades",
     "Grades",
-    (
-        DataColumn("team", wraps=True),
-        DataColumn("code", hidden=True),
-        DataColumn("status", heading="", tone=lambda status: _TONES[TeamStatus(status)]),
-        DataColumn("success_rate", estimate(".2f")),
-        DataColumn("successes", COUNT, hidden=True),
-        DataColumn("runs", COUNT),
-        DataColumn("time_s", LENGTH),
-        DataColumn("contacts_per_run", number(".2f"), "contacts/run"),
-        DataColumn("clock"),
-        DataColumn("main_cause", hidden=True),
-        DataColumn("problem", hidden=True),
-        DataColumn("why", WORDS, "main cause", wraps=True),
-    ),
+    DataColumn("team", wraps=True),
+    DataColumn("code", hidden=True),
+    DataColumn("status", heading="", tone=lambda status: _TONES[TeamStatus(status)]),
+    DataColumn("success_rate", estimate(".2f")),
+    DataColumn("successes", COUNT, hidden=True),
+    DataColumn("runs", COUNT),
+    DataColumn("time_s", LENGTH),
+    DataColumn("contacts_per_run", number(".2f"), "contacts/run"),
+    DataColumn("clock"),
+    DataColumn("main_cause", hidden=True),
+    DataColumn("problem", hidden=True),
+    DataColumn("why", WORDS, "main cause", wraps=True),
 )
-_CAUSES = DataTable("causes", "Why runs failed", (DataColumn("cause", wraps=True), DataColumn("runs", COUNT)))
-_RUNS = DataTable(
+_CAUSES = data_table("causes", "Why runs failed", DataColumn("cause", wraps=True), DataColumn("runs", COUNT))
+_RUNS = data_table(
     "runs",
     "Runs",
-    (
-        DataColumn("run", COUNT),
-        DataColumn("outcome", heading="", tone=_RUN_TONES.__getitem__),
-        DataColumn("time_s", LENGTH),
-        DataColumn("contacts", COUNT),
-        DataColumn("clock"),
-        DataColumn("text", heading="", wraps=True),
-    ),
+    DataColumn("run", COUNT),
+    DataColumn("outcome", heading="", tone=_RUN_TONES.__getitem__),
+    DataColumn("time_s", LENGTH),
+    DataColumn("contacts", COUNT),
+    DataColumn("clock"),
+    DataColumn("text", heading="", wraps=True),
 )
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from msgspec import Struct
 
 from simmer_tui.document.formats import COUNT, SHARE, number
-from simmer_tui.document.model import DataColumn, DataTable
+from simmer_tui.document.model import DataColumn, DataTable, data_table
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.recent_motion import BlockPlace
 from simmer_tui.sim.records import LidarScan
@@ -26,17 +26,15 @@ _OFF = 1.0
 MOST_MEASURED = 2000
 """Scans of a run that are measured: the first ones in which the robot moved."""
 
-SCANS = DataTable(
+SCANS = data_table(
     "scans",
     "Scans taken in motion",
-    (
-        DataColumn("sensor"),
-        DataColumn("scans", COUNT),
-        DataColumn("moved", COUNT, "in motion"),
-        DataColumn("rays_off", SHARE, "rays off by over 1 in"),
-        DataColumn("rms_in", number(".2f"), "rms"),
-        DataColumn("worst_in", number(".1f"), "worst"),
-    ),
+    DataColumn("sensor"),
+    DataColumn("scans", COUNT),
+    DataColumn("moved", COUNT, "in motion"),
+    DataColumn("rays_off", SHARE, "rays off by over 1 in"),
+    DataColumn("rms_in", number(".2f"), "rms"),
+    DataColumn("worst_in", number(".1f"), "worst"),
 )
 
 

@@ -32,6 +32,7 @@ from simmer_tui.document.model import (
     NestedValue,
     Paragraph,
     Prose,
+    data_table,
 )
 from simmer_tui.report.bent_scans import SCANS, scans_table
 from simmer_tui.report.figure import maze_figure
@@ -56,32 +57,28 @@ _TIME = DataColumn("time_s", number(".2f"))
 _SHARE = DataColumn("share", SHARE)
 _LINE = DataColumn("line", COUNT)
 _COMMAND = DataColumn("command", QUOTED)
-RUN = DataTable(
+RUN = data_table(
     "run",
     "Run",
-    (
-        DataColumn("log", PASSAGE),
-        DataColumn("configuration", PASSAGE),
-        DataColumn("seed"),
-        DataColumn("started", QUOTED),
-        DataColumn("version", QUOTED, "simmer-tui"),
-        DataColumn("time_s", DURATION, "simulated time"),
-        DataColumn("real_time_s", DURATION, "real time"),
-        DataColumn("commands"),
-        DataColumn("refused"),
-        DataColumn("movements"),
-        DataColumn("distance_in", number(".1f", " in"), "driven"),
-        DataColumn("turned_deg", number(".0f", " deg"), "turned"),
-        DataColumn("contacts"),
-        DataColumn("end", POSE, "ended at"),
-        DataColumn("sources", _SOURCES, "sent by"),
-    ),
+    DataColumn("log", PASSAGE),
+    DataColumn("configuration", PASSAGE),
+    DataColumn("seed"),
+    DataColumn("started", QUOTED),
+    DataColumn("version", QUOTED, "simmer-tui"),
+    DataColumn("time_s", DURATION, "simulated time"),
+    DataColumn("real_time_s", DURATION, "real time"),
+    DataColumn("commands"),
+    DataColumn("refused"),
+    DataColumn("movements"),
+    DataColumn("distance_in", number(".1f", " in"), "driven"),
+    DataColumn("turned_deg", number(".0f", " deg"), "turned"),
+    DataColumn("contacts"),
+    DataColumn("end", POSE, "ended at"),
+    DataColumn("sources", _SOURCES, "sent by"),
     record=True,
 )
-_MISSION = DataTable(
-    "mission",
-    "Mission",
-    (DataColumn("time_s", number(".1f")), DataColumn("text", PASSAGE, "what", wraps=True)),
+_MISSION = data_table(
+    "mission", "Mission", DataColumn("time_s", number(".1f")), DataColumn("text", PASSAGE, "what", wraps=True)
 )
 _SENSOR = Format(lambda names: " ".join(filter(None, reversed(names))), ("", "_code"), tuple)
 """A sensor by its ID and its code, None if the set has no such sensor: `u1 ultra1`."""
@@ -92,96 +89,82 @@ def _use_text(use: tuple[str, str | None, str | None]) -> str:
     return name if sensor is None else f"{name} {code or ''} ({sensor})"
 
 
-TIME_SPENT = DataTable(
+TIME_SPENT = data_table(
     "time_spent",
     "Where the time went",
-    (
-        DataColumn("on", Format(_use_text, ("", "_sensor", "_code"), tuple), ""),
-        DataColumn("time_s", number(".1f")),
-        _SHARE,
-    ),
+    DataColumn("on", Format(_use_text, ("", "_sensor", "_code"), tuple), ""),
+    DataColumn("time_s", number(".1f")),
+    _SHARE,
 )
-_COMMANDS = DataTable(
+_COMMANDS = data_table(
     "commands",
     "Commands",
-    (
-        DataColumn("code"),
-        DataColumn("meaning", wraps=True),
-        DataColumn("sent", COUNT),
-        DataColumn("contacts", COUNT_OR_BLANK),
-        DataColumn("refused", COUNT_OR_BLANK),
-    ),
+    DataColumn("code"),
+    DataColumn("meaning", wraps=True),
+    DataColumn("sent", COUNT),
+    DataColumn("contacts", COUNT_OR_BLANK),
+    DataColumn("refused", COUNT_OR_BLANK),
 )
-_MESSAGES = DataTable(
+_MESSAGES = data_table(
     "messages",
     "Messages of the dialect",
-    (
-        DataColumn("message", QUOTED),
-        DataColumn("sent", COUNT),
-        DataColumn("text", PASSAGE, "not understood", wraps=True),
-    ),
+    DataColumn("message", QUOTED),
+    DataColumn("sent", COUNT),
+    DataColumn("text", PASSAGE, "not understood", wraps=True),
 )
-CONTACTS = DataTable(
+CONTACTS = data_table(
     "contacts",
     "Contacts",
-    (
-        _TIME,
-        _LINE,
-        _COMMAND,
-        DataColumn("times", COUNT),
-        DataColumn("went_in", number(".2f")),
-        DataColumn("robot", PLACE, "robot at"),
-        DataColumn("robot_heading_deg", number(".1f"), "heading"),
-        DataColumn("touched", PLACE),
-    ),
+    _TIME,
+    _LINE,
+    _COMMAND,
+    DataColumn("times", COUNT),
+    DataColumn("went_in", number(".2f")),
+    DataColumn("robot", PLACE, "robot at"),
+    DataColumn("robot_heading_deg", number(".1f"), "heading"),
+    DataColumn("touched", PLACE),
 )
-REFUSED_COMMANDS = DataTable(
-    "refusals",
-    "Refused commands",
-    (_TIME, _LINE, _COMMAND, DataColumn("text", PASSAGE, "why", wraps=True)),
+REFUSED_COMMANDS = data_table(
+    "refusals", "Refused commands", _TIME, _LINE, _COMMAND, DataColumn("text", PASSAGE, "why", wraps=True)
 )
 _ERROR = number("+.3g")
-_SENSORS = DataTable(
+_SENSORS = data_table(
     "sensor_errors",
     "Errors of readings",
-    (
-        DataColumn("sensor", _SENSOR),
-        DataColumn("readings", COUNT, "count"),
-        DataColumn("unit"),
-        DataColumn("wrong", hidden=True),
-        DataColumn("mean", hidden=True),
-        DataColumn("shown", replace(WORDS, numeric=True), "mean"),
-        DataColumn("std", number(".3g")),
-        DataColumn("worst", _ERROR),
-        DataColumn("histogram", HISTOGRAM),
-        DataColumn("reach", Format(lambda reach: f"+-{reach:.3g}"), "reaches"),
-    ),
+    DataColumn("sensor", _SENSOR),
+    DataColumn("readings", COUNT, "count"),
+    DataColumn("unit"),
+    DataColumn("wrong", hidden=True),
+    DataColumn("mean", hidden=True),
+    DataColumn("shown", replace(WORDS, numeric=True), "mean"),
+    DataColumn("std", number(".3g")),
+    DataColumn("worst", _ERROR),
+    DataColumn("histogram", HISTOGRAM),
+    DataColumn("reach", Format(lambda reach: f"+-{reach:.3g}"), "reaches"),
 )
-_BELIEF = DataTable(
+_BELIEF = data_table(
     "belief",
     "Belief",
-    (
-        DataColumn("of", heading="off by"),
-        DataColumn("unit", heading=""),
-        DataColumn("mean", number(".2f")),
-        DataColumn("std", number(".2f")),
-        DataColumn("worst", number(".2f")),
-        DataColumn("end", number(".2f"), "at the end"),
-    ),
+    DataColumn("of", heading="off by"),
+    DataColumn("unit", heading=""),
+    DataColumn("mean", number(".2f")),
+    DataColumn("std", number(".2f")),
+    DataColumn("worst", number(".2f")),
+    DataColumn("end", number(".2f"), "at the end"),
 )
-_CELLS = DataTable(
+_CELLS = data_table(
     "cells",
     "Time by cell",
-    (
-        DataColumn("cell", Format(lambda at: f"row {at[0]}, column {at[1]}", ("_row", "_column"), tuple)),
-        DataColumn("time_s", number(".1f")),
-        _SHARE,
-    ),
+    DataColumn("cell", Format(lambda at: f"row {at[0]}, column {at[1]}", ("_row", "_column"), tuple)),
+    DataColumn("time_s", number(".1f")),
+    _SHARE,
 )
-_OUTPUT = DataTable(
+_OUTPUT = data_table(
     "output",
     "The program's last output",
-    (DataColumn("time_s"), DataColumn("stream"), DataColumn("output")),
+    DataColumn("time_s"),
+    DataColumn("stream"),
+    DataColumn("output"),
     hidden=True,
 )
 

@@ -18,7 +18,7 @@ from enum import StrEnum
 from typing import TypeVar
 
 from simmer_tui.document.formats import COUNT, number
-from simmer_tui.document.model import DataColumn, DataTable
+from simmer_tui.document.model import DataColumn, DataTable, data_table
 from simmer_tui.report.robust_fit import MAD_ERROR, Z_95, RobustFit
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.command import counted
@@ -159,21 +159,19 @@ def interval_text(low: float, high: float, value: float) -> str:
 
 
 _FIGURE = number(".3g")
-FINDINGS = DataTable(
+FINDINGS = data_table(
     "findings",
     "Wrong sensors and drives",
-    (
-        DataColumn("of"),
-        DataColumn("kind"),
-        DataColumn("value", _FIGURE),
-        DataColumn("value_low", _FIGURE, "from"),
-        DataColumn("value_high", _FIGURE, "to"),
-        DataColumn("unit"),
-        DataColumn("count", COUNT),
-        DataColumn("basis", heading="against"),
-        DataColumn("with"),
-        DataColumn("text", heading="what", hidden=True),
-    ),
+    DataColumn("of"),
+    DataColumn("kind"),
+    DataColumn("value", _FIGURE),
+    DataColumn("value_low", _FIGURE, "from"),
+    DataColumn("value_high", _FIGURE, "to"),
+    DataColumn("unit"),
+    DataColumn("count", COUNT),
+    DataColumn("basis", heading="against"),
+    DataColumn("with"),
+    DataColumn("text", heading="what", hidden=True),
 )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from simmer_tui.document.formats import COUNT, PASSAGE, QUOTED, number
-from simmer_tui.document.model import DataColumn, DataTable
+from simmer_tui.document.model import DataColumn, DataTable, data_table
 from simmer_tui.events import ActionName
 from simmer_tui.phrases import WEDGED_TEXT, contact_ending, pose_text, times_text
 from simmer_tui.report.run_statistics import RunStatistics
@@ -19,18 +19,16 @@ _READINGS = 6
 # Episodes named in sentences; the table has all.
 _NAMED = 6
 _PERSON = "a person moved the robot"
-EPISODES = DataTable(
+EPISODES = data_table(
     "episodes",
     "What the program believed",
-    (
-        DataColumn("kind"),
-        DataColumn("time_s", number(".1f")),
-        DataColumn("line", COUNT),
-        DataColumn("off_in", number(".1f")),
-        DataColumn("off_deg", number(".0f")),
-        DataColumn("after", QUOTED),
-        DataColumn("text", PASSAGE, "what", wraps=True),
-    ),
+    DataColumn("kind"),
+    DataColumn("time_s", number(".1f")),
+    DataColumn("line", COUNT),
+    DataColumn("off_in", number(".1f")),
+    DataColumn("off_deg", number(".0f")),
+    DataColumn("after", QUOTED),
+    DataColumn("text", PASSAGE, "what", wraps=True),
 )
 
 

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from simmer_tui.document.formats import COUNT, Format, estimate
-from simmer_tui.document.model import DataColumn, DataTable
+from simmer_tui.document.model import DataColumn, DataTable, data_table
 from simmer_tui.trials.intervals import SIGNIFICANCE, PairCounts, mcnemar, paired_difference
 
 REPEATS = 10
@@ -71,18 +71,16 @@ def control_of(
     return ChanceControl(change, PairCounts.of(pairs), tested) if pairs else None
 
 
-CONTROL = DataTable(
+CONTROL = data_table(
     "control",
     "Control for chance: the same missions with other random errors",
-    (
-        DataColumn("run", COUNT),
-        DataColumn("change", wraps=True),
-        DataColumn("runs", COUNT),
-        DataColumn("succeeded", COUNT, "succeeded with it"),
-        DataColumn("unchanged", COUNT, "without"),
-        DataColumn("difference", estimate("+.2f")),
-        DataColumn("p", Format(lambda p: f"{p:.2g}")),
-    ),
+    DataColumn("run", COUNT),
+    DataColumn("change", wraps=True),
+    DataColumn("runs", COUNT),
+    DataColumn("succeeded", COUNT, "succeeded with it"),
+    DataColumn("unchanged", COUNT, "without"),
+    DataColumn("difference", estimate("+.2f")),
+    DataColumn("p", Format(lambda p: f"{p:.2g}")),
 )
 
 

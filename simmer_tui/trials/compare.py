@@ -11,7 +11,7 @@ from simmer_tui.config import drive_csv, maze_csv, mission_toml, robot_csv, sens
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.settings import all_settings, value_of
 from simmer_tui.document.formats import COUNT, ESTIMATE, PASSAGE, Format, estimate, number, numbers
-from simmer_tui.document.model import DataColumn, DataTable, Document, Paragraph
+from simmer_tui.document.model import DataColumn, DataTable, Document, Paragraph, data_table
 from simmer_tui.errors import TrialsError
 from simmer_tui.sim.command import counted, escape
 from simmer_tui.sim.specs import SimulationSpec
@@ -28,48 +28,40 @@ from simmer_tui.trials.intervals import (
 )
 from simmer_tui.trials.trial import RANDOM, TrialResult, clocks_text
 
-SETS = DataTable(
+SETS = data_table(
     "sets",
     "Trials",
-    (
-        DataColumn("set", heading=""),
-        DataColumn("folder", Format(str), hidden=True),
-        DataColumn("program", PASSAGE, wraps=True),
-        DataColumn("configuration", PASSAGE, wraps=True),
-        DataColumn("runs", COUNT),
-        DataColumn("clock"),
-        DataColumn("success_rate", ESTIMATE),
-    ),
+    DataColumn("set", heading=""),
+    DataColumn("folder", Format(str), hidden=True),
+    DataColumn("program", PASSAGE, wraps=True),
+    DataColumn("configuration", PASSAGE, wraps=True),
+    DataColumn("runs", COUNT),
+    DataColumn("clock"),
+    DataColumn("success_rate", ESTIMATE),
 )
-PAIRED = DataTable(
+PAIRED = data_table(
     "pairs",
     "Run by run",
-    (
-        DataColumn("the_same_run"),
-        DataColumn("runs", COUNT),
-        DataColumn("which", numbers(12), wraps=True),
-    ),
+    DataColumn("the_same_run"),
+    DataColumn("runs", COUNT),
+    DataColumn("which", numbers(12), wraps=True),
 )
-DIFFERENCE = DataTable(
+DIFFERENCE = data_table(
     "difference",
     "Difference",
-    (
-        DataColumn("success_rate", estimate("+.3f"), "B - A, success rate"),
-        DataColumn("p", Format(lambda p: f"{p:.2g}")),
-    ),
+    DataColumn("success_rate", estimate("+.3f"), "B - A, success rate"),
+    DataColumn("p", Format(lambda p: f"{p:.2g}")),
     record=True,
 )
-MEANS = DataTable(
+MEANS = data_table(
     "means",
     "Means",
-    (
-        DataColumn("mean_of"),
-        DataColumn("unit"),
-        DataColumn("runs", COUNT),
-        DataColumn("a", number(".4g"), "A"),
-        DataColumn("b", number(".4g"), "B"),
-        DataColumn("difference", estimate("+.3g"), "B - A"),
-    ),
+    DataColumn("mean_of"),
+    DataColumn("unit"),
+    DataColumn("runs", COUNT),
+    DataColumn("a", number(".4g"), "A"),
+    DataColumn("b", number(".4g"), "B"),
+    DataColumn("difference", estimate("+.3g"), "B - A"),
 )
 
 TABLES = (SETS, PAIRED, DIFFERENCE, CHANGED_CAUSES, MEANS)

@@ -20,7 +20,7 @@ from msgspec import Struct
 
 from simmer_tui.config.nominal import nominal_of
 from simmer_tui.document.formats import COUNT, Format
-from simmer_tui.document.model import DataColumn, DataTable
+from simmer_tui.document.model import DataColumn, DataTable, data_table
 from simmer_tui.errors import TrialsError
 from simmer_tui.phrases import capitalized
 from simmer_tui.report.causes import Kind, Sureness
@@ -303,26 +303,22 @@ def _confirmed(
 # -- tables ----------------------------------------------------------------------------------------
 
 _YES_NO = Format(lambda value: "yes" if value else "no")
-WHY_FAILED = DataTable(
+WHY_FAILED = data_table(
     "why",
     "Failed runs, repeated with one change at a time",
-    (
-        DataColumn("run", COUNT),
-        DataColumn("text", heading="result", wraps=True),
-        DataColumn("suspected", heading="likely cause"),
-        DataColumn("confirmed", _YES_NO),
-    ),
+    DataColumn("run", COUNT),
+    DataColumn("text", heading="result", wraps=True),
+    DataColumn("suspected", heading="likely cause"),
+    DataColumn("confirmed", _YES_NO),
 )
-CHANGED_RUNS = DataTable(
+CHANGED_RUNS = data_table(
     "interventions",
     "Changed runs",
-    (
-        DataColumn("run", COUNT),
-        DataColumn("change", wraps=True),
-        DataColumn("repeat", COUNT),
-        DataColumn("succeeded", _YES_NO),
-        DataColumn("text", heading="what happened", wraps=True),
-    ),
+    DataColumn("run", COUNT),
+    DataColumn("change", wraps=True),
+    DataColumn("repeat", COUNT),
+    DataColumn("succeeded", _YES_NO),
+    DataColumn("text", heading="what happened", wraps=True),
     hidden=True,
 )
 

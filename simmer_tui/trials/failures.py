@@ -12,7 +12,7 @@ from itertools import zip_longest
 from typing import Any, TypeVar
 
 from simmer_tui.document.formats import COUNT, ESTIMATE, NUMBERS, SHARE, Format, number
-from simmer_tui.document.model import DataColumn, DataTable
+from simmer_tui.document.model import DataColumn, DataTable, data_table
 from simmer_tui.report.causes import Kind
 from simmer_tui.report.finding import FINDINGS
 from simmer_tui.trials.intervals import IntervalEstimate, wilson
@@ -44,49 +44,40 @@ _OTHER = "#999999"
 _CHANGED = Format(lambda runs: f"{len(runs)}: {NUMBERS.text(runs)}" if runs else "")
 
 
-CAUSES = DataTable(
+CAUSES = data_table(
     "causes",
     "Why runs failed",
-    (
-        DataColumn("cause"),
-        DataColumn("runs", COUNT),
-        DataColumn("share", ESTIMATE, "share of all"),
-        DataColumn("which", NUMBERS, wraps=True),
-        DataColumn("text", heading="fix", wraps=True),
-    ),
+    DataColumn("cause"),
+    DataColumn("runs", COUNT),
+    DataColumn("share", ESTIMATE, "share of all"),
+    DataColumn("which", NUMBERS, wraps=True),
+    DataColumn("text", heading="fix", wraps=True),
 )
-CHANGED_CAUSES = DataTable(
+CHANGED_CAUSES = data_table(
     "causes",
     "Why runs failed",
-    (
-        DataColumn("cause"),
-        DataColumn("a", COUNT, "A"),
-        DataColumn("b", COUNT, "B"),
-        DataColumn("gone_in_b", _CHANGED, "gone in B", wraps=True),
-        DataColumn("new_in_b", _CHANGED, "new in B", wraps=True),
-    ),
+    DataColumn("cause"),
+    DataColumn("a", COUNT, "A"),
+    DataColumn("b", COUNT, "B"),
+    DataColumn("gone_in_b", _CHANGED, "gone in B", wraps=True),
+    DataColumn("new_in_b", _CHANGED, "new in B", wraps=True),
 )
 
-DEVICES = DataTable(
+DEVICES = data_table(
     "devices",
     "Wrong sensors and drives",
-    (
-        DataColumn("of"),
-        DataColumn("kind"),
-        DataColumn("against"),
-        DataColumn("median", number(".3g")),
-        DataColumn("unit"),
-        DataColumn("runs", COUNT),
-        DataColumn("share", SHARE, "share of all"),
-        DataColumn("which", NUMBERS, wraps=True),
-        DataColumn("text", heading="for example", wraps=True),
-    ),
+    DataColumn("of"),
+    DataColumn("kind"),
+    DataColumn("against"),
+    DataColumn("median", number(".3g")),
+    DataColumn("unit"),
+    DataColumn("runs", COUNT),
+    DataColumn("share", SHARE, "share of all"),
+    DataColumn("which", NUMBERS, wraps=True),
+    DataColumn("text", heading="for example", wraps=True),
 )
-RUN_FINDINGS = DataTable(
-    "findings",
-    "Findings of all runs",
-    (DataColumn("run", COUNT), *FINDINGS.columns),
-    hidden=True,
+RUN_FINDINGS = data_table(
+    "findings", "Findings of all runs", DataColumn("run", COUNT), *FINDINGS.columns, hidden=True
 )
 
 

@@ -17,6 +17,7 @@ from simmer_tui.document.model import (
     Paragraph,
     Tone,
     VerdictBox,
+    data_table,
 )
 from simmer_tui.report.figure import PICTURE_WIDTH
 from simmer_tui.sim.command import escape, escape_passage, escape_word
@@ -28,18 +29,16 @@ from simmer_tui.trials.trial import TrialResult, clocks_text
 from simmer_tui.trials.trials_summary import runs_table
 
 CURVES = "sweep.csv"
-SWEEP = DataTable(
+SWEEP = data_table(
     "sweep",
     "Sweep",
-    (
-        DataColumn("setting", hidden=True),
-        DataColumn("value", SWEPT),
-        DataColumn("runs", COUNT),
-        DataColumn("successes", COUNT),
-        DataColumn("success_rate", ESTIMATE),
-        DataColumn("median_time_s", LENGTH),
-        DataColumn("contacts", COUNT),
-    ),
+    DataColumn("setting", hidden=True),
+    DataColumn("value", SWEPT),
+    DataColumn("runs", COUNT),
+    DataColumn("successes", COUNT),
+    DataColumn("success_rate", ESTIMATE),
+    DataColumn("median_time_s", LENGTH),
+    DataColumn("contacts", COUNT),
 )
 
 

@@ -19,7 +19,7 @@ from simmer_tui.document.formats import (
     estimate,
     number,
 )
-from simmer_tui.document.model import DataColumn, DataTable, Document, DocumentPart, Paragraph
+from simmer_tui.document.model import DataColumn, DataTable, Document, DocumentPart, Paragraph, data_table
 from simmer_tui.events import Goal
 from simmer_tui.report.causes import Kind
 from simmer_tui.sim.command import counted, escape, typed_path
@@ -61,77 +61,70 @@ def _shown_contacts(contacts: tuple[int, int]) -> str:
 _COUNTED = tuple(DataColumn(key, COUNT) for key in ("runs", "successes"))
 _RATE, _CONTACTS = DataColumn("success_rate", estimate(".2f")), DataColumn("contacts", COUNT)
 _OPTIONS = Format(lambda options: ", ".join(f"{name} {escape(str(it))}" for name, it in options.items()))
-TRIALS = DataTable(
+TRIALS = data_table(
     "trials",
     "Trials",
-    (
-        DataColumn("folder", Format(str), hidden=True),
-        DataColumn("program", PASSAGE),
-        DataColumn("configuration", PASSAGE),
-        DataColumn("success_is", heading="success is"),
-        DataColumn("mazes"),
-        DataColumn("options", _OPTIONS),
-        DataColumn("seed"),
-        DataColumn("clock"),
-        DataColumn("runs", Format(_shown_runs, ("", "_planned"), tuple)),
-        DataColumn("successes"),
-        DataColumn("success_rate", ESTIMATE),
-        DataColumn("contacts", Format(_shown_contacts, ("", "_in_runs"), tuple)),
-    ),
+    DataColumn("folder", Format(str), hidden=True),
+    DataColumn("program", PASSAGE),
+    DataColumn("configuration", PASSAGE),
+    DataColumn("success_is", heading="success is"),
+    DataColumn("mazes"),
+    DataColumn("options", _OPTIONS),
+    DataColumn("seed"),
+    DataColumn("clock"),
+    DataColumn("runs", Format(_shown_runs, ("", "_planned"), tuple)),
+    DataColumn("successes"),
+    DataColumn("success_rate", ESTIMATE),
+    DataColumn("contacts", Format(_shown_contacts, ("", "_in_runs"), tuple)),
     record=True,
 )
 _SHARES = (DataColumn("runs", COUNT), DataColumn("share", SHARE))
-ENDINGS = DataTable("endings", "How runs ended", (DataColumn("ended_by"), *_SHARES))
-GOALS = DataTable(
-    "goals", "Goals reached", (DataColumn("goal"), *_SHARES, DataColumn("median_time_s", LENGTH))
+ENDINGS = data_table("endings", "How runs ended", DataColumn("ended_by"), *_SHARES)
+GOALS = data_table(
+    "goals", "Goals reached", DataColumn("goal"), *_SHARES, DataColumn("median_time_s", LENGTH)
 )
 _VALUE = number()
-DISTRIBUTION = DataTable(
+DISTRIBUTION = data_table(
     "distributions",
     "Distributions",
-    (
-        *(DataColumn("of"), DataColumn("unit")),
-        DataColumn("least", _VALUE),
-        DataColumn("quarter", _VALUE, "1/4"),
-        DataColumn("median", _VALUE),
-        DataColumn("three_quarters", _VALUE, "3/4"),
-        DataColumn("most", _VALUE),
-    ),
+    *(DataColumn("of"), DataColumn("unit")),
+    DataColumn("least", _VALUE),
+    DataColumn("quarter", _VALUE, "1/4"),
+    DataColumn("median", _VALUE),
+    DataColumn("three_quarters", _VALUE, "3/4"),
+    DataColumn("most", _VALUE),
 )
 _REPLAY = DataColumn("replay", Format(lambda command: command or "no log"), "see it", wraps=True, line=True)
 _DRIVEN = Format(lambda of: f"{LENGTH.text(of[0])} in, {of[1]} commands", ("distance_in", "commands"), tuple)
-RUNS_TABLE = DataTable(
+RUNS_TABLE = data_table(
     "runs",
     "Runs",
-    (
-        *map(DataColumn, ("run", "seed", "maze", "success", "ending", "reason", "cause")),
-        DataColumn("text"),
-        *map(DataColumn, ("exit_code", "time_s", "distance_in", "commands", "contacts")),
-        *(DataColumn(key, Format(str, POSE.suffixes, tuple)) for key in ("start", "end")),
-        *(DataColumn(key, Format(str, ("_x_in", "_y_in"), tuple)) for key in ("block", "drop_zone")),
-        *map(DataColumn, ("reached_s", "taken_s", "delivered_s", "output", "clock", "log")),
-    ),
+    *map(DataColumn, ("run", "seed", "maze", "success", "ending", "reason", "cause")),
+    DataColumn("text"),
+    *map(DataColumn, ("exit_code", "time_s", "distance_in", "commands", "contacts")),
+    *(DataColumn(key, Format(str, POSE.suffixes, tuple)) for key in ("start", "end")),
+    *(DataColumn(key, Format(str, ("_x_in", "_y_in"), tuple)) for key in ("block", "drop_zone")),
+    *map(DataColumn, ("reached_s", "taken_s", "delivered_s", "output", "clock", "log")),
     hidden=True,
 )
 _RUN = (DataColumn("run", COUNT), DataColumn("time_s", LENGTH))
-SLOWEST_RUNS = DataTable(
-    "slowest",
-    "Slowest successful runs",
-    # The keys are those of the format: two numbers, which people read as one text.
-    (*_RUN, DataColumn("", _DRIVEN, "what happened", wraps=True), _REPLAY),
+SLOWEST_RUNS = data_table(
+    "slowest", "Slowest successful runs", *_RUN, DataColumn("", _DRIVEN, "what happened", wraps=True), _REPLAY
 )
-FAILED_RUNS = DataTable(
-    "failed", "Failed runs", (*_RUN, DataColumn("text", heading="what happened", wraps=True), _REPLAY)
+FAILED_RUNS = data_table(
+    "failed", "Failed runs", *_RUN, DataColumn("text", heading="what happened", wraps=True), _REPLAY
 )
 _CELL = Format(lambda at: f"({at[0]:g}, {at[1]:g})", ("_x_in", "_y_in"), tuple)
-BY_MAZE = DataTable("mazes", "By maze", (DataColumn("maze", QUOTED), *_COUNTED, _RATE, _CONTACTS))
-BY_START = DataTable(
-    "start_cells", "By start cell", (DataColumn("middle", _CELL, "middle in"), *_COUNTED, _RATE, _CONTACTS)
+BY_MAZE = data_table("mazes", "By maze", DataColumn("maze", QUOTED), *_COUNTED, _RATE, _CONTACTS)
+BY_START = data_table(
+    "start_cells", "By start cell", DataColumn("middle", _CELL, "middle in"), *_COUNTED, _RATE, _CONTACTS
 )
-DECISION = DataTable(
+DECISION = data_table(
     "decision",
     "Decision of the sequential test, with its own interval",
-    (DataColumn("passed"), *_COUNTED, DataColumn("success_rate", ESTIMATE)),
+    DataColumn("passed"),
+    *_COUNTED,
+    DataColumn("success_rate", ESTIMATE),
     record=True,
     hidden=True,
 )
