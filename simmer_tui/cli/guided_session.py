@@ -11,7 +11,6 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from msgspec.structs import replace
 from rich.console import Console, Group
 from rich.live import Live
 from rich.table import Table
@@ -48,7 +47,7 @@ def hold_session(configuration: Configuration, log: Path, console: Console) -> N
     Ends when enough is known, when the robot cannot move, or at Ctrl-C, which stops the robot. Raises
     RunLogError if the log cannot be written.
     """
-    configuration = replace(configuration, settings=replace(configuration.settings, sim=False))
+    configuration = configuration.with_settings({"sim": False})
     guide = SessionPlanner(configuration, np.random.default_rng(secrets.randbits(64)))
     if configuration.dialect is not None and not (guide.drives and guide.looks()):
         what = "reads a sensor" if guide.drives else "drives by a length"

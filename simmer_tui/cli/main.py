@@ -11,8 +11,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from msgspec.structs import replace
-
 from simmer_tui import platform_has
 from simmer_tui.cli.command_line import (
     CliCommand,
@@ -208,8 +206,7 @@ def with_possible_clock(configuration: Configuration, options: argparse.Namespac
     if motion.clock == "program":
         what = "follows the clock of a Python program that is run: it needs --run and --no-ui"
         raise ConfigurationError([Problem("--clock program", what)])
-    motion = replace(motion, clock="real")
-    return replace(configuration, settings=replace(configuration.settings, motion=motion))
+    return configuration.with_settings({"motion.clock": "real"})
 
 
 def _open_closed_streams() -> None:

@@ -19,7 +19,7 @@ from simmer_tui.config.mission_toml import MissionSpec, load_mission
 from simmer_tui.config.robot_csv import load_robot
 from simmer_tui.config.set_devices import DeviceStatus, set_devices
 from simmer_tui.config.sets import FILES, find_set, init_set, set_name
-from simmer_tui.config.settings import NO_WHEELS, Settings
+from simmer_tui.config.settings import NO_WHEELS, Settings, settings_from
 from simmer_tui.config.settings_file import LoadedSettings, Override, load_settings
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim.command import shown_path
@@ -66,6 +66,10 @@ class Configuration(Struct, frozen=True):
     def texts(self) -> dict[str, str]:
         """All files of the set by their paths in it, with those of devices: enough to write the set again."""
         return {**self.files, **{device.path: device.text for device in self.devices}}
+
+    def with_settings(self, values: Mapping[str, Any]) -> Configuration:
+        """The same with other values of some settings, by dotted name."""
+        return replace(self, settings=settings_from(values, self.settings))
 
     def __reduce__(self) -> tuple[Any, ...]:
         """The parts to pickle. Device files come first, since the rest needs their classes."""
@@ -176,8 +180,7 @@ def _dialect(
         if "server.listeners" not in overrides and TEAM not in listeners:
             listeners = (TEAM,)
         if TEAM in listeners:
-            server = replace(settings.server, listeners=listeners)
-            settings = replace(settings, server=server, motion=replace(settings.motion, motion="timed"))
+            settings = settings_from({"server.listeners": listeners, "motion.motion": "timed"}, settings)
     elif TEAM in listeners:
         what = f"names {TEAM}, but the set has no {DIALECT_FILE}; {_WRITES_ONE}"
         problems.append(Problem(loaded.places["server.listeners"], what))

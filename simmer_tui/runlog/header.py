@@ -16,7 +16,7 @@ from msgspec.structs import replace
 from simmer_tui.config.device_trust import DeviceUse
 from simmer_tui.config.loader import Configuration, Override, load
 from simmer_tui.config.set_devices import DeviceStatus
-from simmer_tui.config.settings import Settings, all_settings
+from simmer_tui.config.settings import all_settings, settings_from
 from simmer_tui.errors import RunLogError, reason_of
 from simmer_tui.events import Real
 from simmer_tui.run.state import Checkpoint, MissionProgress
@@ -170,7 +170,8 @@ def header_of(
         taken_over=taken_over,
         mathematics=math_fingerprint(),
         logged_bias={kind: (axes.x, axes.y, axes.r) for kind, axes in simulator.bias.items()},
-        settings=msgspec.to_builtins(_without_token(configuration.settings)),
+        # Logs get shared, so the access token is removed.
+        settings=msgspec.to_builtins(settings_from({"server.token": ""}, configuration.settings)),
         files={name: _TOKEN_LINE.sub(r'\1""', text) for name, text in configuration.files.items()},
         devices=logged_devices(configuration.devices),
         kinds=logged_kinds(configuration.simulation.sensors),
@@ -243,11 +244,6 @@ def rebuild_to_run(header: Header, folder: Path | None = None) -> Configuration:
                 "files: they were given in Python, and can be run again from there only"
             )
     return replace(rebuild(header, kinds), devices=files)
-
-
-def _without_token(settings: Settings) -> Settings:
-    """The settings without the access token: logs get shared."""
-    return replace(settings, server=replace(settings.server, token=""))
 
 
 def _is_plain_name(name: str) -> bool:

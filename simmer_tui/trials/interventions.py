@@ -142,11 +142,8 @@ def _true_drive(spec: DriveSpec, known: DriveSpec | None) -> DriveSpec:
 
 def _without_delays(configuration: Configuration) -> Intervention:
     """Readings and messages take no simulated time."""
-    spec, settings = configuration.simulation, configuration.settings
+    spec = configuration.simulation
     sensors = tuple(replace(each, read_time=0.0) for each in spec.sensors)
-    changed = replace(
-        configuration,
-        simulation=replace(spec, sensors=sensors),
-        settings=replace(settings, link=replace(settings.link, latency=0.0, jitter=0.0)),
-    )
+    linked = configuration.with_settings({"link.latency": 0.0, "link.jitter": 0.0})
+    changed = replace(linked, simulation=replace(spec, sensors=sensors))
     return Intervention("no time for readings and link", ChangedPart.TIME, changed)

@@ -139,8 +139,7 @@ def run_clock(configuration: Configuration) -> str:
 
 def with_clock(configuration: Configuration, clock: str) -> Configuration:
     """The same set, with a clock."""
-    settings = configuration.settings
-    return replace(configuration, settings=replace(settings, motion=replace(settings.motion, clock=clock)))
+    return configuration.with_settings({"motion.clock": clock})
 
 
 def timing_of(configuration: Configuration) -> str:
