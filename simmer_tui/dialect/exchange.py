@@ -121,7 +121,6 @@ class Comparison:
     def __init__(self, rules: DialectRules, baud: float = 0.0) -> None:
         self.messages = 0
         """Number of messages to the robot."""
-        self._rules = rules
         self._byte = 10.0 / baud if baud > 0 else 0.0
         self._found: set[OtherAnswer] = set()
         self._line = 0

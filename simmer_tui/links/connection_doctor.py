@@ -44,7 +44,6 @@ class ConnectionDoctor:
         """Without `processes` the unread bytes of a program are not known."""
         self._engine = engine
         self.processes = processes
-        self._loop = asyncio.get_running_loop()
         self._told: set[str] = set()
         self._ports = {purpose: listener.port for purpose, listener in listeners.items()}
         others = {"packets": PACKETS.purpose, "beliefs": BELIEFS.purpose}

@@ -54,7 +54,7 @@ def take_port(host: str, request: PortRequest) -> Listener:
         sockets: list[socket.socket] = []
         try:
             port = request.number
-            for family, address in _addresses(host, request):
+            for family, address in _addresses(host):
                 sockets.append(listen_on(family, address, port, request.backlog))
                 port = sockets[0].getsockname()[1]
         except OSError as error:
@@ -67,7 +67,7 @@ def take_port(host: str, request: PortRequest) -> Listener:
     raise PortError(f"no free port was found for {request.purpose} on {host}")
 
 
-def _addresses(host: str, request: PortRequest) -> list[tuple[socket.AddressFamily, str]]:
+def _addresses(host: str) -> list[tuple[socket.AddressFamily, str]]:
     # Clients say localhost, which is ::1 first on some systems and 127.0.0.1 on others.
     if host in ("127.0.0.1", "localhost"):
         pair = [(socket.AF_INET, "127.0.0.1")]
