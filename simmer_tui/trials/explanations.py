@@ -24,6 +24,7 @@ from simmer_tui.document.model import DataColumn, DataTable, data_table
 from simmer_tui.errors import TrialsError
 from simmer_tui.phrases import capitalized
 from simmer_tui.report.causes import Kind, Sureness
+from simmer_tui.sim.rules import listed
 from simmer_tui.trials.chance_control import REPEATS, ChanceControl, control_of, control_table
 from simmer_tui.trials.failures import failures_in_turn, grouped
 from simmer_tui.trials.figures import logged_run
@@ -233,17 +234,17 @@ def _outcome_text(tried: int, saved: Sequence[ChangedRun], controls: Sequence[Ch
         return f"fails with each of {tried} changes. The likely cause is the program itself."
     sure = _sure(saved, controls)
     named = sure or list(saved)
-    *others, last = (each.change for each in named)
-    text = f"succeeds with {', '.join(others)} or {last}" if others else f"succeeds with {last}"
+    changes = [each.change for each in named]
+    text = f"succeeds with {listed(changes)}"
     if not controls:
         return f"{text}. That has not been repeated yet and may be chance."
     if not sure:
         text += ", perhaps by chance"
+    elif len(changes) > 1:
+        text += ". These cannot be distinguished"
     else:
-        text += (
-            ". These cannot be distinguished" if others else f". The likely cause is {_LIKELY[named[0].part]}"
-        )
-    return f"{text}. {_shown([each for each in controls if each.change in {*others, last}])}"
+        text += f". The likely cause is {_LIKELY[named[0].part]}"
+    return f"{text}. {_shown([each for each in controls if each.change in changes])}"
 
 
 def _sure(saved: Sequence[ChangedRun], controls: Sequence[ChanceControl]) -> list[ChangedRun]:
