@@ -52,7 +52,7 @@ if TYPE_CHECKING:  # Modules that only some runs need are imported in those.
     from simmer_tui.run.reducer import Reducer
     from simmer_tui.run.run_history import RunHistory
     from simmer_tui.runlog.saved_runs import SavedRun
-    from simmer_tui.runlog.writer import ReplayedPrefix, RunLog
+    from simmer_tui.runlog.writer import LineFile, ReplayedPrefix, RunLog
     from simmer_tui.snapshot import Recorder, Snapshot
 
 _T = TypeVar("_T")
@@ -370,17 +370,10 @@ class Server:
 
         Raises RunLogError. Call it before `start`, or in the robot's thread.
         """
-        from simmer_tui.runlog.writer import AUTO, RunLog, auto_path
+        from simmer_tui.runlog.writer import AUTO, auto_path
 
         path = auto_path() if file == AUTO else Path(file).expanduser()
-        log = RunLog(
-            path,
-            self.configuration,
-            self.simulator,
-            mission=self._has_mission,
-            on_stop=self._log_stopped,
-            prefix=self.prefix,
-        )
+        log = self._log_to(path)
         # The new log is open: if that had failed, the earlier one would continue.
         self.stop_log()
         self._log = log
@@ -412,17 +405,25 @@ class Server:
         from simmer_tui.runlog.saved_runs import SavedRun
 
         try:
-            self.saved_run = SavedRun(
-                self.configuration,
-                self.simulator,
-                mission=self._has_mission,
-                on_stop=self._log_stopped,
-                prefix=self.prefix,
-            )
+            self.saved_run = SavedRun(self._log_to)
         except RunLogError as error:
             self.warnings.append(f"this run is not saved: {error}")
         else:
             self.engine.watch(self.saved_run)
+
+    def _log_to(self, path: Path, file: Callable[[Path], LineFile] | None = None) -> RunLog:
+        """A log of this run. Raises RunLogError."""
+        from simmer_tui.runlog.writer import RunLog
+
+        return RunLog(
+            path,
+            self.configuration,
+            self.simulator,
+            mission=self._has_mission,
+            on_stop=self._log_stopped,
+            file=file,
+            prefix=self.prefix,
+        )
 
     def _log_stopped(self, why: str) -> None:
         if not self._thread.is_alive():

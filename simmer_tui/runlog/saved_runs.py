@@ -14,12 +14,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 from simmer_tui import platform_has
-from simmer_tui.config.loader import Configuration
 from simmer_tui.errors import RunLogError, reason_of
 from simmer_tui.events import ActionDone, CommandResult, Event, MovementPlanned
-from simmer_tui.runlog.writer import LOG, ReplayedPrefix, RunLog, new_file
+from simmer_tui.runlog.writer import LOG, LineFile, RunLog, new_file
 from simmer_tui.sim.command import shown_path
-from simmer_tui.sim.simulator import Simulator
 
 BEFORE = 10
 """Runs saved beside the present one."""
@@ -87,17 +85,10 @@ class SavedRun:
     starts."""
 
     def __init__(
-        self,
-        configuration: Configuration,
-        simulator: Simulator,
-        *,
-        mission: bool = False,
-        folder: Path | None = None,
-        on_stop: Callable[[str], None] = lambda why: None,
-        prefix: ReplayedPrefix | None = None,
+        self, log_to: Callable[[Path, Callable[[Path], LineFile]], RunLog], folder: Path | None = None
     ) -> None:
-        """Make room and write the header. `on_stop` is called once, with the reason, if saving ends
-        early. Raises RunLogError."""
+        """Make room, and begin the log that `log_to` makes, of a path and the function that opens it. Raises
+        RunLogError."""
         folder = folder or saved_runs_folder()
         self._used = False
         try:
@@ -108,15 +99,7 @@ class SavedRun:
             shown = shown_path(folder)
             raise RunLogError(f"runs cannot be saved in {shown}: {reason_of(error)}") from None
         self._file: _BackgroundFile | None = None
-        self._log = RunLog(
-            path,
-            configuration,
-            simulator,
-            mission=mission,
-            on_stop=on_stop,
-            file=self._open,
-            prefix=prefix,
-        )
+        self._log = log_to(path, self._open)
 
     def _open(self, path: Path) -> _BackgroundFile:
         self._file = _BackgroundFile(path)

@@ -19,7 +19,7 @@ from simmer_tui.engine import Engine
 from simmer_tui.events import Action, ActionName, Belief, Event, Notice, NoticeKind
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import State, checkpoint_of
-from simmer_tui.runlog.writer import RunLog
+from simmer_tui.runlog.writer import LineFile, RunLog
 from simmer_tui.sessions import Session
 from simmer_tui.sim import Pose, Simulator, parse_command
 from tests.manual_loop import ManualLoop
@@ -66,6 +66,13 @@ class Run:
 
 
 StartRun = Callable[..., Run]
+
+
+def log_of(
+    configuration: Configuration, simulator: Simulator, on_stop: Callable[[str], None] = lambda why: None
+) -> Callable[[Path, Callable[[Path], LineFile]], RunLog]:
+    """Begins a log of a run, as `SavedRun` takes it."""
+    return lambda path, file: RunLog(path, configuration, simulator, on_stop=on_stop, file=file)
 
 
 @pytest.fixture(scope="session")

@@ -33,7 +33,7 @@ from simmer_tui.runlog.reader import READS_LARGE, LogReader
 from simmer_tui.runlog.saved_runs import SavedRun, last_run, make_room, saved_runs_folder
 from simmer_tui.runlog.writer import ReplayedPrefix, RunLog, auto_path, new_file, steady_clock
 from simmer_tui.sim import CommandResult, Pose, Simulator, parse_command
-from tests.runlog.conftest import StartRun
+from tests.runlog.conftest import StartRun, log_of
 
 posix = pytest.mark.skipif(sys.platform == "win32", reason="of POSIX alone")
 
@@ -212,8 +212,8 @@ def test_a_mission_is_under_way_only_if_said(tmp_path: Path, configuration: Conf
     simulator = Simulator(configuration.simulation, 1)
     RunLog(tmp_path / "a", configuration, simulator).close()
     RunLog(tmp_path / "b", configuration, simulator, mission=True).close()
-    SavedRun(configuration, simulator, folder=tmp_path / "saved").close()
-    saved = SavedRun(configuration, simulator, folder=tmp_path / "runs")
+    SavedRun(log_of(configuration, simulator), tmp_path / "saved").close()
+    saved = SavedRun(log_of(configuration, simulator), tmp_path / "runs")
     saved.flush()
     found = [lines(path)[0]["mission"] for path in (tmp_path / "a", tmp_path / "b", saved.path)]
     saved.close()
@@ -342,9 +342,8 @@ class Saving:
         # Lines of the same event have the same length.
         monkeypatch.setattr(writer, "steady_clock", lambda: lambda: 5.0)
         self.stopped: list[str] = []
-        self.run = SavedRun(
-            configuration, Simulator(configuration.simulation, 3), folder=folder, on_stop=self.stopped.append
-        )
+        simulator = Simulator(configuration.simulation, 3)
+        self.run = SavedRun(log_of(configuration, simulator, self.stopped.append), folder)
         self.run.flush()
 
     @property
@@ -502,7 +501,7 @@ def test_paths_in_messages_have_400_characters_at_most(
         RunLog(path, configuration, simulator)
     assert str(raised.value).startswith(f"cannot log to {shown}: it exists already")
     with pytest.raises(RunLogError) as raised:
-        SavedRun(configuration, simulator, folder=path)
+        SavedRun(log_of(configuration, simulator), path)
     assert str(raised.value).startswith(f"runs cannot be saved in {shown}: ")
     path.unlink()
     log = RunLog(path, configuration, simulator, on_stop=stopped.append)

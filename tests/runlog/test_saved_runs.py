@@ -24,6 +24,7 @@ from simmer_tui.runlog.reader import LogReader
 from simmer_tui.runlog.saved_runs import BEFORE, SavedRun, last_run, make_room, saved_runs_folder
 from simmer_tui.server import Server
 from simmer_tui.sim import Simulator, parse_command
+from tests.runlog.conftest import log_of
 
 
 @pytest.fixture
@@ -39,7 +40,7 @@ class Saved:
         self.simulator = Simulator(configuration.simulation, 3)
         self.engine = Engine(self.simulator)
         self.stopped: list[str] = []
-        self.run = SavedRun(configuration, self.simulator, on_stop=self.stopped.append)
+        self.run = SavedRun(log_of(configuration, self.simulator, self.stopped.append))
         self.engine.watch(self.run)
         self._session = self.engine.session()
 
