@@ -163,9 +163,12 @@ def _become(order: dict[str, Any]) -> None:
         signal.signal(getattr(signal, name), signal.SIG_DFL)
     os.environ["PATH"] = order["environment"]["PATH"]  # where the program is looked for
     program = order["run"][0]
-    if shutil.which(program) is None and not os.path.lexists(program):
-        raise OSError(errno.ENOENT, f"the sandbox has no {program}")
-    os.execvpe(program, order["run"], order["environment"])
+    try:
+        os.execvpe(program, order["run"], order["environment"])
+    except FileNotFoundError:  # also for a script whose interpreter is not there
+        if shutil.which(program) is None and not os.path.lexists(program):
+            raise FileNotFoundError(errno.ENOENT, f"the sandbox has no {program}") from None
+        raise
 
 
 if __name__ == "__main__":

@@ -269,7 +269,7 @@ def test_the_child_becomes_the_program(
 
     def execute(*given: object) -> None:
         calls.append(("execvpe", *given, os.environ["PATH"]))
-        raise OSError(errno.ENOENT, "x" * 501)
+        raise OSError(errno.EACCES, "x" * 501)
 
     monkeypatch.setattr(os, "execvpe", execute)
     ours, theirs = link
@@ -290,6 +290,22 @@ def test_the_child_becomes_the_program(
     assert sorted(path.name for path in home.iterdir()) == ["link", "main.py"]
     assert (home / "link").readlink() == Path("nowhere")
     assert json.loads(ours.recv(1 << 16)) == {"error": "x" * 500}
+
+
+@pytest.mark.parametrize("program", ["no-such-program", "./no-such-program"])
+def test_a_program_that_is_not_there_is_named(
+    link: tuple[socket.socket, socket.socket],
+    launch: Launch,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    program: str,
+) -> None:
+    monkeypatch.setattr(os, "fork", lambda: 0)
+    ours, theirs = link
+    ours.send(json.dumps(ordered(tmp_path, run=[program])).encode())
+    with pytest.raises(Ended):
+        launch(theirs)
+    assert json.loads(ours.recv(1 << 16)) == {"error": f"the sandbox has no {program}"}
 
 
 def test_a_program_without_files_has_the_folder_as_it_is(
