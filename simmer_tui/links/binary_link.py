@@ -49,6 +49,9 @@ class ReplyConnection(Peer):
     def __init__(self, sock: socket.socket, peer: str, link: BinaryLink) -> None:
         super().__init__(sock, peer, link.reply_budget)
         self._link = link
+        client = link.client
+        self.not_of = client if client is not None and client.leaves and link.has_newcomers else None
+        """A client that had sent all before this connection came, with a newcomer's."""
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, UNREAD_LIMIT)
 
     def data_received(self, data: bytes) -> None:
@@ -84,6 +87,8 @@ class Client(Peer):
         self._timer = LoopTimer(self._silence, self._loop)
         self.ending = False
         """True if the client has closed its side and waits for replies."""
+        self.reads_nothing = False
+        """True if the system reports that it has closed entirely."""
         self._waiting = 0
         self._watch = ClientWatch(link.doctor, self, link.encoder.form, link.encoder.size)
         self.replies: Peer | None = None
@@ -94,6 +99,11 @@ class Client(Peer):
     def has_sent(self) -> bool:
         """True if a command has come."""
         return self._waiting > 0 or self.commands > 0
+
+    @property
+    def leaves(self) -> bool:
+        """True if the client has closed its side, or that is about to be read."""
+        return self.ending or self.has_left()
 
     def data_received(self, data: bytes) -> None:
         # A real robot may wait for the line end too: it is passed on even though the command has been sent.
@@ -109,8 +119,11 @@ class Client(Peer):
         self.ending = True
         self._timer.cancel()
         self._submit(self._reader.end())
-        # If the program was ended, its robot must not drive on to the end of a wait.
         if self._waiting and self._link.has_closed(self):
+            self.reads_nothing = True
+            # A connection on the reply port that is still open is the next client's.
+            self.replies = self.replies or self
+            # If the program was ended, its robot must not drive on to the end of a wait.
             self._session.cut_waits()
         self._close_if_done()
         return True
@@ -191,6 +204,11 @@ class BinaryLink:
         """True if a program is connected, or waits for another to leave."""
         return self.client is not None or bool(self._newcomers)
 
+    @property
+    def has_newcomers(self) -> bool:
+        """True if a program waits for the present client to leave."""
+        return bool(self._newcomers)
+
     def has_closed(self, client: Client) -> bool:
         """True if a client is known to have closed, so that it reads no answer."""
         processes = self.context.processes
@@ -242,8 +260,9 @@ class BinaryLink:
         newcomer, client = self._newcomers.get(sock), self.client
         if newcomer is None:
             return
-        leaves = client is not None and (client.ending or client.has_left())
-        if leaves and self._loop.time() < newcomer.until:
+        # The movement of a client that is gone may last long, but no other program drives.
+        in_time = client is not None and (client.reads_nothing or self._loop.time() < newcomer.until)
+        if client is not None and client.leaves and in_time:
             self._loop.call_later(RETRY_DELAY, self._consider, sock)
         else:
             self._refuse_newcomer(sock)
@@ -274,7 +293,9 @@ class BinaryLink:
     def _close_stray(self, reply: ReplyConnection) -> None:
         """Close a reply connection that came too late for the client; the next client may need the place."""
         client = self.client
-        if reply in self._waiting_replies and client is not None and client.replies is not None:
+        if client is None or client.replies is None or reply.not_of is client:
+            return
+        if reply in self._waiting_replies:
             self._waiting_replies.remove(reply)
             # For a second program, which was refused, it is no mistake: a notice has said so.
             second = self._newcomers or self._loop.time() - self._sent_away < LONE_LIMIT
@@ -307,17 +328,23 @@ class BinaryLink:
         return own[-1] if own else client
 
     def _of_others(self, client: Client, present: list[ReplyConnection]) -> list[ReplyConnection]:
-        """Connections on the reply port that are known to belong to another process than the client's."""
+        """Connections on the reply port that are known to belong to another client, or to another process
+        than the client's."""
         processes = self.context.processes
+        later = [reply for reply in present if reply.not_of is client]
         if processes is None or not present:
-            return []
+            return later
         inodes = {reply: processes.inode(reply.sock, reply.peer) for reply in present}
         of_client = processes.inode(client.sock, client.peer)
         # Nearly always the program that this process has started last.
         holders = processes.holders({of_client, *inodes.values()} - {0}, first=reversed(children()))
         ours = holders.get(of_client, set())
         # A process that forks has both sockets in several processes: one with both is enough.
-        return [reply for reply in present if ours and inodes[reply] and not ours & holders[inodes[reply]]]
+        return [
+            reply
+            for reply in present
+            if reply in later or (ours and inodes[reply] and not ours & holders[inodes[reply]])
+        ]
 
     # -- leaving -------------------------------------------------------------------------------
 

@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 
 from simmer_tui.backend import MOST_COMMANDS
+from simmer_tui.events import MovementEnded
 
 BAD_LINES = [
     b"",
@@ -263,6 +264,40 @@ def test_one_that_waits_for_its_last_reply_keeps_the_robot_till_then(serve: Any)
     assert first.number() == math.inf
     there = first.number()
     assert second.number() == there, "it waited its turn, and then was served"
+    assert not any("turned away" in text for text in served.notices)
+
+
+@pytest.mark.quick_cases(2)
+@pytest.mark.parametrize(("knows_closed", "replies"), [(True, 0), (False, 0), (True, 1), (False, 1)])
+def test_the_reply_to_one_that_has_closed_goes_to_nobody_else(
+    serve: Any, monkeypatch: pytest.MonkeyPatch, knows_closed: bool, replies: int
+) -> None:
+    if not knows_closed:  # as on Windows and macOS
+        monkeypatch.setattr("simmer_tui.links.processes.ProcessLookup.has_closed", lambda *_: False)
+    served = serve(step_time=0.2)
+    first = serve.program(served).open_commands().open_replies()
+    for _ in range(replies):
+        first.ask("o3")
+    first.send(b"d1-1\n")
+    if not knows_closed:
+        served.wait(lambda: any(isinstance(event, MovementEnded) for event in served.events))
+    first.close()
+    second = serve.program(served).open_commands().open_replies()
+    assert 0.0 < second.ask("o3") < 2.0, "not the Infinity of the other's movement"
+    assert second.ask("d1-0.01") == math.inf
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells that a socket is closed")
+def test_one_waits_for_the_movement_of_a_client_that_has_closed(
+    serve: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("simmer_tui.links.binary_link._LONGEST_WAIT", 0.0)
+    served = serve(step_time=0.2)
+    first = serve.program(served).open_commands()
+    first.send(b"d1-1\n")
+    first.close()
+    second = serve.program(served).open_commands()
+    assert 0.0 < second.ask("o3") < 2.0
     assert not any("turned away" in text for text in served.notices)
 
 
