@@ -50,6 +50,7 @@ _MOST_RANGES = 4000  # ranges of a scan; a larger number is no count
 _MOST_STATES, _MOST_ROWS, _MOST_HEADINGS = 65536, 1000, 360  # of a grid; the simulator takes no more
 _EMPTY_READ_WAIT = 0.005  # s, between two reads while there is no reply yet
 _BUSY_WAIT = 0.02  # s, between two tries while the robot still moves
+_LONGEST_TIMEOUT = 1e6  # s; the system's sockets on Windows take 2**31 ms
 _TIMEOUTS = (TimeoutError, socket.timeout)  # the same class only since Python 3.10
 
 
@@ -138,11 +139,14 @@ class Robot:
         _one_of("protocol", protocol, ("binary", "packets"))
         _one_of("reply_format", reply_format, ("float64", "float32"))
         _one_of("byte_order", byte_order, ("big", "little"))
-        # Written so that NaN, which compares false, is refused too.
-        if not (_finite("timeout", timeout) > 0):
-            raise InvalidInputError(f"timeout is {timeout!r}: it must be a number of seconds above 0")
+        if not 0 < _finite("timeout", timeout) <= _LONGEST_TIMEOUT:
+            raise InvalidInputError(
+                f"timeout is {timeout!r}: it must be seconds above 0, at most {_LONGEST_TIMEOUT:g}"
+            )
         self.timeout = float(timeout)
-        self.host = host or os.environ.get("SIMMER_HOST") or DEFAULT_HOST
+        if not isinstance(host, (str, type(None))):
+            raise InvalidInputError(f"host is {host!r}: it must be a text, as '127.0.0.1'")
+        self.host = host or os.environ.get("SIMMER_HOST", "").strip() or DEFAULT_HOST
         self._ended = ""
         belief_port = _port("belief_port", belief_port, "SIMMER_BELIEF_PORT", DEFAULT_BELIEF_PORT)
         dial = _Dial(self.host, _token(token))
@@ -242,7 +246,8 @@ class Robot:
         number = _decimal(_finite("the seconds to sleep", seconds))
         command = f"wt-{number}"
         with self._exchange(command):
-            value = self._link.exchange([self._link.checked(command)], self.timeout + float(number))[0]
+            longest = self.timeout + min(float(number), _LONGEST_TIMEOUT)
+            value = self._link.exchange([self._link.checked(command)], longest)[0]
         if not math.isinf(value):
             why = self._reasons.why(command).reason or "it has no command to wait"
             raise CommandRefusedError(f"the robot refused {command!r}: {why}. Use time.sleep({number}) there")
@@ -355,6 +360,12 @@ class Robot:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+    def __del__(self) -> None:
+        # A notebook's `robot = Robot()`, run again, drops the old one, and one program at a time drives. The
+        # selector is in a cycle with itself, so without this its connections would stay open.
+        if hasattr(self, "_link"):
+            self.close()
 
     @contextlib.contextmanager
     def _exchange(self, command: str) -> Iterator[None]:
@@ -987,9 +998,9 @@ def _packed_grid(grid: Any, bounds: Iterable[Number] | None, first: Number | Non
     if first is not None:
         packed["first"] = _finite("first", first)
     if bounds is not None:
-        edges = [_finite("each of bounds", each) for each in bounds]
+        edges = [_finite("each of bounds", each) for each in bounds] if hasattr(bounds, "__iter__") else []
         if len(edges) != 4 or not (edges[0] < edges[2] and edges[1] < edges[3]):
-            raise InvalidInputError(f"bounds is {edges}: it must be x0, y0, x1, y1 with x0 < x1 and y0 < y1")
+            raise InvalidInputError(f"bounds is {bounds}: it must be x0, y0, x1, y1 with x0 < x1 and y0 < y1")
         packed["bounds"] = edges
     packed["f32"] = base64.b64encode(data).decode("ascii")
     return packed

@@ -540,6 +540,12 @@ def test_a_sleep_that_is_no_finite_number_is_never_sent(seconds: Any) -> None:
     assert fake.received == ["u1"]
 
 
+def test_a_sleep_may_be_longer_than_a_socket_can_wait() -> None:
+    with binary_robot(finished) as fake, Robot(HOST, fake.port, fake.reply_port) as robot:
+        robot.sleep(1e300)
+    assert fake.received == ["wt-1e+300"]
+
+
 # --- what can go wrong ----------------------------------------------------------------------------
 
 
@@ -644,9 +650,18 @@ def test_closing_twice_is_harmless_and_ends_the_connection() -> None:
 # --- where the robot is ---------------------------------------------------------------------------
 
 
+def test_a_robot_that_is_dropped_without_close_gives_the_simulator_free() -> None:
+    """A cell of a notebook, `robot = Robot()`, is run again: one program at a time drives."""
+    with binary_robot(separate=False) as fake:
+        robot = Robot(HOST, fake.port, reply_port=0)
+        [commands] = [key.fileobj for key in robot._link._selector.get_map().values()]  # type: ignore[union-attr]
+        del robot
+        assert commands.fileno() == -1  # type: ignore[union-attr]
+
+
 def test_the_environment_says_where_the_robot_is(monkeypatch: pytest.MonkeyPatch) -> None:
     with binary_robot() as fake:
-        monkeypatch.setenv("SIMMER_HOST", HOST)
+        monkeypatch.setenv("SIMMER_HOST", f" {HOST} ")
         monkeypatch.setenv("SIMMER_PORT", f" {fake.port} ")
         monkeypatch.setenv("SIMMER_REPLY_PORT", str(fake.reply_port))
         with Robot() as robot:
@@ -681,6 +696,9 @@ def test_a_malformed_port_variable_is_named(monkeypatch: pytest.MonkeyPatch, tex
         ({"belief_port": -1}, "belief_port is -1"),
         ({"timeout": 0}, "timeout is 0"),
         ({"timeout": math.nan}, "timeout is nan"),
+        ({"timeout": 1e300}, r"timeout is 1e\+300"),
+        ({"host": 7}, "host is 7"),
+        ({"host": b"127.0.0.1"}, "host is b'127.0.0.1'"),
         ({"protocol": "udp"}, "'binary' or 'packets'"),
         ({"reply_format": "double"}, "'float64' or 'float32'"),
         ({"byte_order": "native"}, "'big' or 'little'"),
@@ -894,6 +912,7 @@ def test_a_grid_is_packed_from_an_array_or_from_lists(kind: str) -> None:
         ({"grid": np.ones((1, 1, 361))}, "grid has 361 headings: it may have 1 to 360"),
         ({"grid": np.ones((300, 300))}, "grid has 90000 states: it may have 65536"),
         ({"grid": [[1]], "bounds": [0, 0, 0, 1]}, "it must be x0, y0, x1, y1 with x0 < x1 and y0 < y1"),
+        ({"grid": [[1]], "bounds": 7}, "bounds is 7: it must be x0, y0, x1, y1 with x0 < x1 and y0 < y1"),
         ({"grid": [[1]], "first": math.inf}, "first is inf: it must be a finite number"),
         ({"x": 1, "y": 2, "heading": 3, "first": 4}, "bounds and first are those of a grid: there is none"),
     ],
