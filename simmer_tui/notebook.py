@@ -67,11 +67,14 @@ class NotebookSimulator(sim.Simulator):
     simulator.execute("d1-3").pose
     """
 
-    def __init__(self, spec: Configuration | sim.SimulationSpec | None = None, seed: int = 0) -> None:
-        """`spec` may be a whole configuration, as `load` gives it; only its simulation is used. All random
-        draws follow from `seed`. Raises PlacementError if robot or block stand in a wall."""
-        if spec is None:
-            spec = load_default()
+    def __init__(
+        self, spec: Configuration | sim.SimulationSpec | str | Path | None = None, seed: int = 0
+    ) -> None:
+        """`spec` may be a whole configuration, as `load` gives it, or its name or folder; only its simulation
+        is used. All random draws follow from `seed`. Raises PlacementError if robot or block stand in a wall,
+        ValueError for a seed that is none."""
+        if spec is None or isinstance(spec, str | Path):
+            spec = load(spec)
         super().__init__(spec.simulation if isinstance(spec, Configuration) else spec, seed)
 
 

@@ -46,6 +46,20 @@ def test_without_a_specification_it_is_the_default_set() -> None:
     assert Simulator(again.spec, seed=8).execute("d1-3").pose != Simulator(seed=7).execute("d1-3").pose
 
 
+def test_a_simulator_takes_a_set_by_its_name_too(folder: Path) -> None:
+    assert Simulator("mission", seed=7).spec == load("mission").simulation
+    assert Simulator(folder).spec == load(folder).simulation
+    with pytest.raises(ConfigurationError, match="nowhere"):
+        Simulator("nowhere")
+
+
+def test_rays_take_nested_lists_which_the_types_say_too() -> None:
+    """As in the README; mypy checks this file."""
+    simulator = Simulator(seed=7)
+    assert simulator.true_ranges([[9.5, 42.0, 0.0]]).shape == (1, 6)
+    assert simulator.cast_rays([(9.5, 42.0)], [0.0]).shape == (1,)
+
+
 def test_sets_are_loaded_by_name_and_by_folder(folder: Path) -> None:
     assert load("mission").mission is not None
     assert load(folder).simulation == load(str(folder)).simulation

@@ -6,6 +6,7 @@ from __future__ import annotations
 import operator
 from collections.abc import Iterator, Mapping
 from functools import cached_property
+from typing import SupportsIndex
 
 import numpy as np
 
@@ -18,6 +19,14 @@ SEEDS = IntegerRule(0, 2**SEED_BITS - 1, f"a whole number from 0 to 2^{SEED_BITS
 """The seeds that an option, an order, a file or a log may have."""
 BIAS_STREAM = "bias"
 DRIVE_STREAM = "drive"
+
+
+def checked_seed(seed: object) -> int:
+    """A seed as an int, of numpy's whole numbers too. Raises ValueError if it is none."""
+    try:
+        return SEEDS.check(operator.index(seed) if isinstance(seed, SupportsIndex) else seed)
+    except ValueError as error:
+        raise ValueError(f"the seed {error}") from None
 
 
 def fault_stream(sensor: str) -> str:

@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from simmer_tui.errors import DeviceError, PlacementError, UnknownSensorError
 from simmer_tui.sim import noise
 from simmer_tui.sim.arcs import Twist
-from simmer_tui.sim.arrays import FloatArray
+from simmer_tui.sim.arrays import ArrayLike, FloatArray
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import LARGEST_VALUE, Command, parse_command, parse_value
 from simmer_tui.sim.continuous import ContinuousMotion, MotionListener
@@ -49,7 +49,8 @@ class Simulator:
     """
 
     def __init__(self, spec: SimulationSpec, seed: int = 0) -> None:
-        """`seed` determines all randomness. Raises PlacementError if robot or block overlap a wall."""
+        """`seed` determines all randomness. Raises PlacementError if robot or block overlap a wall, and
+        ValueError for a seed that is no whole number from 0 to 2^128 - 1."""
         self.spec = spec
         self.maze = Maze(spec.maze)
         self.footprint = Footprint.of(spec.robot)
@@ -70,14 +71,15 @@ class Simulator:
         self.trajectory: Trajectory | None = None
         """The movement under way, if there is one."""
         self._last: Trajectory | None = None
-        self._begin_run(seed)
+        self._begin_run(noise.checked_seed(seed))
 
     # -- the state, all of it readable -------------------------------------------------------
 
     def reset(self, seed: int | None = None) -> None:
-        """Everything as at the start, with the same seed or a new one."""
+        """Everything as at the start, with the same seed or a new one. Raises as the constructor does."""
+        seed = self.seed if seed is None else noise.checked_seed(seed)
         self.stop()
-        self._begin_run(self.seed if seed is None else seed)
+        self._begin_run(seed)
 
     def _begin_run(self, seed: int) -> None:
         """The start of a run with nothing in motion."""
@@ -109,7 +111,7 @@ class Simulator:
         """The drive bias in force, by kind of movement."""
         self._counted = {sensor.spec.id: 0.0 for sensor in self._counting}
         errors = DistanceErrors(spec.num_segments, self._streams, self._counting)
-        self._continuous = ContinuousMotion(spec, lambda: self.bias, errors, self._checker, self)
+        self._continuous = ContinuousMotion(spec, self._bias_in_force, errors, self._checker, self)
         self._gripper = Gripper(self.footprint, self.walls)
         self._pose = spec.start_pose
         self._set_block(self._checked_block(spec.block_center))
@@ -387,7 +389,7 @@ class Simulator:
         true, view = self._observe(sensor, self.pose)
         return Reading(sensor.spec, true, true, view)
 
-    def cast_rays(self, origins: FloatArray, bearings: FloatArray, z: float = math.inf) -> FloatArray:
+    def cast_rays(self, origins: ArrayLike, bearings: ArrayLike, z: float = math.inf) -> FloatArray:
         """Distances, inches, from (n, 2) origins along (n,) bearings in degrees to the first wall,
         or to the block for rays at a height `z` no greater than it. From inside a wall 0.
 
@@ -404,7 +406,7 @@ class Simulator:
         size = self.block.size
         return self.world.rays(origins, bearings, 0.0 if size and z <= size else math.inf)
 
-    def true_ranges(self, poses: FloatArray, codes: Iterable[str] | None = None) -> FloatArray:
+    def true_ranges(self, poses: ArrayLike, codes: Iterable[str] | None = None) -> FloatArray:
         """The true ranges of range sensors at many poses: (n, k) inches for (n, 3) poses of x, y
         and heading, and k codes (by default all enabled range sensors, in file order). The block
         stays where it is, held or not.
@@ -556,6 +558,10 @@ class Simulator:
         """A velocity has timed out."""
         if self.listener is not None:
             self.listener.velocity_expired(time)
+
+    def _bias_in_force(self) -> Mapping[DriveKind, Axes]:
+        # A method, no lambda: in a copy of the simulator it is the copy's.
+        return self.bias
 
     def _checker(self, pose: Pose) -> CollisionChecker:
         return CollisionChecker(self.body, self._obstacles_at(pose), self.maze)

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import copy
 import inspect
 import math
+import pickle
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -283,6 +287,37 @@ def test_sensors_see_the_block_where_it_was_moved_to(course_spec: SimulationSpec
     simulator.move_block(25.0, 41.0)
     assert simulator.execute("u5").reply == before
     assert simulator.true_ranges(np.array([(9.5, 42.0, 0.0)]), ["u5"])[0, 0] == pytest.approx(before)
+
+
+@pytest.mark.parametrize("seed", [-1, 1.5, "7", None, 2**128, [7]])
+def test_a_seed_that_is_none_is_refused_at_once(course_spec: SimulationSpec, seed: Any) -> None:
+    with pytest.raises(ValueError, match="the seed must be a whole number from 0 to"):
+        Simulator(course_spec, seed)
+    simulator = Simulator(course_spec, np.int64(7))  # type: ignore[arg-type]
+    simulator.execute("d1-3")
+    pose = simulator.pose
+    if seed is not None:  # the same seed
+        with pytest.raises(ValueError, match="the seed must be a whole number from 0 to"):
+            simulator.reset(seed)
+    assert simulator.pose == pose, "nothing was reset"
+    assert type(simulator.seed) is int, "logs have it as a number"
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda simulator: pickle.loads(pickle.dumps(simulator))])
+def test_a_copy_goes_on_by_itself(copied: Callable[[Any], Any]) -> None:
+    """A program that plans tries commands on a copy."""
+    spec = load_default().simulation
+    commands = ["d1-2", "u1", "vv-4;0;20", "wt-0.5", "o1", "vv-0;0;0", "g1"]
+    simulator, untouched = Simulator(spec, 7), Simulator(spec, 7)
+    for each in (simulator, untouched):
+        each.execute("d1-1")
+    twin = copied(simulator)
+    twin.set_bias({DriveKind.RIGHT: Axes(0.5, 0.0, 0.0)})
+    untouched.set_bias({DriveKind.RIGHT: Axes(0.5, 0.0, 0.0)})
+    expected = [untouched.execute(each).reply for each in commands]
+    assert [twin.execute(each).reply for each in commands] == expected
+    assert twin.pose == untouched.pose
+    assert simulator.pose != twin.pose
 
 
 def test_bias_may_be_set_for_some_movements(course_spec: SimulationSpec) -> None:
