@@ -16,6 +16,7 @@ from msgspec.structs import replace
 from simmer_tui.config.device_trust import DeviceUse
 from simmer_tui.config.loader import Configuration, Override, load
 from simmer_tui.config.set_devices import DeviceStatus
+from simmer_tui.config.sets import FILES
 from simmer_tui.config.settings import all_settings, settings_from
 from simmer_tui.errors import RunLogError, reason_of
 from simmer_tui.events import Real
@@ -210,6 +211,8 @@ def rebuild(header: Header, kinds: SensorKinds | None = None) -> Configuration:
     for name in header.files:
         if not _is_plain_name(name):
             raise RunLogError(f"the header holds {escape(name)!r}, which is no file of a set")
+    if missing := [name for name in FILES if name not in header.files]:
+        raise RunLogError(f"the header lacks {', '.join(missing)}: the robot of this log is not known")
     # As files, so that the ordinary loader finds the same mistakes with the same messages.
     with ExitStack() as stack:
         try:

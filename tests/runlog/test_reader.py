@@ -221,6 +221,15 @@ def test_no_file_is_written_outside_the_folder(start_run: Any, name: str) -> Non
         LogReader(path)
 
 
+def test_a_header_without_the_files_of_its_set_names_no_temporary_folder(start_run: Any) -> None:
+    path = start_run().path
+    header = json.loads(path.read_text())
+    del header["files"]["maze.csv"], header["files"]["drive.csv"]
+    path.write_text(json.dumps(header) + "\n")
+    with pytest.raises(RunLogError, match=r"^the header lacks maze.csv, drive.csv: "):
+        LogReader(path)
+
+
 NOTICE = b'"real":0,"about":"fault","subject":"","text":'
 BROKEN = {
     b"": "it is empty",
