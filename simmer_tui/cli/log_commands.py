@@ -140,6 +140,11 @@ def run_export(options: argparse.Namespace) -> int:
         raise ExportError("name what to write: --gif OUT, --svg OUT, or both")
     path = log_of(options)
     _check_outputs(path, (options.gif, options.svg))
+    for output, kind in ((options.gif, "a GIF"), (options.svg, "an SVG")):
+        ending = f".{kind[-3:].lower()}"
+        if output is not None and output.suffix.lower() not in ("", ending):
+            named = f"name it {shown_path(output.with_suffix(ending))}, not {shown_path(output)}"
+            raise ExportError(f"--{ending[1:]} writes {kind}: {named}")
     run = build_report(path)
     if options.svg is not None:
         _write_text(options.svg, maze_picture(run, shown_path(path.name), options.width))

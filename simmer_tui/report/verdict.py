@@ -303,7 +303,8 @@ class _Judge:
             return "no command was sent"
         wires = history.totals.wires
         done = counted(attempt.commands, "command") if attempt.commands else counted(wires, "serial message")
-        return f"{done}, nothing went wrong"
+        is_counted = self._program is None and self._end().endswith(f" after {done}")
+        return "nothing went wrong" if is_counted else f"{done}, nothing went wrong"
 
 
 _OF_THE_PROGRAM = (Kind.CRASHED, Kind.NOTHING_SENT)

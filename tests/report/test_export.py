@@ -66,6 +66,8 @@ def test_the_still_picture_has_the_way(log: Path, tmp_path: Path) -> None:
         (["--gif", "a.gif", "--speed", "0.01"], "take --speed 1 or more"),
         (["--gif", "same.gif", "--svg", "same.gif"], "is named twice"),
         (["--gif", "nowhere/a.gif"], "a.gif cannot be written"),
+        (["--gif", "a.svg"], "--gif writes a GIF: name it a.gif, not a.svg"),
+        (["--svg", "a.b.PNG"], "--svg writes an SVG: name it a.b.svg, not a.b.PNG"),
     ],
 )
 def test_what_cannot_be_done_is_said(

@@ -116,6 +116,19 @@ def test_a_run_that_was_taken_over_has_not_ended(
     assert verdict(run).outcome is Outcome.ENDED
 
 
+@pytest.mark.parametrize(
+    ("after", "counted"),
+    [("2 commands", "nothing went wrong"), ("1 command", "2 commands, nothing went wrong")],
+)
+def test_the_commands_of_a_client_that_left_are_counted_once(
+    start_run: Callable[..., Any], after: str, counted: str
+) -> None:
+    run = start_run()
+    run.send("u1", "d1-1")
+    run.engine.tell(Notice(NoticeKind.LEFT, f"client a disconnected after {after}", "a"))
+    assert verdict(run).text.endswith(f": client a disconnected after {after}; {counted}.")
+
+
 def test_a_run_without_a_mission_has_its_end_and_its_worst(start_run: Callable[..., Any]) -> None:
     run = start_run()
     run.engine.tell(Notice(NoticeKind.CONNECTED, "client a connected", "a"))
