@@ -13,7 +13,7 @@ from msgspec import Struct
 from simmer_tui.config.given_path import other_case
 from simmer_tui.errors import Problem, reason_of
 from simmer_tui.sim.columns import CsvColumn
-from simmer_tui.sim.command import counted, escape, escape_word, shown_path
+from simmer_tui.sim.command import NUMBER, counted, escape, escape_word, shown_path
 from simmer_tui.sim.rules import CodeRule, IntegerRule, Rule, did_you_mean
 
 T = TypeVar("T")
@@ -101,8 +101,8 @@ def column_letters(index: int) -> str:
 def read_csv(path: Path, problems: list[Problem]) -> CsvTable | None:
     """Read a CSV file: UTF-8 with or without mark, any line ends, quotes, spaces around values.
 
-    Semicolons or tabs may replace the commas, as in spreadsheets of many countries. With semicolons, a comma
-    inside a number is its decimal point. Rows whose first cell begins with # are comments.
+    Semicolons or tabs may replace the commas, as in spreadsheets of many countries. Then a comma inside a
+    number is its decimal point. Rows whose first cell begins with # are comments.
     """
     text = read_text(path, problems)
     if text is None:
@@ -166,8 +166,8 @@ def csv_text(rows: Iterable[Iterable[object]], delimiter: str = ",") -> str:
 
 def _clean(cells: Sequence[str], delimiter: str) -> tuple[str, ...]:
     cleaned = [cell.strip() for cell in cells]
-    # A comma inside a cell is certainly a decimal point only if semicolons separate cells.
-    if delimiter == ";":
+    # A comma inside a cell is certainly a decimal point only if something else separates cells.
+    if delimiter != ",":
         cleaned = [cell.replace(",", ".") if _DECIMAL_COMMA.fullmatch(cell) else cell for cell in cleaned]
     while cleaned and not cleaned[-1]:
         cleaned.pop()
@@ -252,6 +252,13 @@ def read_table(table: CsvTable, required: Sequence[str], optional: Sequence[str]
             titles.add_problem(name, "this column is missing from the header row")
     rows = []
     for row in table.rows[begin + 1 :]:
+        # Notes beyond the header are words. Numbers there mean that the cells are shifted.
+        extra = row.cells[len(header.cells) :]
+        if extra and all(map(NUMBER.fullmatch, extra)):
+            has = f"the row has {len(row.cells)} cells and the header {len(header.cells)}"
+            what = f"{has}: a number with a decimal comma (0,05) is two cells; write 0.05"
+            table.problems.append(Problem(f"{table.file}:{row.line}", what))
+            continue
         values = {name: row.cell(index) for name, index in columns.items()}
         if any(values.values()):
             rows.append(TableRow(f"{table.file}:{row.line}", row.line, values, table.problems))
@@ -282,7 +289,12 @@ def from_cell(rule: Rule[T], text: str) -> T:
     """The value of a cell. Raises ValueError if it is blank or not allowed."""
     if not text:
         raise ValueError(f"is blank; must be {rule.allowed}")
-    return rule.from_text(text)
+    try:
+        return rule.from_text(text)
+    except ValueError as error:
+        if _DECIMAL_COMMA.fullmatch(text):
+            raise ValueError(f"{error}; write {text.replace(',', '.')}") from None
+        raise
 
 
 def _fold(header: str) -> str:

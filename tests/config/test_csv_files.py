@@ -43,6 +43,9 @@ NAMES = ("maze.csv", "robot.csv", "sensors.csv", "drive.csv")
             lambda data: data.replace(b",", b";").replace(b".", b","), id="semicolons and decimal commas"
         ),
         pytest.param(lambda data: data.replace(b",", b"\t"), id="tabs"),
+        pytest.param(
+            lambda data: data.replace(b",", b"\t").replace(b".", b","), id="tabs and decimal commas"
+        ),
     ],
 )
 def test_files_as_spreadsheets_write_them_mean_the_same(
@@ -52,6 +55,19 @@ def test_files_as_spreadsheets_write_them_mean_the_same(
     for name in NAMES:
         (folder / name).write_bytes(change((folder / name).read_bytes()))
     assert load(folder).simulation == expected
+
+
+def test_a_decimal_comma_among_commas_is_named(edit: Edit, problems: Problems) -> None:
+    edit("drive.csv", "up,w1,1,0.05,0.02,0.02,0,0,0", "up,w1,1,0,05,0,02,0,02,0,0,0")
+    edit("sensors.csv", "ultra2,u2,1,2.12,2.12,", 'ultra2,u2,1,"2,12","-2,12",')
+    edit("sensors.csv", "ultra1,u1,1,3,", 'ultra1,u1,1,"3,x",')
+    assert sorted(problems()) == [
+        "drive.csv:2: the row has 12 cells and the header 9: a number with a decimal comma (0,05) is two "
+        "cells; write 0.05",
+        'sensors.csv:2:X Position (in): must be a number, not "3,x"',
+        'sensors.csv:3:X Position (in): must be a number, not "2,12"; write 2.12',
+        'sensors.csv:3:Y Position (in): must be a number, not "-2,12"; write -2.12',
+    ]
 
 
 @pytest.mark.parametrize("name", [*NAMES, "settings.toml"])
