@@ -39,6 +39,7 @@ DEFAULT_HOST = "127.0.0.1"
 DEFAULT_PORT, DEFAULT_REPLY_PORT = 9000, 9001
 DEFAULT_PACKET_PORT, DEFAULT_PACKET_REPLY_PORT = 61200, 61201
 DEFAULT_BELIEF_PORT = 9002
+_START = "simmer-tui"
 
 # Judged: times that are short beside a round trip of a real robot, and long beside one to the simulator.
 _LONGEST_COMMAND = 255  # bytes, and a newline; the simulator takes one byte more
@@ -416,6 +417,13 @@ class _Dial:
         try:
             return self.connect(port, timeout)
         except OSError as error:
+            # A simulator tells its program the ports that it has.
+            has_packets = "SIMMER_PACKET_PORT" in os.environ and "SIMMER_PORT" not in os.environ
+            if start == _START and has_packets:
+                raise RobotUnreachableError(
+                    f"nothing answers on {self.host} port {port}: the simulator takes packets. Open it with "
+                    'Robot(protocol="packets"), or start it with --listeners binary'
+                ) from error
             raise RobotUnreachableError(
                 f"no simulator answers on {self.host} port {port} ({error.strerror or error}): is it "
                 f"running? Start it with '{start}' (add --no-ui for no screen), or give this program its "
@@ -438,7 +446,7 @@ class _BinaryLink:
         self._number = number
         self._reasons = reasons
         self._selector = selectors.DefaultSelector()
-        self._commands = dial.expect(port, timeout, "simmer-tui")
+        self._commands = dial.expect(port, timeout, _START)
         self._replies = self._commands
         # The exchange under way: the commands sent, its time limit and end, and the bytes received so far.
         self._shown, self._timeout, self._deadline, self._came = "", timeout, 0.0, b""

@@ -13,7 +13,8 @@ import pytest
 FOLDER = Path(__file__).parents[1] / "scripts" / "c"
 STRICT = ["-Wall", "-Wextra", "-pedantic", "-Werror"]
 LANGUAGES = {
-    "c99": ["cc", "-std=c99", "-D_POSIX_C_SOURCE=200112L", *STRICT],
+    "c99": ["cc", "-std=c99", *STRICT],
+    "c99 and posix": ["cc", "-std=c99", "-D_POSIX_C_SOURCE=200112L", *STRICT],
     "gnu": ["cc", *STRICT],
     "c++11": ["c++", "-std=c++11", "-x", "c++", *STRICT],
 }

@@ -556,6 +556,16 @@ def test_nobody_listening_says_where_and_what_to_start(free_port: int) -> None:
         Robot(HOST, 1, free_port, protocol="packets")
 
 
+def test_a_simulator_that_takes_packets_only_is_named(
+    free_port: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A set such as simmer-python: the simulator gives its program the ports of packets alone."""
+    monkeypatch.setenv("SIMMER_PACKET_PORT", "61200")
+    monkeypatch.setattr(client, "DEFAULT_PORT", free_port)
+    with pytest.raises(RobotUnreachableError, match=r'takes packets.*Robot\(protocol="packets"\)'):
+        Robot()
+
+
 def test_a_simulator_that_ends_in_the_middle_of_a_reply_closes_the_robot() -> None:
     with (
         binary_robot(lambda command: [b"\x40\x28", None]) as fake,

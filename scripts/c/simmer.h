@@ -10,7 +10,7 @@
  *     simmer_drive(&robot, "d1", 3.0, NULL);          // returns when the movement has ended
  *     simmer_close(&robot);
  *
- * C99 (with -std=c99 add -D_POSIX_C_SOURCE=200112L) or C++11; Linux, macOS, Windows (link with ws2_32; not tried).
+ * C99 (with -std=c99 included before all other headers) or C++11; Linux, macOS, Windows (link with ws2_32; not tried).
  * Every function returns SIMMER_OK, SIMMER_REFUSED (the robot did nothing; the connection continues) or
  * SIMMER_FAILED (the connection has ended); robot.error says why.
  *
@@ -21,6 +21,10 @@
  */
 #ifndef SIMMER_H
 #define SIMMER_H
+
+#if defined(__linux__) && defined(__STRICT_ANSI__) && !defined(_POSIX_C_SOURCE)
+#define _POSIX_C_SOURCE 200112L /* otherwise -std=c99 hides getaddrinfo */
+#endif
 
 #include <math.h>
 #include <stdint.h>
@@ -43,6 +47,9 @@ typedef SOCKET simmer_socket;
 #include <sys/socket.h>
 #include <sys/time.h>
 #include <unistd.h>
+#ifndef AI_PASSIVE
+#error "with -std=c99 include simmer.h before all other headers, or compile with -D_POSIX_C_SOURCE=200112L"
+#endif
 typedef int simmer_socket;
 #define SIMMER_NO_SOCKET (-1)
 #define simmer_close_socket close

@@ -11,7 +11,7 @@ if ~(ischar(code) || isstring(code))
     error('simmer:invalid', 'the code of a drive must be text, such as ''d1''');
 end
 code = char(code); % in MATLAB "d1" is a string, which [] would not join
-if ~(isnumeric(value) && isscalar(value) && isfinite(value))
+if ~(isnumeric(value) && isreal(value) && isscalar(value) && isfinite(value))
     error('simmer:invalid', 'the value of %s must be one finite number', code);
 end
 command = [code '-' num2str(value, 17)];
