@@ -16,9 +16,12 @@ def entry() -> None:
         # machine. This is read when numpy is loaded. It is not for other commands: those run programs,
         # which would have it too.
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    from simmer_tui.cli.main import run
+    try:
+        from simmer_tui.cli.main import run
 
-    run()
+        run()
+    except KeyboardInterrupt:  # while modules were loaded; later it has its own places
+        sys.exit(130)  # ExitCode.INTERRUPTED, whose module may not be loaded yet
 
 
 if __name__ == "__main__":

@@ -1,10 +1,19 @@
 from __future__ import annotations
 
+import gc
+import sys
 from pathlib import Path
 
 import pytest
 
-from simmer_tui.cli.command_line import OneLineParser, add_setting_options, default_text, overrides_from
+from simmer_tui.__main__ import entry
+from simmer_tui.cli.command_line import (
+    ExitCode,
+    OneLineParser,
+    add_setting_options,
+    default_text,
+    overrides_from,
+)
 from simmer_tui.cli.main import SUBCOMMANDS, build_parser, main
 from simmer_tui.config.loader import load
 from simmer_tui.config.settings import Settings, all_settings
@@ -179,3 +188,19 @@ def test_a_misspelt_command_gets_its_neighbour(
         main(arguments)
     assert caught.value.code == 2
     assert f'did you mean "{meant}"?' in capsys.readouterr().err
+
+
+def test_an_interrupt_while_modules_are_loaded_is_no_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ctrl-C just after the start: loading takes half a second, and more on a busy machine."""
+
+    class Interrupted:
+        def find_spec(self, name: str, *_: object) -> None:
+            if name == "simmer_tui.cli.main":
+                raise KeyboardInterrupt
+
+    monkeypatch.delitem(sys.modules, "simmer_tui.cli.main")
+    monkeypatch.setattr(sys, "meta_path", [Interrupted(), *sys.meta_path])
+    monkeypatch.setattr(gc, "disable", lambda: None)
+    with pytest.raises(SystemExit) as ended:
+        entry()
+    assert ended.value.code == ExitCode.INTERRUPTED
