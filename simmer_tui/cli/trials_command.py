@@ -167,6 +167,8 @@ def _check_plan(options: argparse.Namespace, plan: TrialPlan, configuration: Con
             raise TrialsError(f"{option} is for one program as it is, not for trials with --vary")
     if plan.fixed_ports and (options.dask is not None or (options.jobs or 1) > 1):
         raise TrialsError("--fixed-ports is for one run at a time: leave out --jobs and --dask")
+    if options.dask is not None:
+        pack(plan.command, Path())  # a program that cannot be sent is named before a folder is made
 
 
 def _kept(overrides: dict[str, Override]) -> dict[str, Any]:

@@ -173,6 +173,19 @@ def test_without_the_package_no_folder_is_made(monkeypatch: pytest.MonkeyPatch, 
         assert not out.exists()
 
 
+def test_a_program_that_cannot_be_sent_makes_no_folder(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", SimpleNamespace())
+    monkeypatch.setattr("simmer_tui.trials.cluster.MOST_PROGRAM_BYTES", 10)
+    program, out = tmp_path / "x.py", tmp_path / "out"
+    program.write_text("print('hello')")
+    arguments = ["trials", "--run", f"python {program}", "--out", str(out), "--dask", "tcp://127.0.0.1:1"]
+    assert main(arguments) == 2
+    assert "is one file too many" in capsys.readouterr().err
+    assert not out.exists()
+
+
 class Future:
     """A run on the cluster, and what came of it."""
 
