@@ -437,7 +437,7 @@ class SerialBridge(RealRobot):
     def _report_discarded(self) -> None:
         count, sample = self._framer.take_discarded()
         shown = escape(sample.decode("latin-1"))
-        text = f"{counted(count, 'byte')} from the robot discarded, no answer to anything: {shown!r}"
+        text = f"{counted(count, 'byte')} from the robot discarded, no answer to anything: '{shown}'"
         self._tell(NoticeKind.ROBOT, text)
 
     # -- faults -----------------------------------------------------------------------------------
