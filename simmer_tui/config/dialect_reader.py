@@ -244,7 +244,7 @@ class _Reader(RuleParts):
             stopped=self._replies(given, "stopped", prefix, known),
             busy=self._made(f"{prefix}busy", _busy, given.get("busy")),
         )
-        if not rule.steps and (rule.done or rule.stopped):
+        if not given.get("do") and (rule.done or rule.stopped):
             add_problem(f"{prefix}do", "is missing; done and stopped are sent at the end of its steps")
         return rule
 
@@ -336,6 +336,8 @@ class _Reader(RuleParts):
         code = text[:2]
         if "{" in code or "}" in code:
             return MoveStep(template)
+        if text[2:3] == "{":  # the first digit of the value would be taken for the hyphen
+            raise ValueError(f"'{text}' has no hyphen behind the code: {code}-{text[2:]}")
         if not _COMMAND.fullmatch(text):
             raise ValueError(f"'{text}' is no step; {_STEPS}")
         _check_code(code, self._parts.commands)

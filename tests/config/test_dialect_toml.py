@@ -106,6 +106,7 @@ BINARY = (
         ('[[command]]\nmatch = "g"\nreply = "{pick(2, 3, 4)}"', 3, "pick(2, ...) has 2 values"),
         ('[[command]]\nmatch = "{w:a=0|b=2}"\nreply = "{pick(w, 3, 4)}"', 3, "pick(2, ...) has 2 values"),
         ('[state]\ni = 0\n[[command]]\nmatch = "g"\nreply = "{pick(i % 4, 3, 4, 5)}"', 5, "has 3 values"),
+        ('[[command]]\nmatch = "f {n}"\ndo = "d1{n}"', 3, "'d1{n}' has no hyphen behind the code: d1-{n}"),
         ('[[command]]\nmatch = "g"\ndo = "d1-"', 3, "'d1-' has no value; write it behind the code, d1-6"),
         ('[[command]]\nmatch = "g"\ndo = "jump 3"', 3, "'jump 3' is no step; there are d1-6, run d1"),
         ('[[command]]\nmatch = "g"\ndo = "pause"', 3, "'pause' is no step"),
@@ -287,3 +288,9 @@ def test_codes_of_a_choice_of_drives_are_the_words_in_quotes(tmp_path: Path) -> 
     rule = """[[command]]\nmatch = "g {n}"\ndo = "run {'d1'if n else'%s'}"\n"""
     assert problems_of(tmp_path, rule % "-d1") == []
     assert "the code 'd9'" in "".join(problems_of(tmp_path, rule % "d9"))
+
+
+def test_a_step_that_is_wrong_is_not_missing_as_well(tmp_path: Path) -> None:
+    rule = '[[command]]\nmatch = "g"\ndo = "q9-1"\ndone = "ok"\n'
+    [problem] = problems_of(tmp_path, rule)
+    assert "'q9'" in problem
