@@ -129,6 +129,15 @@ def test_the_time_of_bytes_follows_the_rate_that_the_program_sets(tmp_path: Path
     assert again - sent >= 15 * 10 / 1200 - 1e-3
 
 
+def test_until_a_program_sets_a_rate_it_is_9600_baud(tmp_path: Path) -> None:
+    """That of serial ports; a pseudo-terminal begins at 38400."""
+    import termios
+
+    path = tmp_path / "robot"
+    with running(configuration(tmp_path, pty=str(path))), path.open("r+b", buffering=0) as robot:
+        assert termios.tcgetattr(robot.fileno())[4:6] == [termios.B9600] * 2
+
+
 def test_a_program_that_opens_writes_and_leaves_at_once_has_driven(tmp_path: Path) -> None:
     path = tmp_path / "robot"
     with running(configuration(tmp_path, pty=str(path))) as run:

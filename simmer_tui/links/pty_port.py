@@ -49,6 +49,7 @@ class PtyDevice:
     def _make(self) -> None:
         if sys.platform == "win32" or not platform_has.POSIX:
             raise PortError(NOT_ON_WINDOWS)
+        import termios
         import tty
 
         try:
@@ -58,6 +59,10 @@ class PtyDevice:
         self.name = os.ttyname(end)
         # Bytes pass unchanged, also for programs that set nothing, such as cat.
         tty.setraw(end)
+        # Of a program that sets none. Otherwise it would be 38400.
+        attributes = termios.tcgetattr(end)
+        attributes[4:6] = [termios.B9600] * 2
+        termios.tcsetattr(end, termios.TCSANOW, attributes)
         os.close(end)
         os.set_blocking(self.descriptor, False)
 

@@ -65,6 +65,11 @@ class SerialRobot(Protocol):
 DRIVER_BUFFER = 4096
 """Bytes of replies that may wait; beyond it whole messages of a stream are dropped."""
 
+# Half a minute at 9600 baud. Linux' driver would let the program wait at 4,096 bytes. All of them arrive at
+# once when the port is closed, which takes half a second.
+MOST_IN_TRANSIT = 8 * DRIVER_BUFFER
+"""Bytes of a program that may be under way to the robot; further ones are lost."""
+
 # USB serial adapters and boards pass on their bytes once a frame of USB, which is 1 ms. A program that reads
 # up to a bracket and clears its buffer relies on it: at 115200 baud the line end comes in the same frame.
 USB_FRAME = 0.001
@@ -85,6 +90,8 @@ class Wire:
         """The arrivals of messages to the robot, in order; the first ones may be over."""
         self.left_out = 0
         """Count of messages of streams that were left out."""
+        self._has_lost = False
+        """True once bytes of the program were lost; reported once."""
         self.set_baud(baud)
 
     def set_baud(self, baud: float) -> None:
@@ -98,6 +105,9 @@ class Wire:
         for part in _messages(data, self._framing):
             while self._in_transit and not self._in_transit[0].pending:
                 self._in_transit.popleft()
+            if at - now > MOST_IN_TRANSIT * self.byte:
+                self._lose()
+                break
             at += len(part) * self.byte
             if at <= now and not self._in_transit:
                 self._arrive(receive, part)
@@ -106,6 +116,14 @@ class Wire:
                 self._in_transit.append(arrival)
                 self._engine.call_at(at, arrival)
         self._in_free = at
+
+    def _lose(self) -> None:
+        if not self._has_lost:
+            self._has_lost = True
+            self._engine.tell_fault(
+                f"dialect: the program writes faster than the line carries: {MOST_IN_TRANSIT} bytes wait, "
+                "more are lost. A write to a real port would wait"
+            )
 
     def _arrive(self, receive: Callable[[bytes], None], data: bytes) -> None:
         with self._engine.moment():
@@ -117,6 +135,7 @@ class Wire:
         while self._in_transit:
             self._in_transit.popleft()()
         self._in_free = self._out_free = -math.inf
+        self._has_lost = False
 
     def delay(self, count: int, *, droppable: bool = False) -> float | None:
         """Time until the first of `count` bytes of the robot begins; they are sent. None if too many bytes

@@ -6,8 +6,8 @@ import pytest
 
 from simmer_tui.dialect.frames import Framing
 from simmer_tui.engine import Engine
-from simmer_tui.events import Event, MovementPlanned
-from simmer_tui.links.serial_wire import Wire
+from simmer_tui.events import Event, MovementPlanned, Notice
+from simmer_tui.links.serial_wire import MOST_IN_TRANSIT, Wire
 from simmer_tui.sim import SimulationSpec, Simulator, parse_command
 from tests.manual_loop import ManualLoop
 
@@ -58,6 +58,24 @@ def test_a_port_that_was_closed_leaves_nothing_on_the_line(line: Line) -> None:
     assert line.wire.delay(1) == 0.0
     line.loop.run_until(1.0)
     assert line.arrived[10:] == [(0.05, b"f 12\n")]
+
+
+def test_a_program_that_writes_faster_than_the_line_loses_what_no_driver_would_keep(line: Line) -> None:
+    """Each message under way is an object, and all of them arrive at once when the port is closed."""
+    told: list[str] = []
+    line.engine.watch(lambda event: told.append(event.text) if isinstance(event, Notice) else None)
+    most = MOST_IN_TRANSIT // 4
+    for _ in range(3):
+        line.transmit(b"get\n" * most)
+    line.loop.run_until(MOST_IN_TRANSIT * 0.01 + 1.0)
+    assert most <= len(line.arrived) <= most + 1
+    assert told == [
+        f"dialect: the program writes faster than the line carries: {MOST_IN_TRANSIT} bytes wait, more are "
+        "lost. A write to a real port would wait"
+    ]
+    line.transmit(b"x\n")
+    line.loop.run_until(MOST_IN_TRANSIT * 0.01 + 2.0)
+    assert line.arrived[-1][1] == b"x\n"
 
 
 def test_all_that_a_message_brings_about_has_its_time(course_spec: SimulationSpec) -> None:
