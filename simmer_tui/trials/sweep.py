@@ -50,7 +50,7 @@ def points_of(varied: Sequence[str]) -> tuple[SweepPoint, ...]:
             what = f'must be a name and its values, NAME=VALUE,VALUE..., not "{escape(text)}"'
             problems.append(Problem("--vary", what))
         points += [{name.strip(): value} for value in values]
-    repeated = {str(point) for point in points if points.count(point) > 1}
+    repeated = {shown_point(point) for point in points if points.count(point) > 1}
     problems += [Problem("--vary", f"{escape(each)} is given twice") for each in sorted(repeated)]
     if problems:
         raise ConfigurationError(problems)

@@ -59,6 +59,12 @@ def test_values_that_cannot_be_read_are_refused(text: str) -> None:
         points_of([text])
 
 
+def test_a_value_given_twice_is_named_as_it_was_typed() -> None:
+    """Perhaps 0,02 was meant: a decimal comma."""
+    with pytest.raises(ConfigurationError, match=r"^--vary: strength = 0 is given twice$"):
+        points_of(["strength=0,02,0,05"])
+
+
 def test_runs_of_all_values_have_the_same_seeds_and_take_turns(sweep: Make) -> None:
     folder = sweep("num_segments=5,20", "strength=0.3")
     trials = [folder.trial(number) for number in folder.to_do]
