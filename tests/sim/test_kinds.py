@@ -1,6 +1,12 @@
 """A table of the built-in kinds of sensors: nothing is what it is not by a default alone."""
 
-from simmer_tui.sim.sensors import Sensor, sensor_kinds
+import math
+
+import numpy as np
+
+from simmer_tui.sim import ObservingSensor, Pose, SensorSpec, World
+from simmer_tui.sim.columns import WRAP
+from simmer_tui.sim.sensors import Sensor, sensor_kinds, sensor_of
 
 
 def test_kinds_are_what_their_names_say() -> None:
@@ -18,3 +24,24 @@ def test_kinds_are_what_their_names_say() -> None:
         "lidar": (True, False, False, False),
     }
     assert {name: told[name] for name in built_in} == built_in
+
+
+class Bearing(ObservingSensor):
+    """The direction from the robot's place to the origin, degrees: of either sign, and periodic."""
+
+    name = "bear"
+    meaning = "bearing"
+    unit = "deg"
+    columns = (WRAP,)
+
+    def observe(self, world: World, pose: Pose) -> tuple[float, None]:
+        return math.degrees(math.atan2(-pose.y, -pose.x)) - pose.heading, None
+
+
+def test_a_kinds_readings_may_be_negative_and_periodic_where_a_lost_pose_is_searched() -> None:
+    sensor = sensor_of(SensorSpec(kind=Bearing, number=1, code="b1", wrap=360.0))
+    assert isinstance(sensor, ObservingSensor)
+    below, above, far = sensor.rough_likelihood(-150.0, np.array((-150.0, 210.0, -60.0)))
+    assert below > far > 0.0
+    assert above > far
+    assert sensor.rough_likelihood(-150.0, np.array((-50.0,))) > 0.0

@@ -320,8 +320,8 @@ class ObservingSensor(Sensor, ABC):
         """Likelihoods, up to a factor, of a reading before gain, bias and mounting are known, (n,)."""
         # Gains differ by some 6 %. Biases, and the effect of a few degrees of mounting, are 0.7 in. One
         # reading in twelve may fit no model (an edge, a dropout, an outlier), and is then uniform within 4 m.
-        spread = 0.06 * expected + 0.7
-        away = (reading - expected) / spread
+        spread = 0.06 * np.abs(expected) + 0.7
+        away = self.wrapped(reading - expected) / spread
         return 0.92 * np.exp(-0.5 * away**2) / (2.5066 * spread) + 0.08 / 157.0
 
 
@@ -353,8 +353,8 @@ class CountingSensor(Sensor, ABC):
 
     @abstractmethod
     def counted_on(self, turned: float, ahead: float, aside: float) -> float:
-        """Count without error where the robot turns by `turned` degrees and goes, in
-        its own frame, `ahead` and `aside` (to the left) inches."""
+        """Count without error where the robot turns by `turned` degrees and goes, in its own frame, `ahead`
+        and `aside` (to the left) inches. It must be linear in them, for `lever`."""
 
     @cached_property
     def lever(self) -> FloatArray:
