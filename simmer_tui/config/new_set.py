@@ -46,11 +46,10 @@ from simmer_tui.config.settings_file import with_all_settings
 from simmer_tui.dialect.dialect_rules import Busy
 from simmer_tui.dialect.frames import FrameKind
 from simmer_tui.errors import ConfigurationError, Problem
-from simmer_tui.sim.sensors import KINDS
+from simmer_tui.sim.sensors import KINDS, LoadSensor
 from simmer_tui.sim.values import Value
 from simmer_tui.version import requirement
 
-_LOAD = "load"
 _RANGES = tuple(name for name, kind in KINDS.items() if kind.is_range)
 _DIALECT_HEAD = """\
 # The language of your robot: what its sketch understands, and answers. simmer-tui check DIR finds
@@ -102,15 +101,20 @@ def decoded(name: str, data: bytes) -> str:
         raise ConfigurationError([Problem(name, "is not UTF-8 text; save it as UTF-8")]) from None
 
 
+def _rows_of(kind: str, text: str) -> list[dict[str, str]]:
+    """The rows of a kind of sensor or of the gripper."""
+    return [row for row in rows_by_header(text) if row.get(ID, "").lower().rstrip("0123456789") == kind]
+
+
 def with_mission(files: Mapping[str, bytes]) -> dict[str, bytes]:
     """The files of a set with the parts that a mission needs: a gripper, a load sensor and a mission.toml.
     Missing parts are copied from the bundled set `mission`."""
     model = read_files(bundled_sets()[MISSION_SET])
     texts = _device_tables(files)
     taken = {row.get(POLL_CHARACTER, "") for text in texts.values() for row in rows_by_header(text)}
-    for name, kind in ((drive_csv.FILE, drive_csv.GRIPPER_ID), (sensors_csv.FILE, _LOAD)):
-        if not any(row.get(ID, "").lower().startswith(kind) for row in rows_by_header(texts[name])):
-            wanted = next(row for row in rows_by_header(model[name].decode()) if row[ID].startswith(kind))
+    for name, kind in ((drive_csv.FILE, drive_csv.GRIPPER_ID), (sensors_csv.FILE, LoadSensor.name)):
+        if not _rows_of(kind, texts[name]):
+            wanted = _rows_of(kind, model[name].decode())[0]
             code = _free_code(wanted[POLL_CHARACTER], taken)
             taken.add(code)
             texts[name] = _with_row(texts[name], wanted | {POLL_CHARACTER: code})

@@ -9,9 +9,10 @@ import pytest
 
 from simmer_tui.config import load_default
 from simmer_tui.config.drive_csv import REQUIRED as DRIVE_HEADERS
+from simmer_tui.config.new_set import with_mission
 from simmer_tui.config.profiles import DRIVE, LINK, SENSOR, profile_names
 from simmer_tui.config.sensors_csv import HEADERS as SENSOR_HEADERS
-from simmer_tui.config.sets import FILES, bundled_folder, bundled_sets
+from simmer_tui.config.sets import FILES, bundled_folder, bundled_sets, read_files
 from simmer_tui.config.settings import Settings, all_settings
 from simmer_tui.config.settings_file import with_all_settings
 from simmer_tui.sim.rules import ChoiceRule, IntegerRule, NumberRule, SeveralRule
@@ -141,3 +142,11 @@ def test_comments_of_a_bundled_set_name_what_is_allowed(folder: Path) -> None:
         else:
             comment = ""
     assert checked > 5
+
+
+def test_a_kind_whose_name_begins_like_the_load_sensor_s_is_no_load_sensor() -> None:
+    files = read_files(bundled_folder())
+    head = files["sensors.csv"].decode().splitlines()[0]
+    files["sensors.csv"] = f"{head}\nloadcell1,q1,1,0,0,0,0,0,0,0\n".encode()
+    rows = with_mission(files)["sensors.csv"].decode().splitlines()
+    assert [row.partition(",")[0] for row in rows if row.startswith("load")] == ["loadcell1", "load1"]
