@@ -157,8 +157,7 @@ class TakeOver:
                 teller.handle(event)
         prefix.end()
         self._settle(server, reducer)
-        text = f"taken over {prefix.origin}: what comes now is new"
-        engine.tell(Notice(NoticeKind.TAKEN_OVER, text, prefix.origin.log))
+        engine.tell(Notice(NoticeKind.TAKEN_OVER, str(prefix), prefix.origin.log))
 
     def _settle(self, server: Server, reducer: Reducer) -> None:
         """Take over the time scale, and end a pause."""

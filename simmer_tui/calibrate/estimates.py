@@ -15,6 +15,7 @@ from simmer_tui.calibrate.measured_run import MeasuredRun
 from simmer_tui.calibrate.parameters import Parameter, observed_sensors
 from simmer_tui.calibrate.posterior import RANGE
 from simmer_tui.phrases import times_text
+from simmer_tui.report.robust_fit import mad_scale
 from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.motion import profile_of
 from simmer_tui.sim.sensors import ParameterKind
@@ -307,7 +308,7 @@ def line_through(x: FloatArray, y: FloatArray) -> tuple[float, float, float]:
         scaled = design * weights[:, None]
         solution = np.linalg.lstsq(scaled, y * weights, rcond=None)[0]
         off = np.abs(y - design @ solution)
-        scale = max(1.4826 * float(np.median(off)), _CLOCK)
+        scale = max(mad_scale(off), _CLOCK)
         weights = np.sqrt(np.minimum(1.0, 2.0 * scale / np.maximum(off, 1e-9)))
     # As for a uniform distribution, whose standard deviation is 1 / sqrt(12) of its range.
     spread = np.ptp(x) / math.sqrt(12) * math.sqrt(len(x))

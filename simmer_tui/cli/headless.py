@@ -167,7 +167,7 @@ class Headless(LinePrinter, FrontEnd):
         for warning in server.warnings:
             say(f"warning: {printable(warning)}")
         if server.prefix is not None:
-            say(f"taken over {printable(str(server.prefix.origin))}: what comes now is new", self._stream)
+            say(printable(str(server.prefix)), self._stream)
         ports = ", ".join(f"{purpose} on port {number}" for purpose, number in server.ports.items())
         name = printable(server.configuration.name)
         say(f"seed {server.seed}, configuration {name}, {ports}", self._stream)

@@ -8,6 +8,8 @@ from collections.abc import Iterable
 from simmer_tui.document.model import Figure
 from simmer_tui.sim.command import printable
 
+PICTURE_WIDTH = 960.0
+"""Width of every picture, points."""
 FONT = "font-family='Helvetica, Arial, sans-serif'"
 INK = "#222222"
 FAINT = "#777777"
@@ -87,13 +89,13 @@ def translated(x: float, y: float, content: str) -> str:
     return element("g", content, transform=f"translate({coordinate(x)} {coordinate(y)})")
 
 
-def legend(x: float, y: float, marks: Iterable[tuple[str, str]], width: float = 960.0) -> str:
+def legend(x: float, y: float, marks: Iterable[tuple[str, str]]) -> str:
     """A legend of marks, in a row from x on. Each is a pair of words and a mark, drawn within 20 x 10 points
-    around (0, 0) to (20, 0). Marks without room within `width` are left out."""
+    around (0, 0) to (20, 0). Marks without room within the picture are left out."""
     parts = []
     # A letter of 11 points is about 5.6 points wide on average; SVG cannot measure text.
     for words, mark in marks:
-        if x + 30 + 5.6 * len(words) > width:
+        if x + 30 + 5.6 * len(words) > PICTURE_WIDTH:
             break
         parts.append(translated(x, y, mark) + text(x + 26, y + 4, words))
         x += 46 + 5.6 * len(words)

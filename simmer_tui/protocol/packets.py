@@ -29,7 +29,7 @@ from simmer_tui.config.settings import ServerSettings
 from simmer_tui.protocol.binary import GRACE, LONGEST_COMMAND
 from simmer_tui.protocol.replies import NUMBER_STRUCTS, ReplyForm, ReplyFormat, pack_reply
 from simmer_tui.sim.arrays import FloatArray
-from simmer_tui.sim.command import Command
+from simmer_tui.sim.command import Command, code_problem
 from simmer_tui.sim.records import CommandResult, Status
 
 # Some 4,000 commands with a value; a request has at most a thousand.
@@ -186,8 +186,7 @@ def _command(piece: bytes, problem: str = "") -> Command:
     if len(piece) > LONGEST_COMMAND:
         problem = problem or f"a command has at most {LONGEST_COMMAND} bytes"
     text = piece[:LONGEST_COMMAND].decode("latin-1")  # one character a byte, so that any byte is kept
-    if len(text) < 2:
-        problem = problem or ("a code has two characters" if text else "an empty command")
+    problem = problem or code_problem(text)
     # The third character is a separator of any kind, as in simmer-python.
     argument = text[3:] if len(text) > 2 else None
     return Command(text, text[:2], argument, problem=problem, stops=text[:2] == STOP and not problem)

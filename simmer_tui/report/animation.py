@@ -180,7 +180,7 @@ class _Canvas:
 
     def _line(self, points: float) -> int:
         """A width that looks the same in pictures of any size; points are those of the report."""
-        return max(round(points * _FINER * self.width / figure.PICTURE_WIDTH), 1)
+        return max(round(points * _FINER * self.width / svg.PICTURE_WIDTH), 1)
 
     # -- a moment --------------------------------------------------------------------------------
 

@@ -20,8 +20,6 @@ from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import BLOCK, CELL_SIZE, TILE_SIZE, WALL, MazeSpec
 
-PICTURE_WIDTH = 960.0
-"""Width of every picture, points."""
 LEFT, TOP, RIGHT, AXIS = 34.0, 8.0, 14.0, 24.0
 """Room around the maze, points; `AXIS` is that of the numbers below."""
 WALLS, TILES, PAPER = "#3c3c3c", "#ececec", "#ffffff"
@@ -38,7 +36,7 @@ class MazeFrame:
     def __init__(self, maze: MazeSpec, *, largest_scale: float = 14.0, tallest: float = 760.0) -> None:
         """`largest_scale` is in points an inch, `tallest` in points."""
         self.maze = maze
-        room = PICTURE_WIDTH - LEFT - RIGHT
+        room = svg.PICTURE_WIDTH - LEFT - RIGHT
         self.scale = min(room / maze.width, tallest / maze.height, largest_scale)
         self.left = LEFT + (room - maze.width * self.scale) / 2
         self.bottom = TOP + maze.height * self.scale
@@ -138,7 +136,7 @@ def live_figure(maze: MazeSpec, task: Task | None) -> Figure:
     """The maze of a run that has just begun, for a player."""
     frame = MazeFrame(maze)
     parts = (frame.floor(), frame.zones(task), frame.walls(), frame.live(), frame.axes())
-    return Figure("The maze and the robot", PICTURE_WIDTH, frame.bottom + AXIS, "".join(parts), "maze")
+    return Figure("The maze and the robot", svg.PICTURE_WIDTH, frame.bottom + AXIS, "".join(parts), "maze")
 
 
 def maze_figure(run: RunStatistics) -> Figure:
@@ -177,7 +175,7 @@ class _MazeFigure:
             self._key(),
         )
         height = frame.bottom + AXIS + _KEY
-        return Figure("The maze and the path", PICTURE_WIDTH, height, "".join(parts), "maze")
+        return Figure("The maze and the path", svg.PICTURE_WIDTH, height, "".join(parts), "maze")
 
     def _polygon(self, corners: FloatArray, **style: object) -> str:
         placed = svg.points(self._at(x, y) for x, y in corners.tolist())

@@ -107,6 +107,9 @@ class ReplayedPrefix:
     commands: int = 0
     over_since: float | None = None
 
+    def __str__(self) -> str:
+        return f"taken over {self.origin}: what comes now is new"
+
     @property
     def over(self) -> bool:
         return self.over_since is not None

@@ -116,6 +116,13 @@ def first_of(texts: Sequence[str], most: int) -> str:
     return ", ".join(texts[:most]) + more
 
 
+def code_problem(text: str) -> str:
+    """The reason why a text has no code at its beginning; empty if it has one."""
+    if not text:
+        return "an empty command"
+    return "" if len(text) > 1 else "a code has two characters"
+
+
 def parse_command(text: str, source: str = "client") -> Command:
     """Parse a command. Never fails: text that cannot be a command is returned with `problem` set.
 
@@ -124,8 +131,7 @@ def parse_command(text: str, source: str = "client") -> Command:
     """
     # Only what line ends and typing leave: other white space is part of a malformed command.
     stripped = text.strip(" \t\r\n")
-    if len(stripped) < 2:
-        problem = "an empty command" if not stripped else "a code has two characters"
+    if problem := code_problem(stripped):
         return Command(text, source=source, problem=problem)
     return Command(text, stripped[:2], stripped[3:] if len(stripped) > 2 else None, source)
 
