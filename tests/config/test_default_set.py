@@ -9,15 +9,25 @@ import pytest
 
 from simmer_tui.config import load_default
 from simmer_tui.config.drive_csv import REQUIRED as DRIVE_HEADERS
+from simmer_tui.config.drive_csv import DriveRows
+from simmer_tui.config.loader import simulation_of
 from simmer_tui.config.new_set import with_mission
 from simmer_tui.config.profiles import DRIVE, LINK, SENSOR, profile_names
 from simmer_tui.config.sensors_csv import HEADERS as SENSOR_HEADERS
 from simmer_tui.config.sets import FILES, bundled_folder, bundled_sets, read_files
-from simmer_tui.config.settings import Settings, all_settings
+from simmer_tui.config.settings import Settings, WheelsSettings, all_settings
 from simmer_tui.config.settings_file import with_all_settings
 from simmer_tui.sim.rules import ChoiceRule, IntegerRule, NumberRule, SeveralRule
 from simmer_tui.sim.sensors import LineSensor
-from simmer_tui.sim.specs import Axes, DriveKind
+from simmer_tui.sim.specs import (
+    Axes,
+    DriveKind,
+    MazeSpec,
+    RobotSpec,
+    SimulationSpec,
+    WheelLayout,
+    WheelsSpec,
+)
 
 
 def test_default_set_is_the_courses_maze_robot_and_sensors() -> None:
@@ -150,3 +160,14 @@ def test_a_kind_whose_name_begins_like_the_load_sensor_s_is_no_load_sensor() -> 
     files["sensors.csv"] = f"{head}\nloadcell1,q1,1,0,0,0,0,0,0,0\n".encode()
     rows = with_mission(files)["sensors.csv"].decode().splitlines()
     assert [row.partition(",")[0] for row in rows if row.startswith("load")] == ["loadcell1", "load1"]
+
+
+def test_a_simulation_without_settings_is_as_the_settings_have_it() -> None:
+    # The simulation knows no settings, so it has defaults of its own; a notebook leaves these out too.
+    settings = Settings(wheels=WheelsSettings(layout="omni-4"))
+    maze, robot = MazeSpec(((1,),)), RobotSpec.circle(6.0)
+    made = simulation_of(settings, maze, robot, (), DriveRows())
+    wheels = WheelsSpec(layout=WheelLayout("omni-4"))
+    assert made == SimulationSpec(
+        maze=maze, robot=robot, sensors=(), drives=(), bot_center=settings.bot_center, wheels=wheels
+    )
