@@ -34,7 +34,7 @@ def checked_pace(pace: float) -> float:
     return min(max(pace, PACES.low), PACES.high) if pace else 0.0
 
 
-class _Way(Struct, frozen=True):
+class _ShownMovement(Struct, frozen=True):
     """A movement as it is shown: its begin and end by the loop's clock."""
 
     trajectory: Trajectory | Leg
@@ -68,7 +68,7 @@ class PlaybackThrottle(EventHandler[None]):
         """Those who see movements at the pace."""
         self._loop = loop
         self._late = TimerQueue()
-        self._ways: deque[_Way] = deque()
+        self._movements: deque[_ShownMovement] = deque()
         self.until = -math.inf
         """Time by the loop's clock at which everything so far will have been shown."""
         self._timer = LoopTimer(self._go_on, loop)
@@ -81,7 +81,7 @@ class PlaybackThrottle(EventHandler[None]):
     def time(self) -> float | None:
         """The simulated time of the movement shown now; None if the present is shown."""
         self._go_on()
-        return self._ways[0].time(self._loop.time()) if self._ways else None
+        return self._movements[0].time(self._loop.time()) if self._movements else None
 
     def watch(self, event: Event) -> None:
         """Take an event for those who watch at the pace."""
@@ -106,23 +106,23 @@ class PlaybackThrottle(EventHandler[None]):
         self.until = -math.inf
 
     def on_ended(self, event: MovementEnded) -> None:
-        self._begin_way(event.trajectory)
+        self._begin_movement(event.trajectory)
 
     def on_leg_ended(self, event: LegEnded) -> None:
-        self._begin_way(event.leg)
+        self._begin_movement(event.leg)
 
     # -- within --------------------------------------------------------------------------------
 
-    def _begin_way(self, trajectory: Trajectory | Leg) -> None:
+    def _begin_movement(self, trajectory: Trajectory | Leg) -> None:
         """Delay later events until this movement has been shown."""
         length = trajectory.end_time - trajectory.start_time
-        seconds = min(length / self.pace, LONGEST_SHOWN / (1 + len(self._ways)))
+        seconds = min(length / self.pace, LONGEST_SHOWN / (1 + len(self._movements)))
         if seconds <= 0.0:
             return
         begin = max(self._loop.time(), self.until)
         self.until = begin + seconds
-        self._ways.append(_Way(trajectory, begin, self.until))
-        self.later(self.until, self._ways.popleft)
+        self._movements.append(_ShownMovement(trajectory, begin, self.until))
+        self.later(self.until, self._movements.popleft)
 
     def _go_on(self, now: float | None = None) -> None:
         """Make the calls that are due."""

@@ -113,7 +113,7 @@ PHRASES = {
         "older than {report.contact_causes.STALE:g} in of path does not count",
         "More than {report.ending_causes._FAR:g} in from the block",
         "{run.run_history.STUCK!w} or more movements in a row ended at a wall",
-        "for a {run.facts.PRESSED!w} of the time limit, and it did not go {run.facts.PRESSED_WAY:g} in",
+        "for a {run.facts.PRESSED!w} of the time limit, and it did not go {run.facts.PRESSED_DISTANCE:g} in",
         "{report.ending_causes.MOVES} movements in a {report.ending_causes.STAYED!w} of that time are enough, or "
         "{run.progress.HUNDRED} readings without a movement",
         "at least {report.right_readings._OFTEN!w} range readings",

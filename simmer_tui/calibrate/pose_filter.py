@@ -148,10 +148,10 @@ class PoseFilter:
         totals, spread = self._process_model(stop)
         observed = self._counted(stop)
         for each in observed:
-            mean, doubt = _updated(totals, spread, [other for other in observed if other is not each])
+            mean, covariance = _updated(totals, spread, [other for other in observed if other is not each])
             # Wheels of a robot at a wall do not match the turn that it made.
             known = stop in self.free
-            deviation = np.sqrt(each.variance + each.slope @ doubt @ each.slope) if known else 0.0
+            deviation = np.sqrt(each.variance + each.slope @ covariance @ each.slope) if known else 0.0
             self._note(each.counter, 0, float(each.change - each.slope @ mean), float(deviation))
         gyro = next((each for each in observed if not each.counter.slips), None)
         if not self.movements[stop].certain:

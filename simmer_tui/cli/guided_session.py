@@ -136,17 +136,17 @@ def progress_picture(guide: SessionPlanner, what: str, link: str, height: int) -
         goals.add_row(_NAMES[name], "?" if np.isinf(now) else f"{now:.3g}", f"{WANTED[name]:g}")
     if guide.fit is None:
         return Group(head, goals)
-    figures = Table("part", "figure", "is", "95 % interval", "doubt left", box=None)
+    figures = Table("part", "parameter", "is", "95 % interval", "uncertainty left", box=None)
     found = guide.fit
-    doubts = found.standard_errors / [parameter.spread for parameter in found.space.parameters]
+    remaining = found.standard_errors / [parameter.spread for parameter in found.space.parameters]
     room = max(height - _OTHER_LINES - len(goals.rows), 1)
-    order = np.argsort(-doubts, kind="stable")
+    order = np.argsort(-remaining, kind="stable")
     for index in order[:room]:
         parameter, is_identified = found.space.parameters[index], found.identified[index]
         value, spread = float(found.state.parameters[index]), float(found.standard_errors[index])
         middle, low, high = shown(value, *parameter.interval(value, spread))
-        bar = "#" * max(1, min(20, round(20 * float(doubts[index]))))
-        cells = (middle, f"{low} to {high}") if is_identified else ("?", "not known yet")
+        bar = "#" * max(1, min(20, round(20 * float(remaining[index]))))
+        cells = (middle, f"{low} to {high}") if is_identified else ("?", "not identified yet")
         figures.add_row(parameter.owner, parameter.label, *cells, bar)
     rest = Text(f"and {counted(len(order) - room, 'parameter')} known better" if len(order) > room else "")
     return Group(head, goals, figures, rest)

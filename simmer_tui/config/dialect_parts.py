@@ -65,8 +65,8 @@ class RuleParts:
             raise ValueError("must be a text, a table for a binary frame, or a list of them")
         text = self._text(given, place, names)
         if self._framing.kind is FrameKind.BINARY and not self._reply_end:
-            way = 'write { type = 1, text = "..." }, or give plain texts an end by [reply] end'
-            self._file.add_problem(place, f"a text is no binary frame; {way}")
+            advice = 'write { type = 1, text = "..." }, or give plain texts an end by [reply] end'
+            self._file.add_problem(place, f"a text is no binary frame; {advice}")
         return text
 
     def _binary_reply(self, given: Mapping[str, Any], place: str, names: Names) -> BinaryReply | None:

@@ -108,13 +108,13 @@ class InverseRules:
         movement by `value`, else one of the rule's own length."""
         wanted = self._direction(code, value)
         messages = [each for rule in self._rules.rules for each in self._messages(rule)]
-        ways = [_along(self._does(each), wanted) for each in messages]
-        if math.inf in ways:
-            return messages[ways.index(math.inf)]
+        shares = [_along(self._does(each), wanted) for each in messages]
+        if math.inf in shares:
+            return messages[shares.index(math.inf)]
         driven = self.drive(code, value)
         if isinstance(driven, DialectMessage):
             return driven
-        return next((each for each, way in zip(messages, ways, strict=True) if way > 0), driven)
+        return next((each for each, share in zip(messages, shares, strict=True) if share > 0), driven)
 
     def read(self, code: str) -> DialectMessage | str:
         """The message that is answered with a reading of a sensor, or the reason there is none."""

@@ -127,5 +127,5 @@ def drives_through_block(state: State, spec: SimulationSpec) -> bool:
     block = state.block
     if spec.block_solid or not block.size or state.holding or not state.legs:
         return False
-    way = state.legs[-1]
-    return bool(np.hypot(way[:, 0] - block.x, way[:, 1] - block.y).min() < spec.robot.reach)
+    path = state.legs[-1]
+    return bool(np.hypot(path[:, 0] - block.x, path[:, 1] - block.y).min() < spec.robot.reach)

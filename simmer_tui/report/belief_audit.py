@@ -35,7 +35,7 @@ _LEAST_SHARE = 0.05
 """Least difference of a factor from 1 that matters."""
 _EXPLAINED = 0.7
 """Least share of movements that a factor must explain; the others are corrections. Judged."""
-_WAY, _TURN = 1.0, 5.0
+_DISTANCE, _TURN = 1.0, 5.0
 """Shortest path and turn that count, inches and degrees: corrections are smaller."""
 _MOVED_BY_NOTHING = 0.1
 """Share of beliefs that may move with nothing between: resampled particles, or a second filter. Judged."""
@@ -48,13 +48,13 @@ _ASSUMED = 1.0
 @dataclass(frozen=True, slots=True)
 class _Axis:
     """One kind of motion: how far the robot went between beliefs and how far the program believed, (n,).
-    `least` is the shortest motion that counts, `doubt` the size of corrections of a belief."""
+    `least` is the shortest motion that counts, `correction` the usual size of corrections of a belief."""
 
     believed: FloatArray
     true: FloatArray
     usable: BoolArray
     least: float
-    doubt: float
+    correction: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,13 +84,13 @@ class BeliefMotion:
         self._turn = half_turn(turn)
         self._true_turn = true_turn
         believed = _in_frame(beliefs, ("x", "y", "heading"), self._turn)
-        self._believed_way = np.hypot(*believed)
+        self._believed_distance = np.hypot(*believed)
         self._same = (np.abs(np.vstack((believed, self._turn))) < SAME_POSE).all(axis=0)
         """True where the same pose was sent again: it does not depend on readings or commands."""
-        self._way = _in_frame(beliefs, ("true_x", "true_y", "true_heading"), true_turn)
-        self._gone = np.hypot(*self._way)
+        self._moved = _in_frame(beliefs, ("true_x", "true_y", "true_heading"), true_turn)
+        self._gone = np.hypot(*self._moved)
         with np.errstate(invalid="ignore", divide="ignore"):
-            self._along = (believed * self._way).sum(axis=0) / self._gone
+            self._along = (believed * self._moved).sum(axis=0) / self._gone
 
     def explanations(self) -> list[list[Disagreement]]:
         """For turns and for distances, the sensors and drives that explain a difference; none without one."""
@@ -101,10 +101,10 @@ class BeliefMotion:
         usable = sure[1:] & sure[:-1]
         in_half = np.abs(self._true_turn) <= _LONGEST_TURN
         turns = _Axis(self._turn, self._true_turn, usable & in_half, _TURN, LEAST_DEGREES)
-        ways = _Axis(self._along, self._gone, usable & near[1:] & near[:-1], _WAY, 0.5)
+        distances = _Axis(self._along, self._gone, usable & near[1:] & near[:-1], _DISTANCE, 0.5)
         made = (
             self._explained(turns, [*self._turn_counters(), *self._drives(turning=True)]),
-            self._explained(ways, [*self._way_counters(), *self._drives(turning=False)]),
+            self._explained(distances, [*self._distance_counters(), *self._drives(turning=False)]),
         )
         return [each for each in made if each]
 
@@ -116,10 +116,10 @@ class BeliefMotion:
             return []
         read = np.diff(np.searchsorted(self._readings["order"], self._beliefs["order"])) > 0
         stood = np.diff(self._at) == 0
-        gone, turned = self._believed_way >= _WAY, np.abs(self._turn) >= _TURN
+        gone, turned = self._believed_distance >= _DISTANCE, np.abs(self._turn) >= _TURN
         # A program that sends its next pose before the command is there one belief later.
         early = np.append(stood[1:], True) | np.append(gone[1:] | turned[1:], True)
-        moved = stood & ~read & early & (gone | turned) & np.isfinite(self._believed_way)
+        moved = stood & ~read & early & (gone | turned) & np.isfinite(self._believed_distance)
         if moved.sum() < _FEWEST:
             return []
         first = int(np.flatnonzero(moved)[0])
@@ -143,9 +143,9 @@ class BeliefMotion:
         if len(places) < _FEWEST:
             return []
         believed, true = axis.believed[places], axis.true[places]
-        spread = axis.doubt / 2 + 0.02 * np.abs(true)
+        spread = axis.correction / 2 + 0.02 * np.abs(true)
         factor = float(robust_fit(true[:, None], believed, spread).values[0])
-        apart = np.abs((factor - 1.0) * true) > axis.doubt
+        apart = np.abs((factor - 1.0) * true) > axis.correction
         near = np.abs(believed - factor * true) < np.abs(believed - true)
         fits = np.abs(believed - factor * true) <= 4 * spread
         if abs(factor - 1.0) < _LEAST_SHARE or apart.sum() < _FEWEST or fits[apart].mean() < _EXPLAINED:
@@ -166,7 +166,7 @@ class BeliefMotion:
             used = "commands" if source.is_drive else "replies"
             text = f"the program used {value:.2f} times {source.code}'s {used} in the log ({figures})"
             # Smaller differences cannot be distinguished: poses are sent in hundredths.
-            scatter, of = max(scatter, axis.doubt / 20), (source.code,)
+            scatter, of = max(scatter, axis.correction / 20), (source.code,)
             found.append(Disagreement(of, text, fit.count, probability, scatter, *moment(begun)))
         return found
 
@@ -179,12 +179,12 @@ class BeliefMotion:
             if (lever := sensor.lever)[2] and not lever[:2].any()
         ]
 
-    def _way_counters(self) -> list[_Source]:
+    def _distance_counters(self) -> list[_Source]:
         found = []
         for sensor, counts in self._counters():
             lever = sensor.lever
             with np.errstate(invalid="ignore", divide="ignore"):
-                share = (lever[:2, None] * self._way).sum(axis=0) / self._gone
+                share = (lever[:2, None] * self._moved).sum(axis=0) / self._gone
                 values = (counts - lever[2] * self._true_turn) / share
             # A wheel that hardly rolls does not measure the path.
             found.append(_Source(sensor.spec.code, np.where(np.abs(share) > 0.5, values, np.nan), False))
@@ -222,10 +222,11 @@ class BeliefMotion:
             rivals = of_kind & ~mine
             sums = np.concatenate(((0.0,), np.cumsum(asked)))
             others = np.concatenate(((0,), np.cumsum(rivals)))
-            ways = np.diff(sums[self._at])
+            amounts = np.diff(sums[self._at])
             # The only drive on its axis; otherwise the motion cannot be assigned to one.
-            alone = (np.diff(others[self._at]) == 0) & (ways != 0.0)
-            found.append(_Source(row.code, np.where(alone, ways if turning else np.abs(ways), np.nan), True))
+            alone = (np.diff(others[self._at]) == 0) & (amounts != 0.0)
+            used = amounts if turning else np.abs(amounts)
+            found.append(_Source(row.code, np.where(alone, used, np.nan), True))
         return found
 
 

@@ -68,7 +68,7 @@ class Counterfactual:
 
 _Driven = tuple[Twist, float]
 """A velocity in the robot's frame, and its duration, seconds."""
-_Way = Axes | Sequence[_Driven]
+_Motion = Axes | Sequence[_Driven]
 """A movement by its distance on each axis, or velocities one after the other."""
 
 
@@ -124,7 +124,7 @@ class CounterfactualWorld:
         """A change tried; None if it would change nothing, or cannot be decided for a velocity."""
         ended, legs = met.ended, met.legs
         start = legs[0].before if legs else ended.before
-        went: _Way = [_driven(leg) for leg in legs] if legs else ended.trajectory.totals
+        went: _Motion = [_driven(leg) for leg in legs] if legs else ended.trajectory.totals
         unseen, known = met.unseen, len(met.before)
         if legs:
             unseen, known = met.unseen_legs, len(legs)
@@ -171,9 +171,9 @@ class CounterfactualWorld:
         fastest = last.speed + math.radians(abs(last.r)) * self._footprint.reach
         return [*driven[:-1], (last, seconds + (NARROW / fastest if fastest else 0.0))]
 
-    def _from(self, met: Collision, change: Change, places: Sequence[Pose], way: _Way) -> Counterfactual:
+    def _from(self, met: Collision, change: Change, places: Sequence[Pose], moved: _Motion) -> Counterfactual:
         """The same motion from other places; one place without a contact is enough."""
-        touched = [self._meets(met, place, way) for place in places]
+        touched = [self._meets(met, place, moved) for place in places]
         possible = [each for each in touched if each is not None]
         return Counterfactual(change, not all(possible) if possible else None)
 
@@ -206,26 +206,26 @@ class CounterfactualWorld:
         parts = components(commanded, self._by_kind)
         return TrueVelocity(commanded, parts, DistanceErrors(1, {}, ()), {}, noise=False).whole
 
-    def _cleared(self, met: Collision, change: Change, start: Pose, way: _Way) -> Counterfactual:
+    def _cleared(self, met: Collision, change: Change, start: Pose, moved: _Motion) -> Counterfactual:
         """The counterfactual of a motion from a pose: saved if it would pass everything with a margin of
         `NARROW`."""
-        touches = self._meets(met, start, way)
+        touches = self._meets(met, start, moved)
         if touches is not False:
             return Counterfactual(change, None if touches is None else False)
         shifted = (Pose(start.x + NARROW * x, start.y + NARROW * y, start.heading) for x, y in _AROUND)
         # A start closer to a wall than that is too narrow as well.
-        passes = all(self._meets(met, each, way) is False for each in shifted)
+        passes = all(self._meets(met, each, moved) is False for each in shifted)
         return Counterfactual(change, True if passes else None)
 
-    def _meets(self, met: Collision, start: Pose, way: _Way) -> bool | None:
+    def _meets(self, met: Collision, start: Pose, moved: _Motion) -> bool | None:
         """True if a motion from a pose would touch anything; None if the robot would stand in a wall."""
         kind = met.ended.trajectory.kind
         if kind is None or self._walls.overlap(self._body(met), start):
             return None
-        if isinstance(way, Axes):
-            return self._trajectory(met, start, kind, way).contact is not None
+        if isinstance(moved, Axes):
+            return self._trajectory(met, start, kind, moved).contact is not None
         body, obstacles, pose = self._body(met), self._obstacles(met, start), start
-        for twist, seconds in way:
+        for twist, seconds in moved:
             parts = math.ceil(abs(twist.r) * seconds / LARGEST_TURN) or 1
             for _ in range(parts):
                 arc = Arc.of(pose, twist, seconds / parts)

@@ -29,7 +29,7 @@ from simmer_tui.sim.sensors import ObservingSensor, modelled_sensor
 _OFFSETS = tuple(sign * inches for inches in range(1, 7) for sign in (1.0, -1.0))
 # Gains that are tried.
 _GAINS = (0.5, 0.6, 0.7, 0.8, 0.9, 1.1, 1.2, 1.35, 1.5, 2.0)
-_DOUBT, _SIGMAS = 0.75, 2.0
+_TOLERANCE, _SIGMAS = 0.75, 2.0
 """Tolerance of an explained reading: inches, and standard deviations of sensor and belief. Offsets are tried
 in steps of an inch: half a step, and a quarter inch for the blur of a filter. Judged."""
 _EXPLAINED, _LESS = 0.5, 0.5
@@ -55,9 +55,9 @@ class _Seen:
         known."""
         there = np.isfinite(implied)
         noise = self.sensor.spec.error * np.where(there, implied, 0.0)
-        doubt = _DOUBT + _SIGMAS * np.hypot(noise, self.spread)
+        tolerance = _TOLERANCE + _SIGMAS * np.hypot(noise, self.spread)
         with np.errstate(invalid="ignore"):
-            fits = (np.abs(used - implied) <= doubt) | (used == implied)
+            fits = (np.abs(used - implied) <= tolerance) | (used == implied)
         unknown = (self.belief < 0) | np.isnan(implied) | np.isnan(used)
         return np.where(unknown, np.nan, fits)
 

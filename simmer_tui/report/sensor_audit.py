@@ -82,11 +82,11 @@ def _held_against(sample: SensorSample, other: Alternative) -> tuple[int, int, f
     known = np.isfinite(other.expected)
     expected = np.where(known, other.expected, sample.expected)
     off, otherwise = np.abs(sample.off(sample.expected)), np.abs(sample.off(expected))
-    apart = np.abs(sample.sensor.wrapped(expected - sample.expected)) > sample.doubt
+    apart = np.abs(sample.sensor.wrapped(expected - sample.expected)) > sample.tolerance
     count = int(apart.sum())
     if not count:
         return 0, 0, 0.0
-    near = otherwise <= sample.doubt
+    near = otherwise <= sample.tolerance
     return int((otherwise < off)[apart].sum()), count, float(min(near[known].mean(), near[apart].mean()))
 
 

@@ -80,7 +80,7 @@ class SensorSample:
         return LEAST_DEGREES if self.spec.unit == "deg" else LEAST_INCHES
 
     @property
-    def doubt(self) -> FloatArray:
+    def tolerance(self) -> FloatArray:
         """Errors up to which a reading still agrees with a value: half of the least error that matters, and
         four standard deviations, (n,). One normal error in 16,000 is beyond them."""
         return self.least / 2 + 4 * self.spread
@@ -234,7 +234,7 @@ def _counted(
         levels, known = (rows["value"] - rows["error"]) / own.gain, np.ones(len(rows), bool)
     else:
         levels, known = _driven(history, rows) @ sensor.lever, _at_rest(history, times)
-    way = _way(sensor, rows)
+    travelled = _travelled(sensor, rows)
     step = _stride(len(rows), _MOST)
     values = sensor.wrapped(np.diff(rows["value"]))
     seconds, counted = np.diff(times), np.diff(levels)
@@ -245,7 +245,7 @@ def _counted(
     whole = np.flatnonzero(known)[::step]
     tick = max(spec.resolution, 1.0 / spec.ticks_per_inch if spec.ticks_per_inch else 0.0)
     spread = np.sqrt(
-        (spec.gain * spec.error * np.diff(way)) ** 2
+        (spec.gain * spec.error * np.diff(travelled)) ** 2
         + spec.random_walk**2 * np.maximum(seconds, 0.0)
         + tick**2 / 6.0
         + sensor.least_error**2
@@ -253,7 +253,7 @@ def _counted(
     expected = spec.gain * counted + spec.drift * seconds
     begun = times[0] - history.clock.before
     level = spec.gain * levels[0] + spec.bias + spec.drift * begun
-    doubt = abs(spec.gain * spec.error * way[0]) + spec.random_walk * max(begun, 0.0) ** 0.5
+    deviation = abs(spec.gain * spec.error * travelled[0]) + spec.random_walk * max(begun, 0.0) ** 0.5
     sample = SensorSample(
         sensor,
         values[whole],
@@ -262,7 +262,7 @@ def _counted(
         seconds=seconds[whole],
         first=(
             float(sensor.wrapped(rows["value"][0] - level)),
-            float(np.hypot(doubt + tick, sensor.least_error)),
+            float(np.hypot(deviation + tick, sensor.least_error)),
         ),
     )
     usable = np.zeros(len(values), bool)
@@ -280,7 +280,7 @@ def _counted(
     return sample.against(made)
 
 
-def _way(sensor: CountingSensor, rows: Columns) -> FloatArray:
+def _travelled(sensor: CountingSensor, rows: Columns) -> FloatArray:
     """Counts of the whole path up to each reading, in either direction: errors grow with it, (n,)."""
     ahead, aside, turn = np.abs(sensor.lever)
     return np.asarray(max(ahead, aside) * rows["gone"] + turn * rows["turned"], np.float64)
@@ -364,7 +364,7 @@ def _is_off(sample: SensorSample) -> bool:
     """True if more than a small share of the readings differs from the expected ones."""
     if not len(sample.values):
         return False
-    off = np.abs(sample.off(sample.expected)) > sample.doubt
+    off = np.abs(sample.off(sample.expected)) > sample.tolerance
     # A tenth: two sensors that see the same in nine readings of ten are distinguished by the tenth.
     return float(off.mean()) > 0.1
 

@@ -52,7 +52,7 @@ UNSURE_TURN = 30.0
 NO_HEADING = COVERED * UNSURE_TURN
 """Error of the heading, degrees, that a grid without headings allows for: the most that a sure belief may."""
 
-PRESSED, PRESSED_WAY = 0.25, 1.0
+PRESSED, PRESSED_DISTANCE = 0.25, 1.0
 """Share of the time limit, and inches within which it stays: a program that presses so long does not notice
 the wall."""
 
@@ -68,7 +68,7 @@ class Stuck(Struct, frozen=True):
     @property
     def text(self) -> str:
         """Clause that describes it: `from 12.3 s on, a wall stopped 4 movements in a row`."""
-        held = f"it pressed against a wall for {self.pressed:.0f} s and did not go {PRESSED_WAY:g} in"
+        held = f"it pressed against a wall for {self.pressed:.0f} s and did not go {PRESSED_DISTANCE:g} in"
         if self.movements:
             held = f"a wall stopped {self.movements} movements in a row"
         return f"from {self.since:.1f} s on, {held}"

@@ -34,7 +34,7 @@ from simmer_tui.events import (
     WireMessage,
 )
 from simmer_tui.run.episodes import BeliefEpisodes
-from simmer_tui.run.facts import PRESSED, PRESSED_WAY, Stuck, deviation, is_same_place
+from simmer_tui.run.facts import PRESSED, PRESSED_DISTANCE, Stuck, deviation, is_same_place
 from simmer_tui.run.history_rows import (
     ActionRow,
     BeliefRow,
@@ -367,7 +367,7 @@ class RunHistory:
         table = self.movements
         rows = table.columns(table.place_of(after + 1), table.place_of(until + 1))
         # From the end back to where it had moved by an inch.
-        away = np.flatnonzero(np.cumsum(rows["went"][::-1]) >= PRESSED_WAY)
+        away = np.flatnonzero(np.cumsum(rows["went"][::-1]) >= PRESSED_DISTANCE)
         rows = rows[len(rows) - int(away[0]) :] if len(away) else rows
         pressed = rows[rows["pressed"]]
         lasted = float((pressed["arrival"] - pressed["begin"]).sum())

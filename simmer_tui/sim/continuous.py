@@ -229,20 +229,20 @@ class ContinuousMotion:
         around = self._checker(pose)
         here = _Here(time, pose, until, around, true)
         if not twist.moves:
-            self._begin(here, _Way(Arc.standing(pose)), until)
+            self._begin(here, _CutArc(Arc.standing(pose)), until)
             return
         if not (self._wall.dropped or self._wall.stopped):
-            way = self._clear(Arc.of(pose, true.whole, 0.0), until - time, around)
-            if not way.blocked:
-                self._begin(here, way, until)
+            cut = self._clear(Arc.of(pose, true.whole, 0.0), until - time, around)
+            if not cut.blocked:
+                self._begin(here, cut, until)
                 return
-            self._touch(here, way)
-        way, end = self._pressed(here)
-        self._begin(here, way, end, pressed=True)
+            self._touch(here, cut)
+        cut, end = self._pressed(here)
+        self._begin(here, cut, end, pressed=True)
 
-    def _begin(self, here: "_Here", way: "_Way", until: float, *, pressed: bool = False) -> None:
+    def _begin(self, here: "_Here", cut: "_CutArc", until: float, *, pressed: bool = False) -> None:
         """Make this the leg under way. A leg that nothing cuts short ends at `until` exactly."""
-        arc, time = way.arc, here.time
+        arc, time = cut.arc, here.time
         # Only the turn of a robot that is not pressed has all its errors.
         free = self._plan.twist.moves and not pressed
         counts = here.true.counts(None if free else arc.rate + arc.spin)
@@ -252,8 +252,8 @@ class ContinuousMotion:
         # A robot that stands until something changes has no end time, and needs none.
         last = arc.end if end < math.inf else arc.start
         contact = None
-        if way.met is not None and not whole and not pressed:
-            contact = self._contact(end, last, way.met, here)
+        if cut.met is not None and not whole and not pressed:
+            contact = self._contact(end, last, cut.met, here)
         self.leg = Leg(arc, time, end, last, self._plan.twist, counts, pressed=pressed, contact=contact)
         self._listener.leg_begun(self.leg)
 
@@ -294,7 +294,7 @@ class ContinuousMotion:
             # The rest of the stretch is below the rounding of simulated time: it is over.
             self._errors.advance((part,), 0.0, (part.drive.kind,))
 
-    def _clear(self, arc: Arc, seconds: float, around: CollisionChecker) -> "_Way":
+    def _clear(self, arc: Arc, seconds: float, around: CollisionChecker) -> "_CutArc":
         """An arc for as many seconds at most, cut off at its first contact."""
         x, y = arc.velocity
         speed, rate = math.sqrt(x * x + y * y), abs(arc.rate)
@@ -302,22 +302,22 @@ class ContinuousMotion:
         most = min(LARGEST_TURN / rate if rate else math.inf, around.size / speed if speed else math.inf)
         arc = replace(arc, duration=min(seconds, most))
         if arc.duration == math.inf or not (speed or len(around.footprint.vertices)):
-            return _Way(arc)
+            return _CutArc(arc)
         if self._free is not None and self._free.has_room(arc, around):
-            return _Way(arc)
+            return _CutArc(arc)
         met = first_arc_contact(around.footprint, around.obstacles, arc)
         if met is None:
             start, obstacles = arc.start, around.obstacles
             clearance = obstacles.clearance(start.x, start.y)
             self._free = _FreePlace(obstacles, start.x, start.y, clearance)
-            return _Way(arc)
+            return _CutArc(arc)
         after = arc.seconds_at(met.h)
         moved = after * (speed + math.radians(rate) * around.footprint.reach)
-        return _Way(replace(arc, duration=after if moved > AT_ONCE else 0.0), met)
+        return _CutArc(replace(arc, duration=after if moved > AT_ONCE else 0.0), met)
 
-    def _touch(self, here: "_Here", way: "_Way") -> None:
+    def _touch(self, here: "_Here", cut: "_CutArc") -> None:
         """Apply the contact rule to a motion that is blocked at its first instant."""
-        wall, met = self._wall, way.met
+        wall, met = self._wall, cut.met
         assert met is not None, "something blocks it"
         if self._rule is ContactRule.STOP:
             wall.stopped = True
@@ -332,28 +332,28 @@ class ContinuousMotion:
         if contact is not None:
             # It already touched the obstacle: a leg of length 0 reports the contact.
             counts = here.true.counts()
-            leg = Leg(way.arc, here.time, here.time, here.pose, self._plan.twist, counts, contact=contact)
+            leg = Leg(cut.arc, here.time, here.time, here.pose, self._plan.twist, counts, contact=contact)
             self._listener.leg_begun(leg)
             self._listener.leg_ended(leg)
 
-    def _pressed(self, here: "_Here") -> tuple["_Way", float]:
+    def _pressed(self, here: "_Here") -> tuple["_CutArc", float]:
         """The arc of a robot that is pressed, and the time to which it may last."""
         wall, time, pose, around = self._wall, here.time, here.pose, here.around
         if wall.stopped:
-            return _Way(Arc.standing(pose)), here.until
+            return _CutArc(Arc.standing(pose)), here.until
         until = min(here.until, wall.dropped_until)
         # A contact has ended a move early: the robot stands still for the rest of that time, so that
         # choices are few.
         if time < wall.hold_until:
-            return _Way(Arc.standing(pose)), min(until, wall.hold_until)
+            return _CutArc(Arc.standing(pose)), min(until, wall.hold_until)
         hold_until = time + self._period
         for move in wall_moves(around.footprint, around.obstacles, pose, here.true.own, self._friction):
             end = min(until, hold_until) if move.brief else until
-            way = self._clear(move.arc(pose, 0.0), end - time, around)
-            if not way.blocked:
-                wall.hold_until = -math.inf if way.met is None else hold_until
-                return way, end
-        return _Way(Arc.standing(pose)), until
+            cut = self._clear(move.arc(pose, 0.0), end - time, around)
+            if not cut.blocked:
+                wall.hold_until = -math.inf if cut.met is None else hold_until
+                return cut, end
+        return _CutArc(Arc.standing(pose)), until
 
 
 class _Here(Struct, frozen=True):
@@ -366,7 +366,7 @@ class _Here(Struct, frozen=True):
     true: TrueVelocity
 
 
-class _Way(Struct, frozen=True):
+class _CutArc(Struct, frozen=True):
     """An arc and the contact that cuts it off, if there is one."""
 
     arc: Arc

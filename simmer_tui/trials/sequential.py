@@ -118,30 +118,30 @@ class SequentialTest:
                 return 1, count
             return (0, runs) if count <= self.fail_at[runs] else (2, -runs)
 
-        return sorted(self._ways, key=goodness)
+        return sorted(self._paths, key=goodness)
 
     @cached_property
-    def _ways(self) -> dict[tuple[int, int], float]:
-        """The logarithm of the number of ways to each end."""
-        ways, open_ways = {}, {0: 1}
+    def _paths(self) -> dict[tuple[int, int], float]:
+        """The logarithm of the number of paths to each end."""
+        paths, open_paths = {}, {0: 1}
         for runs in range(1, self.cap + 1):
             after: dict[int, int] = {}
-            for count, number in open_ways.items():
+            for count, number in open_paths.items():
                 for reached in (count, count + 1):
                     after[reached] = after.get(reached, 0) + number
-            open_ways = {}
+            open_paths = {}
             for count, number in after.items():
                 if count <= self.fail_at[runs] or count >= self.pass_at[runs]:
-                    ways[runs, count] = math.log(number)
+                    paths[runs, count] = math.log(number)
                 else:
-                    open_ways[count] = number
-        return ways
+                    open_paths[count] = number
+        return paths
 
     def _chance(self, runs: int, count: int, rate: float) -> float:
         if rate in (0.0, 1.0):
             return float(count == (runs if rate else 0))
-        ways = self._ways[runs, count]
-        return math.exp(ways + count * math.log(rate) + (runs - count) * math.log1p(-rate))
+        paths = self._paths[runs, count]
+        return math.exp(paths + count * math.log(rate) + (runs - count) * math.log1p(-rate))
 
 
 # Judged: far finer than any number of runs can distinguish; below it the bounds overflow.
