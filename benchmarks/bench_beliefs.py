@@ -121,8 +121,8 @@ def grid_shares(count: int) -> dict[str, float]:
         simulator = Simulator(configuration.simulation, 5)
         with tempfile.TemporaryDirectory() as folder:
             log = RunLog(Path(folder) / "run.jsonl", configuration, simulator)
-            beginning = checkpoint_of(simulator)
-            reducer = Reducer(beginning, history=RunHistory(beginning))
+            checkpoint = checkpoint_of(simulator)
+            reducer = Reducer(checkpoint, history=RunHistory(checkpoint))
             begun = time.process_time()
             for each in range(count):
                 belief = parse_belief(line, each / RATE, simulator.pose, (0.0, 0.0, 96.0, 48.0))

@@ -71,17 +71,17 @@ def measured(pattern: tuple[str, ...], commands: int) -> tuple[float, float]:
     """Megabytes of the history, and microseconds of a core that it adds to a command."""
     events = events_of(pattern)
     run = laps(events, commands)
-    beginning = checkpoint_of(Simulator(load_default().simulation, 7))
+    checkpoint = checkpoint_of(Simulator(load_default().simulation, 7))
     seconds = []
-    for history in (None, RunHistory(beginning)):
-        reducer = Reducer(beginning, history=history)
+    for history in (None, RunHistory(checkpoint)):
+        reducer = Reducer(checkpoint, history=history)
         begin = time.process_time()
         run(reducer)
         seconds.append(time.process_time() - begin)
     tracemalloc.start()
     try:
         before = tracemalloc.get_traced_memory()[0]
-        reducer = Reducer(beginning, history=RunHistory(beginning))
+        reducer = Reducer(checkpoint, history=RunHistory(checkpoint))
         run(reducer)
         memory = tracemalloc.get_traced_memory()[0] - before
     finally:

@@ -467,7 +467,7 @@ class Server:
         from simmer_tui.run.run_history import RunHistory
 
         read = partial(nominal_of, self.configuration)
-        return RunHistory(reducer.beginning(), now=time.monotonic, nominal=read)
+        return RunHistory(reducer.checkpoint(), now=time.monotonic, nominal=read)
 
     @cached_property
     def recorder(self) -> Recorder:

@@ -252,7 +252,7 @@ def test_random_runs_come_out_the_same(tmp_path: Path, clock: Clock, motion: str
     ]
     for one, other in zip(told, read_back, strict=True):
         assert other.before == one.before, (one, other)
-    reducer = Reducer(log.header.beginning(configuration))
+    reducer = Reducer(log.header.checkpoint(configuration))
     for event in back:
         reducer.apply(event)
     live, again = run.reducer.at().spent, reducer.at().spent

@@ -200,17 +200,17 @@ def test_a_stopped_movements_trail_ends_where_the_robot_does(course_spec: Simula
 
 def test_a_new_verdict_waits_for_its_line_on_a_slow_screen(course_spec: SimulationSpec) -> None:
     simulator = Simulator(course_spec, 5)
-    beginning = checkpoint_of(simulator)
+    checkpoint = checkpoint_of(simulator)
     calls: Queue[tuple[Callable[..., object], tuple[object, ...]]] = Queue()
     told: list[Event] = []
     live = LiveVerdict(
-        Reducer(beginning),
-        RunHistory(beginning),
+        Reducer(checkpoint),
+        RunHistory(checkpoint),
         None,
         lambda *call: calls.put((call[0], call[1:])),
         told.append,
     )
-    reducer = Reducer(beginning)
+    reducer = Reducer(checkpoint)
     recorder = Recorder(Engine(simulator), reducer, verdict=live)
 
     def run() -> Notice:

@@ -52,22 +52,22 @@ class RunStatistics:
 
     def __post_init__(self) -> None:
         header, configuration = self.header, self.configuration
-        beginning = header.beginning(configuration)
+        checkpoint = header.checkpoint(configuration)
         # Not every header says that a mission is under way; the configuration always has the mission.
         if configuration.mission is not None:
-            beginning = replace(beginning, mission=beginning.mission or MissionProgress())
+            checkpoint = replace(checkpoint, mission=checkpoint.mission or MissionProgress())
         self.paths = PathRecord(configuration.simulation.maze, header.pose, recorded=self.recorded)
         # A missing set is reported at once, before the log is read.
         found = nominal_of(configuration, self.nominal)
         self.history = RunHistory(
-            beginning,
+            checkpoint,
             log_begins=header.t,
             counters_known=header.number == 0,
             paths=self.paths,
             nominal=lambda: found,
         )
         self.history.is_twin = not header.simulated
-        self.reducer = Reducer(beginning)
+        self.reducer = Reducer(checkpoint)
         self._analysis = Analysis(self.reducer, self.history)
         self.bent = BentScans(Maze(configuration.simulation.maze))
         """The scans of lidars that were taken while the robot moved."""

@@ -86,10 +86,10 @@ _LastReading = tuple[CommandResult, Reading, deque[float], int, Block, Block | N
 class Reducer:
     """Applies events in order; `at` gives the state at a moment from the last event on."""
 
-    def __init__(self, beginning: Checkpoint, *, history: RunHistory | None = None) -> None:
+    def __init__(self, checkpoint: Checkpoint, *, history: RunHistory | None = None) -> None:
         """`history`, if given, is filled with all events."""
         self.history = history
-        self._now = beginning
+        self._now = checkpoint
         """The present state of the run; values that change with every command are kept in other
         attributes."""
         self.number = 0
@@ -101,12 +101,12 @@ class Reducer:
         self._touched: deque[Pose] = deque(maxlen=WEDGED)
         self.let_go = False
         """True if the newest grip released the block."""
-        self.time = beginning.time
+        self.time = checkpoint.time
         """Simulated time of the last event, seconds."""
-        self._commands = beginning.commands
-        self._held = in_robot_frame(beginning.block, beginning.pose) if beginning.holding else None
-        self._driving, self._link = beginning.spent.driving, beginning.spent.link
-        self._reading = dict(beginning.spent.by_sensor)
+        self._commands = checkpoint.commands
+        self._held = in_robot_frame(checkpoint.block, checkpoint.pose) if checkpoint.holding else None
+        self._driving, self._link = checkpoint.spent.driving, checkpoint.spent.link
+        self._reading = dict(checkpoint.spent.by_sensor)
         self._movement: MovementPlanned | None = None
         self.leg: Leg | None = None
         """The leg of a continuous motion under way, if there is one."""
@@ -428,7 +428,7 @@ class Reducer:
         """True if no movement is under way."""
         return self._movement is None and self.leg is None
 
-    def beginning(self) -> Checkpoint:
+    def checkpoint(self) -> Checkpoint:
         """All that a reducer must know to continue from here. Only while no movement is under way."""
         assert self.still, "a movement is under way"
         return self._checkpoint(self.time, self._now.pose)

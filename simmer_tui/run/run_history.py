@@ -231,7 +231,7 @@ class RunHistory:
 
     def __init__(
         self,
-        beginning: Checkpoint,
+        checkpoint: Checkpoint,
         *,
         log_begins: float = 0.0,
         counters_known: bool = True,
@@ -243,7 +243,7 @@ class RunHistory:
         """Make the history of a run from a checkpoint on.
 
         Args:
-            beginning: State of the run.
+            checkpoint: State from which the history continues.
             log_begins: Simulated time from which elapsed time counts.
             counters_known: True if counting sensors begin at 0.
             paths: Record of the paths, if they are to be drawn.
@@ -254,12 +254,12 @@ class RunHistory:
         self._read_nominal = nominal
         self.is_twin = False
         """True if the robot is a real one: true values are then those of its simulated twin."""
-        self.spec = spec = beginning.spec
+        self.spec = spec = checkpoint.spec
         self.paths = paths
         self._now = now
         self.clock = ElapsedTime(log_begins)
-        self.begun = self.clock.advance(beginning.time)
-        self.start = beginning.pose
+        self.begun = self.clock.advance(checkpoint.time)
+        self.start = checkpoint.pose
         self.order = 0
         """The running number of the newest event."""
         self.line = 0
@@ -310,14 +310,14 @@ class RunHistory:
         """The order of the last action that put the robot elsewhere."""
         self._truth = Truth(spec.sensors, counters_known)
         self._gone = self._turned = 0.0
-        self._holding = beginning.holding
+        self._holding = checkpoint.holding
         self._blocked = False
         """True if a contact ended the movement before."""
-        block = beginning.block
+        block = checkpoint.block
         self.add_block(
-            in_robot_frame(block, beginning.pose) if beginning.holding else block, beginning.holding
+            in_robot_frame(block, checkpoint.pose) if checkpoint.holding else block, checkpoint.holding
         )
-        self.biases.add(BiasRow(0, 0.0, beginning.bias))
+        self.biases.add(BiasRow(0, 0.0, checkpoint.bias))
 
     @property
     def elapsed(self) -> float:

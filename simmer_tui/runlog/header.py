@@ -96,7 +96,7 @@ class Header(msgspec.Struct, tag_field="kind", tag="header", frozen=True, kw_onl
     devices: tuple[LoggedDevice, ...] = ()
     kinds: tuple[RecordedKind, ...] = ()
 
-    def beginning(self, configuration: Configuration) -> Checkpoint:
+    def checkpoint(self, configuration: Configuration) -> Checkpoint:
         """The checkpoint at which the log begins."""
         spec = configuration.simulation
         block = Block(self.block.x, self.block.y, spec.block_size, self.block.heading)

@@ -131,10 +131,10 @@ class Playback:
 
     def _restart(self, entry: int) -> None:
         """Begin to reduce at least `LOOK_BACK` entries before an entry."""
-        self._decoder, beginning, at = self._decoder_before(entry - LOOK_BACK)
+        self._decoder, checkpoint, at = self._decoder_before(entry - LOOK_BACK)
         # A checkpoint counts contacts but does not hold their points.
-        beginning = replace(beginning, contact_points=self._touched_before(at))
-        self._reducer = Reducer(beginning)
+        checkpoint = replace(checkpoint, contact_points=self._touched_before(at))
+        self._reducer = Reducer(checkpoint)
         self._entry = at - 1
         self._ended = None
         self._pending: deque[MovementEnded | CommandResult] = deque()
@@ -194,7 +194,7 @@ class Playback:
             if isinstance(line, CheckpointRecord):
                 return decoder, decoder.resume(line), checkpoint + 1
             checkpoint = index.find_previous(checkpoint, EntryFlag.CHECKPOINT)  # that one is broken
-        return decoder, index.header.beginning(self.configuration), 0
+        return decoder, index.header.checkpoint(self.configuration), 0
 
 
 def _decoded(decoder: LogDecoder, line: AnyRecord | BrokenLine, entry: int) -> tuple[Event | BrokenLine, ...]:

@@ -148,7 +148,7 @@ class LogReader(OpenLog):
 
     def reducer(self) -> Reducer:
         """A reducer with the state in which the log begins."""
-        return Reducer(self.header.beginning(self.configuration))
+        return Reducer(self.header.checkpoint(self.configuration))
 
     def lines(self) -> Iterator[tuple[int, AnyRecord | BrokenLine]]:
         """The records in the order of the log, with the numbers of their lines."""

@@ -195,7 +195,7 @@ class RunLog(Closing):
         if is_due and self._reducer.still and self._encoder.complete:
             self._last_checkpoint = self.lines
             self._encoder.begin_block()
-            self._write(checkpoint_record(self._reducer.beginning(), real_time))
+            self._write(checkpoint_record(self._reducer.checkpoint(), real_time))
 
     @property
     def _present(self) -> tuple[int, float]:

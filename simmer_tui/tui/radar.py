@@ -108,11 +108,11 @@ class _Radar:
         if maze.is_wall(pose.x, pose.y):
             return np.empty((0, 2))
         angles = np.linspace(0.0, 2 * math.pi, _LOOKS, endpoint=False)
-        ways = _directions(angles)
+        directions = _directions(angles)
         x, y = np.full(_LOOKS, pose.x), np.full(_LOOKS, pose.y)
-        found = maze.cast_many(x, y, ways[:, 0], ways[:, 1])
+        found = maze.cast_many(x, y, directions[:, 0], directions[:, 1])
         near = np.flatnonzero(found <= self.outer)
-        places = np.array((pose.x, pose.y)) + found[near, None] * ways[near]
+        places = np.array((pose.x, pose.y)) + found[near, None] * directions[near]
         return to_local(places, pose)
 
     def _put_ray(self, each: SensorView) -> tuple[FloatArray, str, Role]:

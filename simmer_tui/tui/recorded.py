@@ -159,8 +159,8 @@ class RecordedRun(EventHandler[None]):
     def _begin_feed(self) -> None:
         """Restart the list of events, anywhere in the log."""
         # After a reset simulated time may be earlier than at the log's beginning.
-        beginning = replace(self.index.header.beginning(self.configuration), time=0.0)
-        self._feed, self._reducer, self._is_full = EventFeed(), Reducer(beginning), True
+        checkpoint = replace(self.index.header.checkpoint(self.configuration), time=0.0)
+        self._feed, self._reducer, self._is_full = EventFeed(), Reducer(checkpoint), True
         self._pending: tuple[float, MovementEnded] | None = None
         """The end of the movement shown, and the real time of its record."""
 

@@ -70,8 +70,8 @@ def _looks(sensor: SensorSpec) -> str:
     """Direction from the robot's front and width of the beam; empty for a sensor without a direction."""
     wide = f", {sensor.field_of_view:g} deg wide" if sensor.kind.has("field_of_view") else ""
     if isinstance(sensor, LidarSpec):
-        way = "clockwise" if sensor.clockwise else "counter-clockwise"
-        return f"all around, {way}, {sensor.scan_rate:g} scans a second"
+        direction = "clockwise" if sensor.clockwise else "counter-clockwise"
+        return f"all around, {direction}, {sensor.scan_rate:g} scans a second"
     if not sensor.kind.has("rotation"):
         return f"straight down{wide}" if wide else ""
     angle = half_turn(sensor.rotation)

@@ -78,11 +78,11 @@ class EventQueue:
 class LiveRecording:
     """The recording of a run up to now, for players. Only for the page's thread."""
 
-    def __init__(self, beginning: Checkpoint) -> None:
-        paths = PathRecord(beginning.spec.maze, beginning.pose, recorded=True)
+    def __init__(self, checkpoint: Checkpoint) -> None:
+        paths = PathRecord(checkpoint.spec.maze, checkpoint.pose, recorded=True)
         # Rows that no player shows are not kept.
-        self._history = RunHistory(beginning, log_begins=beginning.time, paths=paths, kept=READINGS)
-        self.reducer = Reducer(beginning, history=self._history)
+        self._history = RunHistory(checkpoint, log_begins=checkpoint.time, paths=paths, kept=READINGS)
+        self.reducer = Reducer(checkpoint, history=self._history)
         """Applies each event."""
         self._recording = Recording(self._history, paths)
         self._encoder = RecordingEncoder(self._recording)
@@ -128,7 +128,7 @@ class RunFrames:
         self._server = server
         self._task = task
         self._events = EventQueue(server.simulator, mission=server.referee is not None)
-        self._recording = LiveRecording(server.new_reducer().beginning())
+        self._recording = LiveRecording(server.new_reducer().checkpoint())
         self._id = secrets.token_hex(4)
         self._base = b""
         self._tail: list[bytes] = []

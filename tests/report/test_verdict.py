@@ -359,10 +359,10 @@ def test_contacts_after_the_mission_change_no_verdict_of_a_run(commands: int) ->
 def test_contacts_after_the_mission_change_no_verdict_on_screen(mission_run: Any) -> None:
     simulator, engine = mission_run.simulator, mission_run.engine
     calls: queue.SimpleQueue[tuple[Any, ...]] = queue.SimpleQueue()
-    beginning = checkpoint_of(simulator, mission=True)
+    checkpoint = checkpoint_of(simulator, mission=True)
     live = LiveVerdict(
-        Reducer(beginning),
-        RunHistory(beginning),
+        Reducer(checkpoint),
+        RunHistory(checkpoint),
         Task(0, 300.0, None),
         lambda *call: calls.put(call),
         lambda event: None,
@@ -405,11 +405,11 @@ def test_the_end_waits_for_a_search_of_the_verdict(monkeypatch: pytest.MonkeyPat
 def test_a_program_that_ends_with_its_mission_is_told_one_verdict(mission_run: Any) -> None:
     engine = mission_run.engine
     calls: queue.SimpleQueue[tuple[Any, ...]] = queue.SimpleQueue()
-    beginning = checkpoint_of(mission_run.simulator, mission=True)
+    checkpoint = checkpoint_of(mission_run.simulator, mission=True)
     told: list[Any] = []
     live = LiveVerdict(
-        Reducer(beginning),
-        RunHistory(beginning),
+        Reducer(checkpoint),
+        RunHistory(checkpoint),
         Task(0, 300.0, None),
         lambda *call: calls.put(call),
         told.append,

@@ -38,9 +38,9 @@ def wandered(
     `nominal` is its nominal set."""
     simulator = Simulator(spec, seed)
     engine = Engine(simulator)
-    beginning = checkpoint_of(simulator if told is None else Simulator(told, seed))
-    history = RunHistory(beginning, nominal=lambda: nominal)
-    reducer = Reducer(beginning, history=history)
+    checkpoint = checkpoint_of(simulator if told is None else Simulator(told, seed))
+    history = RunHistory(checkpoint, nominal=lambda: nominal)
+    reducer = Reducer(checkpoint, history=history)
 
     def tell(event: Event) -> None:
         if isinstance(event, CommandResult) and event.reading is not None:

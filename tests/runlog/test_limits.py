@@ -678,7 +678,7 @@ def test_a_log_begins_where_its_header_says(start_run: StartRun, configuration: 
         path, t=3.5, pose=[20.0, 41.0, 5.0], block=[30.0, 42.5, 7.0], number=4, holding=True, noise=False,
         mission=True, bias={"rot": [0.1, 0.2, 0.3]},
     )  # fmt: skip
-    start = header(path).beginning(configuration)
+    start = header(path).checkpoint(configuration)
     assert (start.time, start.commands, start.holding, start.noise) == (3.5, 4, True, False)
     assert (start.pose.x, start.pose.y, start.pose.heading) == (20.0, 41.0, 5.0)
     assert (start.block.x, start.block.y, start.block.heading) == (30.0, 42.5, 7.0)

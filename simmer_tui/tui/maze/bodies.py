@@ -86,11 +86,11 @@ def draw_contact(canvas: Canvas, scene: Scene, point: MazePoint) -> None:
 def _wall_beside(canvas: Canvas, x: float, y: float) -> tuple[int, int] | None:
     """The direction, right and down, to a wall that begins at a place in units of the window; None without
     one."""
-    ways = ((1, 0), (-1, 0), (0, 1), (0, -1))
-    probes = np.array((x, y)) + _PROBE * np.array(ways)
+    directions = ((1, 0), (-1, 0), (0, 1), (0, -1))
+    probes = np.array((x, y)) + _PROBE * np.array(directions)
     blocked = canvas.backdrop.in_wall(*probes.T)
     # In the middle of a wall or of the floor no side is the touched one.
-    return ways[int(blocked.argmax())] if blocked.any() and not blocked.all() else None
+    return directions[int(blocked.argmax())] if blocked.any() and not blocked.all() else None
 
 
 def _free_cell(

@@ -80,8 +80,8 @@ def to_local(places: FloatArray, pose: Pose) -> FloatArray:
 
 def ray_points(origin: tuple[float, float], bearing: float, along: FloatArray) -> FloatArray:
     """Places (n, 2) along a ray at some distances from its origin, (n,)."""
-    way = np.array((math.cos(math.radians(bearing)), math.sin(math.radians(bearing))))
-    places: FloatArray = np.array(origin) + along[:, None] * way
+    direction = np.array((math.cos(math.radians(bearing)), math.sin(math.radians(bearing))))
+    places: FloatArray = np.array(origin) + along[:, None] * direction
     return places
 
 
