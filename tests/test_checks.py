@@ -208,7 +208,7 @@ def test_the_map_has_every_room_in_the_order_of_the_import_contract() -> None:
     assert sorted(mapped) == sorted(rooms())
     layers = contract("Rooms import only downwards")["layers"][::-1]
     level = {room: number for number, layer in enumerate(layers) for room in layer.split(" | ")}
-    mapped.remove("client")  # it stands alone, outside the layers
+    mapped.remove("client")  # the last of the table, since it is for programs; it imports no room
     assert mapped == sorted(mapped, key=level.__getitem__)
 
 
