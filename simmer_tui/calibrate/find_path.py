@@ -43,6 +43,8 @@ _JITTER = np.array((0.05, 0.05, 0.15))
 of ranges."""
 _BIAS_JITTER = 0.05
 """The same for their biases, as a share of the spread of the drawn ones."""
+_DEEPER = 0.02
+"""Inches by which a particle may get deeper into a wall: less than the jitter is no contact."""
 
 ValuesAtStops = Mapping[str, Mapping[int, tuple[float, float]]]
 """Readings by code and stop: value and time."""
@@ -213,7 +215,7 @@ class PathFinder:
         segments, bend = movement.law(self._spec.num_segments)
         clear = self._clear.along(poses, totals, segments, bend)
         # A particle that overlaps a wall slightly may move along it, and away from it.
-        blocked = clear < np.minimum(self._clear.of(poses), 0.0)[:, None] - 0.02
+        blocked = clear < np.minimum(self._clear.of(poses), 0.0)[:, None] - _DEEPER
         met = np.asarray(blocked.any(axis=1))
         if met.any():
             reached = np.where(met, np.concatenate(([0.0], SHARES))[blocked.argmax(axis=1)], 1.0)
@@ -228,7 +230,7 @@ class PathFinder:
         to any place that is no deeper in a wall."""
         there = poses.copy()
         there[:, :2] += left[:, None] * random.uniform(-1.0, 1.0, (len(poses), 2))
-        kept = met & (self._clear.of(there) >= np.minimum(self._clear.of(poses), 0.0) - 0.02)
+        kept = met & (self._clear.of(there) >= np.minimum(self._clear.of(poses), 0.0) - _DEEPER)
         poses[kept] = there[kept]
 
     def _score(self, stop: int, poses: FloatArray) -> tuple[FloatArray, int]:

@@ -286,7 +286,7 @@ def _spin(drives: list[DriveSpec]) -> list[tuple[DriveSpec, float]]:
 
 
 def _square(drives: list[DriveSpec]) -> list[tuple[DriveSpec, float]]:
-    """A square in both directions, by the drive that moves ahead."""
+    """A square in both directions, by the drive that moves ahead. Sides of 5 in fit into a cell of 12 in."""
     ahead = [each for each in drives if each.kind.direction.x > 0]
     turn = [each for each in drives if each.kind.turns]
     if not (ahead and turn):

@@ -247,11 +247,12 @@ class PoseFilter:
         share /= share.sum()
         self.pose = share @ poses
         off = poses - self.pose
-        self.covariance = (off * share[:, None]).T @ off + np.diag((0.1, 0.1, 0.5)) ** 2
+        self.covariance = (off * share[:, None]).T @ off + _STEPS**2
 
     def _candidates(self) -> FloatArray:
         """Candidate poses of a lost robot: around the filter's, and on the path there."""
         noise = self._random.standard_normal((_SEARCHED, 3))
+        # A heading that a gyro counted needs a third of the width. Judged.
         turned = np.array((1.0, 1.0, 0.3 if self._turn_counted else 1.0))
         spread = np.sqrt(np.diag(self.covariance)) * 2 + _AROUND * turned
         around: FloatArray = self.pose + spread * noise

@@ -281,7 +281,7 @@ class Model:
         # After a contact, in the frame of the path: any error along it, a small one across it. The spreads
         # are judged: 0.4 of the commanded distance covers any stop on it, since the share already follows the
         # poses. 0.1 across is sliding along a wall at 6 degrees. 0.5, 0.4 in and 0.3 degrees are shifts by a
-        # push against the wall.
+        # push against the wall; 1 in is that of a turn.
         off = np.where(met, off * along.conj(), off)
         spreads = (
             np.where(met, np.where(self.turns, 1.0, 0.4 * length + 0.5), _KINEMATIC_SPREAD),
