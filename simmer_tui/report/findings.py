@@ -9,6 +9,7 @@ from simmer_tui.document.model import DataColumn, DataTable, data_table
 from simmer_tui.events import ActionName
 from simmer_tui.phrases import WEDGED_TEXT, contact_ending, pose_text, times_text
 from simmer_tui.report.run_statistics import RunStatistics
+from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.episodes import Episode, EpisodeKind
 from simmer_tui.run.history_rows import ContactRow
 from simmer_tui.run.run_history import RunHistory
@@ -80,7 +81,7 @@ def _other_seed(run: RunStatistics) -> Iterator[str]:
 def _end(run: RunStatistics) -> Iterator[str]:
     """The end at a wall, if it was there."""
     contacts = run.history.contacts.items
-    stuck = run.history.stuck(run.history.elapsed)
+    stuck = Attempt(run.history, run.task).stuck
     if stuck is not None:
         where = pose_text(run.pose)
         yield f"Stuck at the end: {stuck.text}. The robot stayed at {where}."

@@ -52,7 +52,7 @@ def report_page(run: RunStatistics, name: str, *, commands: bool = True) -> str:
 
 def _page(run: RunStatistics, name: str, *, commands: bool) -> Document:
     verdict = run.verdict
-    attempt = Attempt(run.history, run.task if run.history.missions.first.given else None)
+    attempt = Attempt(run.history, run.task)
     last = output(verdict)
     crashed = verdict.outcome is Outcome.CRASHED
     strips, strips_title = traces(run), "Sensors over time"

@@ -153,9 +153,8 @@ class _Judge:
     ) -> None:
         self._findings = findings
         self._history = history
-        # A set may have a mission that has not begun.
-        self._is_mission = task is not None and history.missions.first.given > 0
-        self._attempt = Attempt(history, task if self._is_mission else None)
+        self._attempt = Attempt(history, task)
+        self._is_mission = self._attempt.task is not None
         self._cut_off = cut_off
         self._ended, over = self._last_program(), self._attempt.over
         self._program = program = None if self._ended is None else self._ended.event

@@ -125,7 +125,8 @@ class Attempt:
 
     def __init__(self, history: RunHistory, task: Task | None) -> None:
         self.history = history
-        self.task = task
+        # A set may have a mission that has not begun.
+        self.task = task if history.missions.first.given else None
         self._within: dict[tuple[int, int], Columns] = {}
         """Columns by table and first event: many causes ask for the same, and gathering them takes longer."""
         self.spec = history.spec
