@@ -6,6 +6,7 @@ Numbers are the same everywhere: places, lengths and headings to a tenth, times 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 from simmer_tui.events import MovementEnded, ProgramEnded
 from simmer_tui.sim.angles import half_turn, side_name
@@ -89,6 +90,11 @@ def body_text(contact: Contact) -> str:
 def obstacle_text(contact: Contact) -> str:
     """The obstacle that was touched: `the wall` or `the block`."""
     return "the wall" if contact.cell is not None else "the block"
+
+
+def obstacles_text(contacts: Iterable[Contact]) -> str:
+    """The obstacles of some contacts: `a wall`, `the block`, or `a wall or the block`."""
+    return " or ".join(sorted({"the block" if each.cell is None else "a wall" for each in contacts}))
 
 
 def obstacle_place(contact: Contact, spec: SimulationSpec) -> str:
@@ -191,7 +197,7 @@ def progress_text(trajectory: Trajectory, value: float | str, time: float) -> st
 
 def stopped_text(contact: Contact) -> str:
     """Obstacle that stopped a movement, its side, and the block if that hit: `stopped by a wall ahead`."""
-    obstacle = "a wall" if contact.cell is not None else "the block"
+    obstacle = obstacles_text((contact,))
     held = ", with the held block" if contact.held_block else ""
     return f"stopped by {obstacle} {side_text(contact)}{held}"
 

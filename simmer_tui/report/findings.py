@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from simmer_tui.document.formats import COUNT, PASSAGE, QUOTED, number
 from simmer_tui.document.model import DataColumn, DataTable, data_table
 from simmer_tui.events import ActionName
-from simmer_tui.phrases import WEDGED_TEXT, contact_ending, pose_text, times_text
+from simmer_tui.phrases import WEDGED_TEXT, contact_ending, obstacles_text, pose_text, times_text
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.episodes import Episode, EpisodeKind
@@ -86,19 +86,23 @@ def _end(run: RunStatistics) -> Iterator[str]:
         where = pose_text(run.pose)
         yield f"Stuck at the end: {stuck.text}. The robot stayed at {where}."
     elif contacts and contacts[-1].contact.ended and contacts[-1].line == run.totals.last_command_line:
-        shown, line = contacts[-1].shown, contacts[-1].line
-        yield f"The run ends at a wall: {shown} (line {line}) was its last command."
+        last = contacts[-1]
+        touched = obstacles_text((last.contact,))
+        yield f"The run ends at {touched}: {last.shown} (line {last.line}) was its last command."
 
 
 def _contacts(run: RunStatistics) -> str:
     first = run.history.repeated.first.items[0].first
+    touched = obstacles_text(row.contact for row in run.history.contacts.items)
     if run.totals.legs:
-        text = f"The robot touched a wall {times_text(run.totals.contacts)}"
+        text = f"The robot touched {touched} {times_text(run.totals.contacts)}"
         unread = "No sensor was read shortly before it."
     else:
         share = f"{run.totals.contacts} of {counted(run.totals.movements, 'movement')}"
         went_on = run.totals.contacts - run.totals.contacts_that_ended
-        text = f"{share} touched a wall, and {went_on} went on" if went_on else f"{share} ended at a wall"
+        text = (
+            f"{share} touched {touched}, and {went_on} went on" if went_on else f"{share} ended at {touched}"
+        )
         unread = "No sensor was read since the movement before it."
     return f"{text}. The first: {_contact_text(first)} {_before(first) or unread}"
 

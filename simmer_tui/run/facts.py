@@ -58,19 +58,22 @@ the wall."""
 
 
 class Stuck(Struct, frozen=True):
-    """A stretch at the end in which a wall held the robot, from `since` on (elapsed seconds). `movements` is
-    the number of movements in a row; under a velocity, `pressed` is the time in seconds."""
+    """A stretch at the end in which a wall or the block held the robot, from `since` on (elapsed seconds).
+    `movements` is the number of movements in a row; under a velocity, `pressed` is the time in seconds.
+    `obstacle` is the wall or the block, in words."""
 
     since: float
     movements: int
+    obstacle: str
     pressed: float = 0.0
 
     @property
     def text(self) -> str:
         """Clause that describes it: `from 12.3 s on, a wall stopped 4 movements in a row`."""
-        held = f"it pressed against a wall for {self.pressed:.0f} s and did not go {PRESSED_DISTANCE:g} in"
+        held = f"it pressed against {self.obstacle} for {self.pressed:.0f} s"
+        held = f"{held} and did not go {PRESSED_DISTANCE:g} in"
         if self.movements:
-            held = f"a wall stopped {self.movements} movements in a row"
+            held = f"{self.obstacle} stopped {self.movements} movements in a row"
         return f"from {self.since:.1f} s on, {held}"
 
 

@@ -33,6 +33,7 @@ from simmer_tui.events import (
     ProgramEnded,
     WireMessage,
 )
+from simmer_tui.phrases import obstacles_text
 from simmer_tui.run.episodes import BeliefEpisodes
 from simmer_tui.run.facts import PRESSED, PRESSED_DISTANCE, Stuck, deviation, is_same_place
 from simmer_tui.run.history_rows import (
@@ -363,7 +364,7 @@ class RunHistory:
         after, until = self.placed if after is None else after, self.order if until is None else until
         count, since = self.blocked(after, until)
         if count >= STUCK:
-            return Stuck(since, count)
+            return Stuck(since, count, self._obstacle(until, count))
         table = self.movements
         rows = table.columns(table.place_of(after + 1), table.place_of(until + 1))
         # From the end back to where it had moved by an inch.
@@ -373,7 +374,12 @@ class RunHistory:
         lasted = float((pressed["arrival"] - pressed["begin"]).sum())
         if not len(pressed) or lasted < PRESSED * time_limit:
             return None
-        return Stuck(float(pressed["begin"][0]), 0, lasted)
+        return Stuck(float(pressed["begin"][0]), 0, self._obstacle(until, 1), lasted)
+
+    def _obstacle(self, until: int, count: int) -> str:
+        """The obstacles of the last contacts until an event."""
+        found = [row.contact for row in self.contacts.items if row.order <= until]
+        return obstacles_text(found[-count:])
 
     def are_legs(self, rows: Columns) -> BoolArray:
         """True for the rows of movements that are legs of continuous motion, (n,)."""

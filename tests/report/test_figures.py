@@ -227,6 +227,17 @@ def test_being_stuck_is_the_first_thing_said(start_run: Any) -> None:
     assert repeated.count == 6
 
 
+def test_a_solid_block_that_stops_the_robot_is_called_the_block(start_run: Any) -> None:
+    run = start_run(block_solid=True)
+    run.send("u1", *("d1-30",) * 6)
+    report = build_report(run.path)
+    said = " ".join(findings(report))
+    assert "the block stopped 6 movements in a row" in said
+    assert "the block stopped 6 movements in a row" in report.verdict.text
+    assert "6 of 6 movements ended at the block" in said
+    assert "a wall" not in said
+
+
 def test_a_velocity_pressed_against_a_wall_is_stuck(start_run: Any) -> None:
     mission = load(find_set("mission"))
     assert mission.mission is not None
