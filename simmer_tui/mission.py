@@ -31,11 +31,12 @@ from simmer_tui.events import (
     MovementPlanned,
     Result,
 )
-from simmer_tui.phrases import contacts_text
+from simmer_tui.phrases import contacts_text, obstacles_text
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import MissionProgress, State, TimeSpent
 from simmer_tui.sim.command import counted
 from simmer_tui.sim.legs import Leg
+from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose
 
 __all__ = ["Cell", "MissionPlan", "MissionState", "Referee", "environment", "plan_run", "planned"]
@@ -162,6 +163,8 @@ class Referee(EventHandler[bool]):
         self._reducer = reducer
         self._tell = tell or reducer.apply
         self._final: MissionState | None = None
+        self._touched: dict[bool, Contact] = {}
+        """The last contact with the block (True) and with a wall, since the restart."""
 
     @property
     def result(self) -> Result:
@@ -191,6 +194,7 @@ class Referee(EventHandler[bool]):
     def on_action(self, event: ActionDone) -> bool:
         if event.restarts:
             self._final = None
+            self._touched.clear()
         return False
 
     def on_planned(self, event: MovementPlanned) -> bool:
@@ -210,6 +214,7 @@ class Referee(EventHandler[bool]):
 
     def on_ended(self, event: MovementEnded) -> bool:
         path = event.trajectory.trail(event.time).tolist()
+        self._note(event.contact)
         if self._final is not None or event.time > self.plan.time_limit or self._too_many_contacts():
             return False
         return self._reach(path, event.time)
@@ -217,6 +222,7 @@ class Referee(EventHandler[bool]):
     def on_leg_ended(self, event: LegEnded) -> bool:
         # Zone, contact and time limit in the order in which they came: a contact is at a leg's end.
         self._enter(event.leg, event.time)
+        self._note(event.contact)
         if self._final is None and event.time <= self.plan.time_limit:
             self._too_many_contacts()
         return event.time <= self.plan.time_limit
@@ -268,10 +274,14 @@ class Referee(EventHandler[bool]):
         allowed, contacts = self.plan.contacts, self._reducer.contacts
         if allowed is None or contacts <= allowed:
             return False
-        self._end(
-            Result.FAILED, f"{contacts_text(contacts)} with a wall, {allowed} allowed", self._reducer.time
-        )
+        touched = obstacles_text(self._touched.values())
+        reason = f"{contacts_text(contacts)} with {touched}, {allowed} allowed"
+        self._end(Result.FAILED, reason, self._reducer.time)
         return True
+
+    def _note(self, contact: Contact | None) -> None:
+        if contact is not None:
+            self._touched[contact.cell is None] = contact
 
     def _reach(self, path: list[tuple[float, float]], now: float) -> bool:
         """True if one of these places is in the loading zone, and none was before."""

@@ -93,8 +93,9 @@ def obstacle_text(contact: Contact) -> str:
 
 
 def obstacles_text(contacts: Iterable[Contact]) -> str:
-    """The obstacles of some contacts: `a wall`, `the block`, or `a wall or the block`."""
-    return " or ".join(sorted({"the block" if each.cell is None else "a wall" for each in contacts}))
+    """The obstacles of some contacts: `a wall` (of none too), `the block`, or `a wall or the block`."""
+    found = {"the block" if each.cell is None else "a wall" for each in contacts}
+    return " or ".join(sorted(found)) or "a wall"
 
 
 def obstacle_place(contact: Contact, spec: SimulationSpec) -> str:

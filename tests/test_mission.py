@@ -237,6 +237,15 @@ def test_opening_empty_jaws_over_a_block_in_the_zone_delivers_nothing(exact_set:
     assert game.send("p1-1", "p1-0").result is Result.SUCCESS
 
 
+def test_a_contact_with_a_solid_block_is_not_said_to_be_one_with_a_wall(exact_set: Configuration) -> None:
+    solid = replace(exact_set, simulation=replace(exact_set.simulation, block_solid=True))
+    game = Game(solid, contacts=1)
+    assert game.send("d1-100").result is Result.UNDER_WAY
+    assert game.send("d1-100").reason == "2 contacts with the block, 1 allowed"
+    game.engine.perform(Action(ActionName.RESET, ()))
+    assert game.send("w1-100", "d1--1", "d1-100", "d1--100").reason.startswith("2 contacts with a wall")
+
+
 def test_one_contact_too_many_fails_and_says_where(exact_set: Configuration) -> None:
     game = Game(exact_set, contacts=1)
     assert game.send("s1-100").result is Result.UNDER_WAY

@@ -6,7 +6,7 @@ from msgspec import Struct, field
 
 from simmer_tui.events import EventHandler, Goal, Notice, NoticeKind, Result
 from simmer_tui.mission import MissionState
-from simmer_tui.phrases import progress_text, side_text, velocity_text
+from simmer_tui.phrases import obstacles_text, progress_text, side_text, velocity_text
 from simmer_tui.run.state import State, TimeSpent
 from simmer_tui.sim.angles import half_turn
 from simmer_tui.sim.command import counted, escape, parse_value, printable
@@ -352,8 +352,9 @@ def _state(snapshot: Snapshot) -> tuple[str, str]:
     """State of the robot in a few words, and its role."""
     if snapshot.state.paused:
         return ("paused, a command waits" if snapshot.waiting else "paused"), "warning"
-    if snapshot.state.touching:
-        return "held by a wall" if snapshot.state.moving else "at a wall", "danger"
+    if snapshot.state.touching and snapshot.state.contact is not None:
+        obstacle = obstacles_text((snapshot.state.contact,))
+        return f"held by {obstacle}" if snapshot.state.moving else f"at {obstacle}", "danger"
     if snapshot.state.velocity is not None:
         return velocity_text(snapshot.state.velocity), "good"
     return ("moving", "good") if snapshot.state.moving else ("standing", "value")

@@ -140,6 +140,11 @@ def test_the_robot_panel_after_a_contact(run: Run) -> None:
     ]
     assert roles(lines[3])["at a wall"] == "danger"
     assert roles(lines[4])["1"] == "danger"
+    snapshot = run.snapshot()
+    assert snapshot.state.contact is not None
+    block = replace(snapshot.state, contact=replace(snapshot.state.contact, cell=None))
+    lines = robot_lines(dataclasses.replace(snapshot, state=block), Room(36, plain=False))
+    assert texts(lines)[3] == "state    at the block   driven 3.0 in"
 
 
 @pytest.mark.parametrize("heading", [350.0, -10.0, 710.0])
