@@ -16,7 +16,7 @@ Those that hold come in this order:
 import math
 from collections.abc import Iterator, Sequence
 
-from simmer_tui.phrases import body_text, capitalized, contact_text, drift_text, obstacle_place
+from simmer_tui.phrases import body_text, capitalized, contact_text, drift_text, obstacle_place, obstacle_text
 from simmer_tui.report.causes import Cause, Kind, LogMoment, Sureness, cause_of, contradicted, undecided_text
 from simmer_tui.report.counterfactuals import Change, Counterfactual, CounterfactualWorld
 from simmer_tui.report.right_readings import looked_at_each_movement, looks_alike, shown_place
@@ -243,7 +243,8 @@ class _ContactCauses:
 
     def _apart(self, known: str) -> Cause:
         either = undecided_text("a command or reading was changed")
-        text = f"It drove straight at the wall: {self._into}. {known}. {either}"
+        obstacle = obstacle_text(self._met.contact)
+        text = f"It drove straight at {obstacle}: {self._into}. {known}. {either}"
         return self._made(Kind.UNDECIDED, text, sure=Sureness.LIKELY)
 
     def _made(

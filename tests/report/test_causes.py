@@ -105,6 +105,13 @@ def saved(cause: Cause) -> set[Change]:
 # -- contacts --------------------------------------------------------------------------------------
 
 
+def test_a_program_that_drives_at_a_solid_block_drove_at_no_wall(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(globals(), "SET", replace(SET, simulation=replace(SET.simulation, block_solid=True)))
+    mission = begin((30.0, 42.0, 180.0))
+    mission.give("u5", "d1-10")
+    assert "It drove straight at the block: d1-10 led the robot into the block" in mission.why().text
+
+
 def test_a_wrong_belief_before_the_contact_is_being_lost() -> None:
     mission = begin()
     mission.give("u1", "u2", "u4", "t1", "u5", "w1-1", "u1")
