@@ -54,6 +54,7 @@ class ExitCode(IntEnum):
     NO = 1
     PROBLEM = 2
     LOST = 3
+    # As of shells: a command that is not found, and 128 + SIGINT.
     NOT_STARTED = 127
     INTERRUPTED = 130
 

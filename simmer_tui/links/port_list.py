@@ -16,6 +16,7 @@ from simmer_tui.sim.command import escape
 WRITE_TIMEOUT = 2.0
 """Seconds after which a port that takes no bytes counts as lost."""
 
+# USB vendor IDs, as in usb.ids: of Arduino itself, and of the chips and boards that are sold as one.
 _ARDUINO = frozenset({0x2341, 0x2A03})
 _USB_SERIAL = {
     0x1A86: "CH340",
