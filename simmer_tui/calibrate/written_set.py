@@ -6,8 +6,6 @@ name, which the loader reads as notes.
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -20,7 +18,7 @@ from simmer_tui.calibrate.estimates import ParameterEstimate, unidentified_label
 from simmer_tui.calibrate.fit import Fit
 from simmer_tui.calibrate.parameters import with_parameter_values
 from simmer_tui.config import drive_csv, sensors_csv, settings_file
-from simmer_tui.config.csv_table import csv_text
+from simmer_tui.config.csv_table import csv_text, plain_rows
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.sets import write_files
 from simmer_tui.config.settings import all_settings, value_of
@@ -116,7 +114,7 @@ def _notes(estimates: Sequence[ParameterEstimate], source: str) -> dict[str, str
 
 def _noted(text: str, notes: dict[str, str]) -> str:
     """A CSV file with notes in a last column without a name."""
-    head, *rows = csv.reader(io.StringIO(text))
+    head, *rows = plain_rows(text)
     return csv_text([[*head, ""], *([*row, notes.get(row[0], "")] for row in rows)])
 
 

@@ -121,7 +121,10 @@ class Dwell:
 
 
 class Attempt:
-    """A view of the history at the moment it is made: later events do not change it."""
+    """The part of a run since its last restart, until its mission ends.
+
+    It is a view of the history at the moment it is made: later events do not change it.
+    """
 
     def __init__(self, history: RunHistory, task: Task | None) -> None:
         self.history = history
