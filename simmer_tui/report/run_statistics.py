@@ -22,7 +22,7 @@ from simmer_tui.report.finding import Finding
 from simmer_tui.report.mission_gate import Analysis
 from simmer_tui.report.recording import Recording
 from simmer_tui.report.verdict import Verdict, findings_of, verdict_of
-from simmer_tui.run.attempt import Task, task_of
+from simmer_tui.run.attempt import Attempt, Task, task_of
 from simmer_tui.run.paths import PathRecord
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.run_history import RunHistory, Totals
@@ -113,8 +113,8 @@ class RunStatistics:
 
     @cached_property
     def task(self) -> Task | None:
-        """Mission of the run; None without one."""
-        return task_of(self.configuration, self.header.seed)
+        """Mission of the run; None without one that has begun; after the last event."""
+        return Attempt(self.history, task_of(self.configuration, self.header.seed)).task
 
     @cached_property
     def verdict(self) -> Verdict:

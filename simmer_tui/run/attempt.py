@@ -138,9 +138,8 @@ class Attempt:
             (row for row in history.missions.items if row.order > self._began and row.event.over), None
         )
         # What comes after a mission's end is not part of the attempt.
-        self._until = history.order if self.over is None else self.over.order
-        self.elapsed = history.elapsed if self.over is None else self.over.elapsed
-        self.line = history.line if self.over is None else self.over.line
+        end = history if self.over is None else self.over
+        self._until, self.elapsed, self.line = end.order, end.elapsed, end.line
         actions = history.actions.items
         self._restart = next((row for row in actions if row.order == self._began), None)
         """The restart that it begins with, if that is kept."""

@@ -247,6 +247,16 @@ def test_a_long_run_stays_small_and_says_what_is_left_out(
         assert math.hypot(shown.x - pose.x, shown.y - pose.y) < 0.05
 
 
+def test_a_page_counts_down_no_mission_that_has_not_begun(start_run: Callable[..., Any]) -> None:
+    run = start_run(files=dict(load(bundled_sets()["mission"]).files))
+    run.send("u1", "d1-3")
+    report = build_report(run.path)
+    assert report.configuration.mission is not None
+    assert '"limit":null' in report_page(report, "run.jsonl")
+    run.engine.tell(MissionEvent(run.simulator.time, Result.UNDER_WAY, "mission: begun"))
+    assert '"limit":300.0' in report_page(build_report(run.path), "run.jsonl")
+
+
 def test_a_notebook_shows_a_log_as_its_page(start_run: Callable[..., Any]) -> None:
     run = start_run()
     run.send("u1", "d1-3")
