@@ -1,6 +1,6 @@
 """Phrases for contacts, grips and the ends of programs: screens, pages and reports all take them from here.
 
-Numbers are the same everywhere: places, lengths and headings to a tenth, times to a hundredth of a second.
+Places, lengths and headings are given to a tenth everywhere.
 """
 
 from __future__ import annotations
