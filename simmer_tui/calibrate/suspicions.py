@@ -20,17 +20,20 @@ from simmer_tui.calibrate.parameters import observed_sensors
 from simmer_tui.report.drive_audit import other_direction
 from simmer_tui.report.finding import FEWEST, Basis, Claim, DeviceUnderTest, Finding, FindingKind, kept
 from simmer_tui.report.sensor_audit import other_quantity
-from simmer_tui.report.sensor_sample import Alternative, SensorSample, inverted_compass, stuck
+from simmer_tui.report.sensor_sample import (
+    LEAST_ERRORS,
+    Alternative,
+    SensorSample,
+    inverted_compass,
+    stuck,
+)
 from simmer_tui.sim.arrays import BoolArray, FloatArray
 from simmer_tui.sim.sensors import CountingSensor, ObservingSensor, ParameterKind, Sensor
 
 # Judged: unknown gains, biases and mounting have an effect of an inch in a foot, and of 10 degrees.
 _UNKNOWN = {"in": 1.0, "deg": 10.0}
 """Standard deviations of readings against the set's own figures, inches and degrees. In other units it is the
-prior of the kind's bias."""
-# Judged: 50 times 0.02 is the inch of a range sensor.
-_ERRORS = 50.0
-"""The same of a kind without a bias, in least errors of its readings."""
+prior of the kind's bias, else what a report says matters."""
 # A movement in the opposite direction has a probability of 0.01 by chance: four have one in a hundred
 # million.
 _FEWEST_MOVEMENTS = 4
@@ -98,7 +101,7 @@ def _observed(
 def _unknown(sensor: Sensor) -> float:
     """Standard deviation of readings against the set's own figures, in the sensor's unit."""
     biases = (prior.spread for prior in sensor.parameters if prior.kind is ParameterKind.BIAS)
-    return _UNKNOWN.get(sensor.spec.unit) or max(biases, default=_ERRORS * sensor.least_error)
+    return _UNKNOWN.get(sensor.spec.unit) or max(biases, default=LEAST_ERRORS * sensor.least_error)
 
 
 def _counted(

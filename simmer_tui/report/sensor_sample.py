@@ -32,6 +32,10 @@ LAGS = (1, 2, 3)
 # Judged: enough to distinguish two sensors; a line sensor's 113 test points take a tenth of a millisecond.
 _PLACES = 800
 """Places at which the readings of other sensors are computed."""
+_LEAST = {"in": LEAST_INCHES, "deg": LEAST_DEGREES}
+# Judged: 50 times 0.02 is the inch of a range sensor.
+LEAST_ERRORS = 50.0
+"""Least error that matters in other units, in least errors of the kind's readings."""
 # A share of one wrong answer in twenty is no fault: it comes from edges of tiles, whatever the set declares.
 _WRONG = 0.05
 
@@ -77,7 +81,7 @@ class SensorSample:
         if self.spec.is_yes_or_no or not self.spec.unit:
             # Halfway between no and yes.
             return 0.5
-        return LEAST_DEGREES if self.spec.unit == "deg" else LEAST_INCHES
+        return _LEAST.get(self.spec.unit) or LEAST_ERRORS * self.sensor.least_error
 
     @property
     def tolerance(self) -> FloatArray:
