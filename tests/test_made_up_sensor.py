@@ -9,6 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from msgspec.structs import replace
 
@@ -22,6 +23,7 @@ from simmer_tui.importer.set_writer import write_set
 from simmer_tui.protocol.packets import RequestStyle, encode
 from simmer_tui.report.content import report_tables
 from simmer_tui.report.run_statistics import RunStatistics
+from simmer_tui.report.sensor_sample import SensorSample
 from simmer_tui.runlog.reader import LogReader
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.sim import ObservingSensor, Pose, SensorSpec, Simulator, World, parse_command, sensor_kinds
@@ -29,6 +31,7 @@ from simmer_tui.sim import columns as known
 from simmer_tui.sim.columns import CsvColumn
 from simmer_tui.sim.rules import NumberRule, listed
 from simmer_tui.sim.sensors import KINDS as BUILT_IN
+from simmer_tui.sim.sensors import Compass, Sensor, Ultrasonic, sensor_of
 from simmer_tui.tui.help import help_text
 
 
@@ -151,6 +154,29 @@ def test_the_report_tells_its_errors(configuration: Configuration, tmp_path: Pat
     assert 0.5 < temperature["std"] < 5.0, "a spread of 10 % of 18"
     assert rows["temp2"]["mean"] == 0.0
     assert rows["alarm1"]["wrong"] == 0
+
+
+class Photocell(ObservingSensor):
+    """A voltage, read to a thousandth."""
+
+    name = "photo"
+    meaning = "brightness"
+    unit = "V"
+    columns = ()
+    least_error = 0.001
+
+    def observe(self, world: World, pose: Pose) -> tuple[float, None]:
+        return pose.x / 100.0, None
+
+
+def test_the_least_error_that_matters_of_a_unit_of_its_own_follows_from_its_readings() -> None:
+    none = np.empty(0)
+
+    def least(kind: type[Sensor]) -> float:
+        return SensorSample(sensor_of(SensorSpec(kind=kind, number=1, code="x1")), none, none, none).least
+
+    assert least(Photocell) == pytest.approx(0.05)
+    assert [least(kind) for kind in (Ultrasonic, Compass)] == [1.0, 2.0]
 
 
 # -- a kind as CONTRIBUTING says: a file of its own, and its line in sim/sensors/__init__.py ----------------

@@ -37,6 +37,7 @@ from simmer_tui.document.model import (
     VerdictBox,
     data_table,
 )
+from simmer_tui.document.svg import PICTURE_WIDTH
 from simmer_tui.phrases import capitalized
 from simmer_tui.report.figure import WALLS
 from simmer_tui.sim.arrays import FloatArray
@@ -210,7 +211,7 @@ def held_back_picture(held: HeldBack) -> Figure:
     """Errors of predictions after (blue) as parts of those before (grey)."""
     parts, y = [], 8.0
     # Room for the names of kinds on the left, and for the shares on the right.
-    left, room = 240.0, svg.PICTURE_WIDTH - 240.0 - 90.0
+    left, room = 240.0, PICTURE_WIDTH - 240.0 - 90.0
     for each in held.errors:
         share = each.after / each.before if each.before else 1.0
         words = f"{each.kind.meaning}, {f'{each.ahead} ahead' if each.ahead else 'at once'}"
@@ -220,7 +221,7 @@ def held_back_picture(held: HeldBack) -> Figure:
         parts.append(svg.element("rect", x=left, y=y + 3, width=wide, height=10.0, fill=_PATH))
         parts.append(svg.text(left + room + 8, y + 12, f"{share:.0%}"))
         y += 22.0
-    return Figure("Prediction errors: after, as a share of before", svg.PICTURE_WIDTH, y, "".join(parts))
+    return Figure("Prediction errors: after, as a share of before", PICTURE_WIDTH, y, "".join(parts))
 
 
 def check_document(parts: Sequence[PartVerdict]) -> Document:
@@ -321,7 +322,7 @@ def path_pictures(fit: Fit) -> list[DocumentPart]:
     """Each chain's path, from dark to light, with its contacts."""
     pictures: list[DocumentPart] = []
     maze = fit.run.spec.maze
-    scale = svg.PICTURE_WIDTH / maze.width
+    scale = PICTURE_WIDTH / maze.width
     height, side = maze.height * scale, CELL_SIZE * scale
     walls = [
         svg.element("rect", x=column * side, y=row * side, width=side, height=side, fill=WALLS)
@@ -329,7 +330,7 @@ def path_pictures(fit: Fit) -> list[DocumentPart]:
         for column, cell in enumerate(cells)
         if cell == WALL
     ]
-    size = {"width": svg.PICTURE_WIDTH, "height": height}
+    size = {"width": PICTURE_WIDTH, "height": height}
     frame = svg.element("rect", x=0.0, y=0.0, **size, fill="none", stroke=WALLS)
     for first, chain in zip(fit.run.first_stops(), fit.run.chains, strict=True):
         count = len(chain.movements) + 1
@@ -347,7 +348,7 @@ def path_pictures(fit: Fit) -> list[DocumentPart]:
         title = "The estimated path, dark at its beginning; red: a wall was touched on the way"
         about = f"{title}. A disc shows the uncertainty of its place (95 %)."
         pictures += [
-            Figure(title, svg.PICTURE_WIDTH, height, "".join(parts) + frame),
+            Figure(title, PICTURE_WIDTH, height, "".join(parts) + frame),
             Paragraph(about, kind="note"),
         ]
     return pictures

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from simmer_tui.config.mission_plan import Cell, cells_of
 from simmer_tui.document import svg
+from simmer_tui.document.svg import PICTURE_WIDTH
 from simmer_tui.errors import ExportError
 from simmer_tui.report import figure
 from simmer_tui.report.keyframes import Keyframe
@@ -180,7 +181,7 @@ class _Canvas:
 
     def _line(self, points: float) -> int:
         """A width that looks the same in pictures of any size; points are those of the report."""
-        return max(round(points * _FINER * self.width / svg.PICTURE_WIDTH), 1)
+        return max(round(points * _FINER * self.width / PICTURE_WIDTH), 1)
 
     # -- a moment --------------------------------------------------------------------------------
 

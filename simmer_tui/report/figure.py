@@ -10,6 +10,7 @@ from itertools import groupby
 from simmer_tui.config.mission_plan import cells_of
 from simmer_tui.document import svg
 from simmer_tui.document.model import Figure
+from simmer_tui.document.svg import PICTURE_WIDTH
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.run.attempt import Task
 from simmer_tui.run.paths import PathSegment
@@ -36,7 +37,7 @@ class MazeFrame:
     def __init__(self, maze: MazeSpec, *, largest_scale: float = 14.0, tallest: float = 760.0) -> None:
         """`largest_scale` is in points an inch, `tallest` in points."""
         self.maze = maze
-        room = svg.PICTURE_WIDTH - LEFT - RIGHT
+        room = PICTURE_WIDTH - LEFT - RIGHT
         self.scale = min(room / maze.width, tallest / maze.height, largest_scale)
         self.left = LEFT + (room - maze.width * self.scale) / 2
         self.bottom = TOP + maze.height * self.scale
@@ -136,7 +137,7 @@ def live_figure(maze: MazeSpec, task: Task | None) -> Figure:
     """The maze of a run that has just begun, for a player."""
     frame = MazeFrame(maze)
     parts = (frame.floor(), frame.zones(task), frame.walls(), frame.live(), frame.axes())
-    return Figure("The maze and the robot", svg.PICTURE_WIDTH, frame.bottom + AXIS, "".join(parts), "maze")
+    return Figure("The maze and the robot", PICTURE_WIDTH, frame.bottom + AXIS, "".join(parts), "maze")
 
 
 def maze_figure(run: RunStatistics) -> Figure:
@@ -175,7 +176,7 @@ class _MazeFigure:
             self._key(),
         )
         height = frame.bottom + AXIS + _KEY
-        return Figure("The maze and the path", svg.PICTURE_WIDTH, height, "".join(parts), "maze")
+        return Figure("The maze and the path", PICTURE_WIDTH, height, "".join(parts), "maze")
 
     def _polygon(self, corners: FloatArray, **style: object) -> str:
         placed = svg.points(self._at(x, y) for x, y in corners.tolist())

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from simmer_tui.document import svg
 from simmer_tui.document.model import Figure
+from simmer_tui.document.svg import PICTURE_WIDTH
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.run.run_history import TracePoint
 
@@ -53,7 +54,7 @@ def traces(run: RunStatistics) -> Figure | None:
     if timed:
         drawn += _contact_lines(run, end, height)
     drawn += _axis(end, height, "s" if timed else "readings")
-    return Figure("Sensors", svg.PICTURE_WIDTH, height + _AXIS, drawn, "strips")
+    return Figure("Sensors", PICTURE_WIDTH, height + _AXIS, drawn, "strips")
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +76,7 @@ def page_clock(run: RunStatistics) -> Clock | None:
     if not strips or run.history.elapsed <= 0.0:
         return None
     names = tuple(strip.of for strip in strips)
-    return Clock(_LEFT, svg.PICTURE_WIDTH - _RIGHT, run.history.elapsed, _TOP, _STRIP + _GAP, names)
+    return Clock(_LEFT, PICTURE_WIDTH - _RIGHT, run.history.elapsed, _TOP, _STRIP + _GAP, names)
 
 
 def _strips(run: RunStatistics, timed: bool) -> list[Strip]:
@@ -110,12 +111,12 @@ def _draw(strip: Strip, end: float) -> str:
     # A constant line is drawn in the middle, and nothing divides by 0.
     if high - low < 1e-9:
         low, high = low - 1.0, high + 1.0
-    box = {"x": _LEFT, "y": 0.0, "width": svg.PICTURE_WIDTH - _LEFT - _RIGHT, "height": _STRIP}
+    box = {"x": _LEFT, "y": 0.0, "width": PICTURE_WIDTH - _LEFT - _RIGHT, "height": _STRIP}
     frame = svg.element("rect", **box, fill="#fafafa", stroke="#dddddd")
     scale = svg.text(_LEFT - 5, 9, _short(high), 9.5, text_anchor="end", fill=svg.FAINT)
     scale += svg.text(_LEFT - 5, _STRIP, _short(low), 9.5, text_anchor="end", fill=svg.FAINT)
     name = svg.text(4, _STRIP / 2, strip.title, 11.0, font_weight="bold")
-    unit = svg.text(svg.PICTURE_WIDTH - _RIGHT + 5, _STRIP / 2 + 4, strip.unit, 10.0, fill=svg.FAINT)
+    unit = svg.text(PICTURE_WIDTH - _RIGHT + 5, _STRIP / 2 + 4, strip.unit, 10.0, fill=svg.FAINT)
     lines = _line(strip.against, end, low, high, _TRUE, 2.4) if strip.against else ""
     lines += _line(strip.values, end, low, high, strip.color, 1.0, dots=True)
     return frame + scale + name + unit + lines
@@ -168,12 +169,12 @@ def _axis(end: float, height: float, unit: str) -> str:
         x = _across(tick * step, end)
         parts.append(svg.element("line", x1=x, y1=height, x2=x, y2=height + 4, stroke=svg.FAINT))
         parts.append(svg.text(x, height + 16, f"{tick * step:g}", 10.0, text_anchor="middle"))
-    parts.append(svg.text(svg.PICTURE_WIDTH - _RIGHT + 5, height + 16, unit, 10.0))
+    parts.append(svg.text(PICTURE_WIDTH - _RIGHT + 5, height + 16, unit, 10.0))
     return svg.element("g", "".join(parts), fill=svg.FAINT)
 
 
 def _across(x: float, end: float) -> float:
-    return _LEFT + x / end * (svg.PICTURE_WIDTH - _LEFT - _RIGHT)
+    return _LEFT + x / end * (PICTURE_WIDTH - _LEFT - _RIGHT)
 
 
 def _key(contacts: bool) -> str:

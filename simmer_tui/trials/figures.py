@@ -9,6 +9,7 @@ from types import MappingProxyType
 
 from simmer_tui.document import svg
 from simmer_tui.document.model import Figure
+from simmer_tui.document.svg import PICTURE_WIDTH
 from simmer_tui.errors import ConfigurationError, RunLogError
 from simmer_tui.report.figure import AXIS, LEFT, RIGHT, TOP, MazeFrame
 from simmer_tui.report.page import report_page
@@ -61,7 +62,7 @@ def map_figure(
         height += _KEY
         key = [(f"{name} {len(group)}", _dot(color_of(name))) for name, group in causes]
         parts.append(svg.legend(LEFT, height + 13, key))
-    return Figure(title, svg.PICTURE_WIDTH, height + _KEY, "".join(parts))
+    return Figure(title, PICTURE_WIDTH, height + _KEY, "".join(parts))
 
 
 def _end(x: float, y: float, result: TrialResult, run_pages: Mapping[int, str]) -> str:
@@ -118,7 +119,7 @@ def histogram_figure(successes: Sequence[float], failures: Sequence[float], unit
     edges, decimals = histogram([*successes, *failures])
     counts = [bin_counts(values, edges) for values in (successes, failures)]
     tallest = max(a + b for a, b in zip(*counts, strict=True))
-    bottom, width = TOP + 12 + _BAR_HEIGHT, (svg.PICTURE_WIDTH - LEFT - RIGHT) / len(counts[0])
+    bottom, width = TOP + 12 + _BAR_HEIGHT, (PICTURE_WIDTH - LEFT - RIGHT) / len(counts[0])
     parts = []
     for index, (done, failed) in enumerate(zip(*counts, strict=True)):
         x, base = LEFT + index * width, bottom
@@ -142,7 +143,7 @@ def histogram_figure(successes: Sequence[float], failures: Sequence[float], unit
         parts.append(svg.element("rect", x=x, y=y - 9, width=10.0, height=10.0, fill=fill))
         parts.append(svg.text(x + 16, y, words))
         x += 130
-    return Figure("Histogram", svg.PICTURE_WIDTH, bottom + 40, "".join(parts))
+    return Figure("Histogram", PICTURE_WIDTH, bottom + 40, "".join(parts))
 
 
 # Each page takes time and space, and nobody reads more pages than these.

@@ -19,6 +19,7 @@ from simmer_tui.document.model import (
     VerdictBox,
     data_table,
 )
+from simmer_tui.document.svg import PICTURE_WIDTH
 from simmer_tui.sim.command import escape, escape_passage, escape_word
 from simmer_tui.trials.failures import grouped, success_rate
 from simmer_tui.trials.folder import TrialFolder
@@ -216,11 +217,11 @@ def curve_figure(curve: Curve, wanted: float, title: str) -> Figure:
     parts = [_scale(up(k / 5), f"{k / 5:.1f}") for k in range(6)]
     parts.append(
         svg.element(
-            "line", x1=_LEFT, x2=svg.PICTURE_WIDTH - _RIGHT, y1=up(wanted), y2=up(wanted), stroke=svg.CONTACT,
+            "line", x1=_LEFT, x2=PICTURE_WIDTH - _RIGHT, y1=up(wanted), y2=up(wanted), stroke=svg.CONTACT,
             stroke_dasharray="6 4",
         )
     )  # fmt: skip
-    parts.append(svg.text(svg.PICTURE_WIDTH - _RIGHT + 4, up(wanted) + 4, f"{wanted:g}", fill=svg.CONTACT))
+    parts.append(svg.text(PICTURE_WIDTH - _RIGHT + 4, up(wanted) + 4, f"{wanted:g}", fill=svg.CONTACT))
     estimates = [value.rate for value in curve.values]
     if curve.is_of_numbers:
         line = svg.points((x, up(each.value)) for x, each in zip(across, estimates, strict=True))
@@ -236,9 +237,9 @@ def curve_figure(curve: Curve, wanted: float, title: str) -> Figure:
             free = x + _LABEL
     name = escape(curve.name)
     parts.append(
-        svg.text((_LEFT + svg.PICTURE_WIDTH - _RIGHT) / 2, bottom + 36, name, 12.0, text_anchor="middle")
+        svg.text((_LEFT + PICTURE_WIDTH - _RIGHT) / 2, bottom + 36, name, 12.0, text_anchor="middle")
     )
-    return Figure(title, svg.PICTURE_WIDTH, bottom + _BELOW, "".join(parts))
+    return Figure(title, PICTURE_WIDTH, bottom + _BELOW, "".join(parts))
 
 
 def _positions(curve: Curve) -> list[float]:
@@ -247,10 +248,10 @@ def _positions(curve: Curve) -> list[float]:
     if not curve.is_of_numbers:
         numbers = [float(index) for index in range(len(numbers))]
     low, span = min(numbers), max(numbers) - min(numbers)
-    room = svg.PICTURE_WIDTH - _LEFT - _RIGHT - 40
+    room = PICTURE_WIDTH - _LEFT - _RIGHT - 40
     return [_LEFT + 20 + (room * (number - low) / span if span else room / 2) for number in numbers]
 
 
 def _scale(y: float, label: str) -> str:
-    line = svg.element("line", x1=_LEFT, x2=svg.PICTURE_WIDTH - _RIGHT, y1=y, y2=y, stroke="#dddddd")
+    line = svg.element("line", x1=_LEFT, x2=PICTURE_WIDTH - _RIGHT, y1=y, y2=y, stroke="#dddddd")
     return line + svg.text(_LEFT - 8, y + 4, label, text_anchor="end", fill=svg.FAINT)

@@ -8,7 +8,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from msgspec.structs import replace
 
@@ -17,10 +16,8 @@ from simmer_tui.config.loader import find_set, load
 from simmer_tui.config.nominal import Nominal, nominal_of
 from simmer_tui.report.audit import audit
 from simmer_tui.report.finding import Basis, Claim, Finding, FindingKind, kept
-from simmer_tui.report.sensor_sample import SensorSample
-from simmer_tui.sim import ObservingSensor, Pose, SensorSpec, SimulationSpec, World
+from simmer_tui.sim import SimulationSpec
 from simmer_tui.sim.records import Reading
-from simmer_tui.sim.sensors import Compass, Sensor, Ultrasonic, sensor_of
 from simmer_tui.sim.specs import Axes
 from tests.report.wandering import Change, wandered
 
@@ -252,26 +249,3 @@ def test_findings_together_hold_the_error() -> None:
 def test_a_sensor_that_misses_everything_by_its_set_is_as_its_set_says(mission: SimulationSpec) -> None:
     silent = sensor(mission, "u1", dropout=1.0)
     assert "u1" not in {each.of for each in audit(wandered(silent, 1))}
-
-
-class Photocell(ObservingSensor):
-    """A voltage, read to a thousandth."""
-
-    name = "photo"
-    meaning = "brightness"
-    unit = "V"
-    columns = ()
-    least_error = 0.001
-
-    def observe(self, world: World, pose: Pose) -> tuple[float, None]:
-        return pose.x / 100.0, None
-
-
-def test_the_least_error_that_matters_of_a_kind_in_a_unit_of_its_own_follows_from_its_readings() -> None:
-    none = np.empty(0)
-
-    def least(kind: type[Sensor]) -> float:
-        return SensorSample(sensor_of(SensorSpec(kind=kind, number=1, code="x1")), none, none, none).least
-
-    assert least(Photocell) == pytest.approx(0.05)
-    assert [least(kind) for kind in (Ultrasonic, Compass)] == [1.0, 2.0]
