@@ -221,7 +221,7 @@ def held_back_picture(held: HeldBack) -> Figure:
         parts.append(svg.element("rect", x=left, y=y + 3, width=wide, height=10.0, fill=_PATH))
         parts.append(svg.text(left + room + 8, y + 12, f"{share:.0%}"))
         y += 22.0
-    return Figure("Prediction errors: after, as a share of before", PICTURE_WIDTH, y, "".join(parts))
+    return Figure("Prediction errors: after, as a share of before", PICTURE_WIDTH, y, "".join(parts), "graph")
 
 
 def check_document(parts: Sequence[PartVerdict]) -> Document:

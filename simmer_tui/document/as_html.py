@@ -36,13 +36,16 @@ from simmer_tui.document.model import (
 from simmer_tui.document.page_style import SORTING, STYLE
 from simmer_tui.document.svg import html_text
 
-# A table that needs more than this has its rows folded on phones: 390 points less the page's margins.
-_PHONE = 360
+# A table that needs more than this has its rows folded on phones: 360 points less the page's margins.
+_PHONE = 336
 # Points: average width of a letter in a table, and the gap between two columns.
 _LETTER, _BETWEEN = 7.2, 14.0
-# Letters of a word that may be broken, after a sign: paths and commands are longer, words of people are not.
+# Letters of a word that may be broken: paths, commands and seeds are longer, words of people are not.
 _LONG_WORD = 20
-_AFTER_SIGNS = re.compile(r"(?<=[/\\_=,.:;-])(?=\w)")
+# After a sign, and within the digits of a grading's seed.
+_BREAKS = re.compile(r"(?<=[/\\_=,.:;-])(?=\w)|(?<=\d{10})(?=\d)")
+# Between a heading and its unit.
+_BEFORE_UNIT = re.compile(r" (?=\S{1,3}$)")
 
 
 def html_page(document: Document, *, style: str = "", script: str = "") -> str:
@@ -100,10 +103,9 @@ def _part(part: DocumentPart) -> str:
         case Figure():
             return _element("div", svg.figure_svg(part), part.kind)
         case Folded():
-            content = _body(part.parts)
-            return (
-                f"<details><summary>{html_text(part.title)}</summary>{content}</details>" if content else ""
-            )
+            title = html_text(part.title)
+            content = _body(part.parts).replace(_element("h2", title), "", 1)  # once is enough
+            return f"<details><summary>{title}</summary>{content}</details>" if content else ""
         case SideBySide():
             left, right = (_element("div", _body(each)) for each in (part.left, part.right))
             return _element("div", left + right, "columns even" if part.even else "columns")
@@ -157,16 +159,22 @@ def _table(table: DataTable) -> str:
     looks = f"{'wide' if is_wide else 'narrow'}{' sortable' if table.sortable else ''}"
     title = _element("h2", html_text(table.title)) if table.title else ""
     note = _element("p", html_text(table.note), "note") if table.note else ""
-    shown = _element("table", f"{_table_head(labels, kinds)}<tbody>{body}</tbody>", looks)
+    shown = _element("table", f"{_table_head(columns, kinds)}<tbody>{body}</tbody>", looks)
     return _element("section", f"{title}{shown}{note}")
 
 
-def _table_head(labels: Sequence[str], kinds: Sequence[str]) -> str:
+def _table_head(columns: Sequence[DataColumn], kinds: Sequence[str]) -> str:
     """Headings of a table; nothing if no column has one."""
-    if not any(labels):
+    if not any(each.title for each in columns):
         return ""
-    cells = map(_element, ["th"] * len(labels), map(html_text, labels), kinds)
-    return _element("thead", _element("tr", "".join(cells)))
+    return _element("thead", _element("tr", "".join(map(_heading, columns, kinds))))
+
+
+def _heading(column: DataColumn, kind: str) -> str:
+    """A heading, on one line with its unit. Screen readers name a column without one by its key."""
+    if not column.title:
+        return f"<th aria-label='{html_text(column.key.replace('_', ' '))}'></th>"
+    return _element("th", _BEFORE_UNIT.sub("\N{NO-BREAK SPACE}", html_text(column.title)), kind)
 
 
 def _sort_values(table: DataTable) -> list[list[str]]:
@@ -216,9 +224,9 @@ def _prose(text: tuple[Prose, ...] | Prose) -> str:
 
 
 def _breakable(text: str) -> str:
-    """Text whose long words, such as paths, may be broken after a punctuation sign."""
+    """Text whose long words, such as paths, may be broken."""
     return " ".join(
-        "<wbr>".join(map(html_text, _AFTER_SIGNS.split(word))) if len(word) >= _LONG_WORD else html_text(word)
+        "<wbr>".join(map(html_text, _BREAKS.split(word))) if len(word) >= _LONG_WORD else html_text(word)
         for word in text.split(" ")
     )
 

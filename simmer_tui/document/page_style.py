@@ -87,7 +87,7 @@ ul { margin: .3em 0; padding-left: 1.2em; } li { margin: .25em 0; }
 .card ul { list-style: none; margin: 0; padding: 0; } .columns .card { margin: 0 0 10px; }
 .card pre { margin: 0; } pre { white-space: pre-wrap; line-height: 1.4; }
 .card pre :last-child { font-weight: 700; color: var(--bad); }
-.columns { display: grid; grid-template-columns: minmax(0, 1fr) 340px; gap: 0 18px; margin: 12px 0; }
+.columns { display: grid; grid-template-columns: minmax(0, 1fr) 340px; gap: 10px 18px; margin: 12px 0; }
 .columns.even { grid-template-columns: repeat(2, minmax(0, 1fr)); }
 .columns > div { min-width: 0; }
 .bar { display: flex; height: 20px; border-radius: 4px; overflow: hidden; margin: 12px 0 4px; gap: 1px; }
@@ -100,6 +100,7 @@ section { break-inside: avoid; max-width: 100%; overflow-x: auto; }
 table { border-collapse: collapse; font-size: 14px; }
 th { text-align: left; border-bottom: 1px solid var(--line); color: var(--faint); font-weight: 600; }
 th, td { padding: .2em 1em .2em 0; vertical-align: top; }
+:is(th, td):last-child { padding-right: 0; }
 table.sortable { width: 100%; font-size: 15px; }
 .sortable td { border-bottom: 1px solid var(--line); padding: 6px 10px 6px 0; }
 .sortable th { cursor: pointer; } .sortable th[aria-sort=ascending]::after { content: " ▲"; }
@@ -109,8 +110,12 @@ th.n { white-space: normal; }
 td.h { font-family: monospace; white-space: pre; }
 p.strong { font-weight: 600; } p.warning { color: var(--bad); }
 p.note { color: var(--faint); font-size: 14px; margin: .3em 0; max-width: 60em; }
+@media (max-width: 900px) {  /* tablets, and A4 upright */
+  .columns, .columns.even { grid-template-columns: minmax(0, 1fr); }
+}
 @media screen and (max-width: 700px) {
-  body { padding: 12px; } .columns, .columns.even { grid-template-columns: minmax(0, 1fr); }
+  body { padding: 12px; }
+  .graph, .strips { overflow-x: auto; } .graph svg, .strips svg { min-width: 640px; }  /* else 4 px text */
   .verdict { padding: 8px 10px; } .verdict h1 { font-size: 22px; } .verdict p { font-size: 16px; }
   .verdict .sign { font-size: 32px; width: 32px; }
   .figures { gap: 8px; } .figures div { padding: 6px 8px; } .figures strong { font-size: 19px; }
@@ -123,9 +128,9 @@ p.note { color: var(--faint); font-size: 14px; margin: .3em 0; max-width: 60em; 
   .wide td:empty { display: none; }
   .wide td[data-label]::before { content: attr(data-label) " "; color: var(--faint); font-weight: 400; }
 }
-@media print { body { font-size: 11px; margin: 0; max-width: none; padding: 0; } h2 { margin-top: 1em; }
+@media print { body { font-size: 14px; margin: 0; max-width: none; padding: 0; } h2 { margin-top: 1em; }
   details::details-content { content-visibility: visible; block-size: auto; }  /* paper is not opened */
-  h2 { break-after: avoid; } @page { margin: 14mm; } * { print-color-adjust: exact; } }
+  h2, summary { break-after: avoid; } @page { margin: 14mm; } * { print-color-adjust: exact; } }
 """
 SORTING = """<script>
 "use strict";

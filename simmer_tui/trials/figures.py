@@ -143,7 +143,7 @@ def histogram_figure(successes: Sequence[float], failures: Sequence[float], unit
         parts.append(svg.element("rect", x=x, y=y - 9, width=10.0, height=10.0, fill=fill))
         parts.append(svg.text(x + 16, y, words))
         x += 130
-    return Figure("Histogram", PICTURE_WIDTH, bottom + 40, "".join(parts))
+    return Figure("Histogram", PICTURE_WIDTH, bottom + 40, "".join(parts), "graph")
 
 
 # Each page takes time and space, and nobody reads more pages than these.

@@ -239,7 +239,7 @@ def curve_figure(curve: Curve, wanted: float, title: str) -> Figure:
     parts.append(
         svg.text((_LEFT + PICTURE_WIDTH - _RIGHT) / 2, bottom + 36, name, 12.0, text_anchor="middle")
     )
-    return Figure(title, PICTURE_WIDTH, bottom + _BELOW, "".join(parts))
+    return Figure(title, PICTURE_WIDTH, bottom + _BELOW, "".join(parts), "graph")
 
 
 def _positions(curve: Curve) -> list[float]:

@@ -264,10 +264,22 @@ def test_parts_within_others_are_parts_like_all_to_terminals_and_programs() -> N
     assert "✓ 2 good" in page
 
 
-def test_only_long_words_may_be_broken_and_only_after_signs() -> None:
+def test_only_long_words_may_be_broken_and_only_after_signs_and_digits() -> None:
     page = html_page(shown(Paragraph("see /home/somebody/course/run.jsonl and incomprehensibilities")))
     assert "/<wbr>home/<wbr>somebody/<wbr>course/<wbr>run.<wbr>jsonl" in page
     assert "incomprehensibilities" in page
+    seed = html_page(shown(Paragraph(f"seed {2**127}")))  # as long as that of a grading
+    assert str(2**127) in seed.replace("<wbr>", "")
+    assert max(map(len, re.split("<wbr>|[ <>]", seed[seed.index("<body>") :]))) <= 20
+
+
+def test_headings_are_not_repeated_not_nameless_and_not_parted_from_their_units() -> None:
+    columns = (DataColumn("team"), DataColumn("main_cause", heading=""), DataColumn("median_time_s"))
+    table = DataTable("grades", "Grades", columns, [("a", "b", "c")])
+    page = html_page(shown(Folded("Grades", [table])))
+    assert page.count(">Grades<") == 1
+    assert "<th>team</th><th aria-label='main cause'></th><th>median time\N{NO-BREAK SPACE}s</th>" in page
+    assert html_page(shown(Folded("More", [table]))).count(">Grades<") == 1
 
 
 @pytest.mark.slow
