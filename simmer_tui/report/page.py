@@ -17,7 +17,6 @@ from simmer_tui.document.model import (
     KeyFigures,
     Paragraph,
     Prose,
-    SectionHeading,
     SideBySide,
     Tone,
     VerdictBox,
@@ -55,7 +54,7 @@ def _page(run: RunStatistics, name: str, *, commands: bool) -> Document:
     attempt = Attempt(run.history, run.task)
     last = output(verdict)
     crashed = verdict.outcome is Outcome.CRASHED
-    strips, strips_title = traces(run), "Sensors over time"
+    strips = traces(run)
     parts: list[DocumentPart] = [
         _about(run, name),
         verdict_box(verdict, is_mission=attempt.task is not None),
@@ -63,7 +62,7 @@ def _page(run: RunStatistics, name: str, *, commands: bool) -> Document:
         _figures(run, attempt, crashed=crashed),
         SideBySide(tuple(_picture(run)), tuple(_cards(run, attempt, name if commands else ""))),
         Folded("All that happened", (Bullets("", findings(run)), Bullets("Notes", run.notes))),
-        *(() if strips is None else (Folded(strips_title, (SectionHeading(strips_title), strips)),)),
+        *(() if strips is None else (Folded("Sensors over time", (strips,)),)),
         Folded("Movements, errors of readings, timing", report_tables(run, name)),
         Folded(last.heading, (Bullets("", last.entries, kind="output"),) if last.entries else ()),
         *((again(name),) if commands else ()),
@@ -120,7 +119,9 @@ def _picture(run: RunStatistics) -> Iterator[DocumentPart]:
     cause = run.verdict.cause
     what = "the end of the run" if cause is None else "the moment of the cause"
     begin = TextLink(f"{run.verdict.elapsed:.1f} s", f"#t={run.verdict.elapsed:.2f}")
-    yield Paragraph((f"It begins at {what}, ", begin, f". {left_out_text(run.recording)}"), kind="note")
+    yield Paragraph(
+        (f"It begins at {what}, ", begin, f". {left_out_text(run.recording)}"), kind="note begins"
+    )
 
 
 def _cards(run: RunStatistics, attempt: Attempt, log: str) -> Iterator[DocumentPart]:

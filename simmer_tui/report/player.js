@@ -16,7 +16,7 @@ function simmerPlayer(recording, live) {
   const maze = document.querySelector(".maze svg"), layer = maze.querySelector(".live");
   const strips = document.querySelector(".strips svg");
   const run = { ...recording, moment: recording.moment === null ? null : recording.moment / 1000 };
-  let now = 0, playbackRate = 1, playing = false, following = Boolean(live), last = 0, lastFollowed = 0, nextTrail = 0, drawnBelief, drawnScans;
+  let now = 0, playbackRate = 1, playing = false, following = Boolean(live), over = false, last = 0, lastFollowed = 0, nextTrail = 0, drawnBelief, drawnScans;
   const arrivals = []; // of a run that continues: until when, and since when by the clock of this page
 
   // -- the recording ---------------------------------------------------------------------------
@@ -170,7 +170,9 @@ function simmerPlayer(recording, live) {
   const block = drawn("rect", layer, "block", { x: -half, y: -half, width: run.block, height: run.block });
   const spread = drawn("circle", drawn("g", layer, "", { "clip-path": "url(#inside)" }), "spread"), believed = body(layer, "believed"), robot = body(layer, "robot");
   const touches = drawn("g", layer, "touches");
-  const button = (label, title, action, kind = "") => element("button", { type: "button", title, class: kind, onclick: action }, label);
+  // A sign alone is named by its title.
+  const button = (label, title, action, kind = "") =>
+    element("button", { type: "button", title, class: kind, onclick: action, ...(/[a-z]/i.test(label) ? {} : { "aria-label": title }) }, label);
   const play = button("▶ Play", "space", playOrPause, "play");
   const goLive = button("● Live", "l: what happens now", follow, "golive");
   const decided = button("◉", "m: the moment that decided", toMoment);
@@ -180,7 +182,7 @@ function simmerPlayer(recording, live) {
     type: "range", min: run.begin, max: run.end, step: 0.01, "aria-label": "time",
     oninput: () => seek(Number(slider.value)),
   });
-  const rates = element("select", { title: "speed: [ and ]", onchange: () => (playbackRate = Number(rates.value)) },
+  const rates = element("select", { title: "playback rate: [ and ]", "aria-label": "playback rate", onchange: () => (playbackRate = Number(rates.value)) },
     ...PLAYBACK_RATES.map((each) => element("option", { value: each }, `${each}×`)));
   const marks = element("div", { class: "marks" }), markSigns = new Map();
   const sensorChips = element("div", { class: "chips" }), chips = new Map();
@@ -196,7 +198,7 @@ function simmerPlayer(recording, live) {
     element("div", { class: "now" }, words, happened, readings,
       element("details", { class: "keys" }, element("summary", {}, "Keys and colours"),
         (live ? "L returns to what happens now. " : "") +
-        "Space plays, arrows 1 s (with shift 10 s), [ ] speed, n N events, c C contacts, m the moment that decided, home end, " +
+        "Space plays, arrows 1 s (with shift 10 s), [ ] playback rate, n N events, c C contacts, m the moment that decided, home end, " +
         "w whole path, d dark. A click on the path or on the sensors goes there. Solid is the robot, dashed where it believes to " +
         "be. A line ends where a sensor saw something, its light cone where there is something. Dots are the scan of a lidar. Grey beside a reading is the " +
         "truth.")),
@@ -397,7 +399,7 @@ function simmerPlayer(recording, live) {
     now = Math.min(Math.max(t, run.begin), run.end);
     if (playing && now >= run.end) {
       setPlaying(false);
-      if (live) setFollowing(true);
+      if (live && !over) setFollowing(true);
     }
     show();
   }
@@ -456,6 +458,7 @@ function simmerPlayer(recording, live) {
       }
       go(Math.min(shown, run.end));
     }
+    if (following && over && now >= run.end) setFollowing(false);
     requestAnimationFrame(followOn);
   }
 
@@ -566,7 +569,7 @@ function simmerPlayer(recording, live) {
   };
   document.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.altKey || event.metaKey || event.target === rates || !KEYS[event.key]) return;
-    if (event.key === " " && event.target.tagName === "BUTTON" && event.target !== play) return;
+    if (event.key === " " && ["BUTTON", "SUMMARY"].includes(event.target.tagName)) return; // they are pressed
     event.preventDefault();
     KEYS[event.key](event);
   });
@@ -593,7 +596,7 @@ function simmerPlayer(recording, live) {
     addEventListener("hashchange", fromAddress);
     fromAddress();
   }
-  return { run, take, seek, setMoment: (t) => { run.moment = t; furnish(); } };
+  return { run, take, seek, finish: () => (over = true), setMoment: (t) => { run.moment = t; furnish(); } };
 }
 
 {

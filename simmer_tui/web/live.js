@@ -67,6 +67,7 @@
     if (message.news && (message.run || message.news.marks.length)) listEvents();
     if (message.over) {
       over = true;
+      player?.finish();
       say("the run is over", "plain");
       // Nothing is live any more, and nobody takes what is pressed.
       title.textContent = document.title = title.textContent.replace(/, live$/, "");

@@ -11,6 +11,7 @@ import pytest
 from simmer_tui.cli.log_commands import build_report
 from simmer_tui.report.page import report_page
 from tests.report.browser import SIZES, measured
+from tests.web.browser_tab import tab
 
 PORTS = ("--port", "0", "--reply-port", "0", "--belief-port", "0")
 CRASHING = """
@@ -75,3 +76,78 @@ def test_the_first_screenful_has_the_verdict_and_the_moment(
         assert found["edges"][part] <= height, part
     assert found["width"] <= width
     assert found["broken"] == []
+
+
+SPOKEN = """
+from simmer_tui.client import Robot
+with Robot() as robot:
+    for _ in range(4):
+        robot.read("u1", "c1", "o3")
+        robot.drive("d1", 2)
+"""
+# Of each text in a picture, its height in CSS pixels; of each box that cuts what is too wide, its class.
+SMALLEST = """Math.min(...[...document.querySelectorAll("NAME text")].map((each) =>
+  parseFloat(getComputedStyle(each).fontSize) * each.getScreenCTM().a))"""
+CUT = """[...document.querySelectorAll("section, .chip, .columns > div")]
+  .filter((each) => each.scrollWidth > each.clientWidth + 1).map((each) => each.textContent)"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("width", [320, 360, 768, 1280])
+def test_nothing_is_cut_and_curves_can_be_read_at_any_width(width: int, tmp_path: Path) -> None:
+    page = tmp_path / "page.html"
+    run = build_report(run_of(SPOKEN, tmp_path, "--seed", str(2**127)))
+    page.write_text(report_page(run, "a team, run 3", commands=False), "utf-8")
+    with tab() as browser:
+        browser.open(page.as_uri(), size=(width, 800))
+        browser.wait("document.readyState === 'complete'")
+        browser.run("document.querySelectorAll('details').forEach((each) => (each.open = true))")
+        assert browser.run("document.documentElement.scrollWidth") <= width
+        assert width < 360 or browser.run(CUT) == []
+        assert browser.run(SMALLEST.replace("NAME", ".strips")) >= 6.0
+        assert browser.run("document.querySelector('.maze svg').clientWidth") >= 0.6 * min(width, 1120)
+        assert browser.told == []
+        assert browser.requests == [page.as_uri()]
+
+
+@pytest.mark.slow
+def test_space_opens_a_fold_and_presses_the_button_that_has_the_focus(tmp_path: Path) -> None:
+    page = tmp_path / "page.html"
+    page.write_text(report_page(build_report(run_of(SPOKEN, tmp_path)), "run.jsonl"), "utf-8")
+    playing = "document.querySelector('.play').textContent.includes('Pause')"
+    with tab() as browser:
+        browser.open(page.as_uri())
+        browser.wait("Boolean(document.querySelector('.keys summary'))")
+        browser.run("document.querySelector('.keys summary').focus()")
+        browser.key(" ", " ")
+        browser.wait("document.querySelector('.keys').open")
+        assert not browser.run(playing)
+        browser.run("document.querySelector('.play').focus()")
+        browser.key(" ", " ")
+        browser.wait(playing)
+        browser.run("document.activeElement.blur()")
+        browser.key(" ", " ")
+        browser.wait(f"!{playing}")
+        all_controls = "[...document.querySelectorAll('.buttons button, .buttons select')]"
+        names = browser.run(f"{all_controls}.map((each) => each.ariaLabel || each.textContent)")
+        assert "playback rate" in names
+        assert all(any(map(str.isalpha, name)) for name in names)
+
+
+@pytest.mark.slow
+def test_paper_has_a_large_picture_and_nothing_about_the_player(tmp_path: Path) -> None:
+    page = tmp_path / "page.html"
+    page.write_text(report_page(build_report(run_of(SPOKEN, tmp_path)), "run.jsonl"), "utf-8")
+    size = "parseFloat(getComputedStyle(document.querySelector('NAME')).fontSize)"
+    with tab() as browser:
+        browser.open(page.as_uri(), size=(718, 1000))  # A4 without its margins
+        browser.call("Emulation.setEmulatedMedia", media="print")
+        browser.wait("document.readyState === 'complete'")
+        assert not browser.run("document.querySelector('.begins').checkVisibility()")
+        assert browser.run("document.querySelector('.maze svg').clientWidth") > 600
+        assert browser.run(size.replace("NAME", "details li")) == browser.run(size.replace("NAME", "td"))
+
+
+def test_the_page_names_each_part_once(tmp_path: Path) -> None:
+    text = report_page(build_report(run_of(SPOKEN, tmp_path)), "run.jsonl")
+    assert text.count(">Sensors over time<") == 1

@@ -234,6 +234,7 @@ def test_after_the_end_of_the_simulator_it_is_not_live_and_does_not_drive() -> N
         assert page.run("document.querySelector('h1').textContent") == "Run"
         assert page.run("document.querySelector('.drive')") is None
         assert page.run("document.querySelector('.golive')") is None
+        page.wait("document.querySelector('.play').textContent.includes('Play')")
 
 
 def test_the_page_names_the_keys_that_drive_and_no_others() -> None:
