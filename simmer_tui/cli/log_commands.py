@@ -68,13 +68,14 @@ def run_report(options: argparse.Namespace) -> int:
     path = log_of(options)
     _check_outputs(path, (options.svg, options.csv, options.html))
     run = build_report(path, options.csv, recorded=options.html is not None, nominal=options.nominal)
+    # Before the answer, which a pipe such as `| head` may cut off.
+    for output, make in ((options.svg, svg_picture), (options.html, report_page)):
+        if output is not None:
+            _write_text(output, make(run, printable(path.name)))
     print_answer(
         report_document(run, path.name, "" if options.file is None else str(path)),
         as_json=options.json,
     )
-    for output, make in ((options.svg, svg_picture), (options.html, report_page)):
-        if output is not None:
-            _write_text(output, make(run, printable(path.name)))
     for output in (options.svg, options.csv, options.html):
         if output is not None and not options.json:
             sys.stdout.write(_wrote(output))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -151,3 +153,43 @@ def test_paper_has_a_large_picture_and_nothing_about_the_player(tmp_path: Path) 
 def test_the_page_names_each_part_once(tmp_path: Path) -> None:
     text = report_page(build_report(run_of(SPOKEN, tmp_path)), "run.jsonl")
     assert text.count(">Sensors over time<") == 1
+
+
+def test_a_run_without_a_mission_has_no_time_left_though_its_set_has_one(tmp_path: Path) -> None:
+    run = build_report(run_of(SPOKEN, tmp_path, "--config", "mission"))
+    assert run.task is None
+    assert '"limit":null' in report_page(run, "run.jsonl")
+
+
+@pytest.mark.slow
+def test_a_tall_maze_leaves_room_for_the_clock(tmp_path: Path) -> None:
+    subprocess.run([sys.executable, "-m", "simmer_tui", "init", "tall"], cwd=tmp_path, check=True)
+    (tmp_path / "tall" / "maze.csv").write_text("2,1\n" + "1,1\n" * 8 + "3,1\n")
+    settings = tmp_path / "tall" / "settings.toml"
+    places = {"bot_center": "[6, 114]", "block_center": "[6, 6]"}
+    for key, place in places.items():
+        settings.write_text(re.sub(rf"(?m)^{key} = .*", f"{key} = {place}", settings.read_text()))
+    page = tmp_path / "page.html"
+    page.write_text(
+        report_page(build_report(run_of(SPOKEN, tmp_path, "--config", "tall")), "run.jsonl"), "utf-8"
+    )
+    for size, (_, height) in SIZES.items():
+        assert measured(page, size)["edges"][".timeline"] <= height
+
+
+@pytest.mark.slow
+def test_the_page_is_written_although_nobody_reads_the_answer_to_its_end(tmp_path: Path) -> None:
+    command = [
+        sys.executable,
+        "-m",
+        "simmer_tui",
+        "report",
+        str(run_of(SPOKEN, tmp_path)),
+        "--html",
+        "run.html",
+    ]
+    read, write = os.pipe()
+    os.close(read)
+    subprocess.run(command, cwd=tmp_path, stdout=write, check=False)
+    os.close(write)
+    assert (tmp_path / "run.html").exists()
