@@ -225,7 +225,7 @@ function simmerPlayer(recording, live) {
     for (const sensor of run.sensors) {
       if (chips.has(sensor) || !sensor.readings.length) continue;
       const value = element("b"), truth = element("i");
-      const box = element("span", { class: "chip", title: sensor.name }, element("span", {}, sensor.code), value, truth);
+      const box = element("span", { class: "chip", title: [sensor.name, sensor.unit].filter(Boolean).join(", ") }, element("span", {}, sensor.code), value, truth);
       chips.set(sensor, { value, truth, box });
       sensorChips.append(...run.sensors.filter((each) => chips.has(each)).map((each) => chips.get(each).box));
     }

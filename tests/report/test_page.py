@@ -83,6 +83,7 @@ def test_the_first_screenful_has_the_verdict_and_the_moment(
 SPOKEN = """
 from simmer_tui.client import Robot
 with Robot() as robot:
+    robot.drive("r1", -120)  # a heading of three digits
     for _ in range(4):
         robot.read("u1", "c1", "o3")
         robot.drive("d1", 2)
@@ -106,6 +107,7 @@ def test_nothing_is_cut_and_curves_can_be_read_at_any_width(width: int, tmp_path
         browser.run("document.querySelectorAll('details').forEach((each) => (each.open = true))")
         assert browser.run("document.documentElement.scrollWidth") <= width
         assert width < 360 or browser.run(CUT) == []
+        assert browser.run("document.querySelector('.chip').title") == "ultra1, in"
         assert browser.run(SMALLEST.replace("NAME", ".strips")) >= 6.0
         assert browser.run("document.querySelector('.maze svg').clientWidth") >= 0.6 * min(width, 1120)
         assert browser.told == []
