@@ -70,9 +70,10 @@ def figure_svg(figure: Figure, shown: float | None = None) -> str:
     """A figure on white, which scales to the width it is given; by itself it is `shown` points wide."""
     width, height = figure.width, figure.height
     shown = width if shown is None else shown
+    role = "group" if "<a " in figure.content else "img"  # screen readers leave out the links of an image
     return (
         f"<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 {coordinate(width)} {coordinate(height)}' "
-        f"width='{coordinate(shown)}' height='{coordinate(height * shown / width)}' role='img' {FONT} "
+        f"width='{coordinate(shown)}' height='{coordinate(height * shown / width)}' role='{role}' {FONT} "
         f"fill='{INK}'>"
         f"<title>{html_text(figure.title)}</title>"
         f"<rect width='100%' height='100%' fill='#ffffff'/>{figure.content}</svg>"

@@ -37,6 +37,9 @@ COLORS: Mapping[str, str] = {
     Kind.SENSOR_WRONG: "#c2187a",
     Kind.DRIVE_WRONG: "#b36b00",
     Kind.NOT_CARRIED_OUT: "#12507f",
+    Kind.CRASHED: "#17becf",
+    Kind.ENDED: "#aec7e8",
+    Kind.NOTHING_SENT: "#ffffff",
     Kind.UNDECIDED: "#7f7f7f",
     Kind.MOVED: "#5a3e1b",
 }

@@ -300,6 +300,12 @@ def test_a_click_on_a_heading_sorts_the_rows_and_another_turns_them_around(tmp_p
     assert "<title>bdca cdba abcd</title>" in opened(page)
 
 
+def test_a_picture_with_links_keeps_them_for_screen_readers() -> None:
+    linked = Figure("Ends", 10.0, 10.0, "<a href='run.html'><circle r='2'/></a>")
+    assert " role='group' " in html_page(shown(linked))  # of an image they would be left out
+    assert " role='img' " in html_page(shown(Figure("Ends", 10.0, 10.0, "<circle r='2'/>")))
+
+
 def test_large_numbers_have_no_exponent() -> None:
     shown_mean, shown_difference = number(".4g"), estimate("+.3g")
     assert shown_mean.text(12345.6) == "12346"

@@ -41,3 +41,7 @@ def test_a_change_removes_causes_and_brings_others(made_result: Make) -> None:
 def test_failure_without_a_cause_is_counted_too(made_result: Make) -> None:
     assert [row[0] for row in causes_table([made_result(1, 1, success=False)]).rows] == ["not known"]
     assert color_of("not known") != color_of("lost")
+
+
+def test_each_cause_has_a_colour_of_its_own_on_the_map() -> None:
+    assert len({*map(color_of, Kind), color_of("not known")}) == len(Kind) + 1
