@@ -20,12 +20,13 @@ from simmer_tui.document.model import (
     data_table,
 )
 from simmer_tui.document.svg import PICTURE_WIDTH
-from simmer_tui.sim.command import escape, escape_passage, escape_word
+from simmer_tui.sim.command import escape, escape_word
 from simmer_tui.trials.failures import grouped, success_rate
 from simmer_tui.trials.folder import TrialFolder
 from simmer_tui.trials.intervals import IntervalEstimate, median
 from simmer_tui.trials.sweep import SWEPT
-from simmer_tui.trials.trial import TrialResult, clocks_text
+from simmer_tui.trials.trial import TrialResult
+from simmer_tui.trials.trials_page import run_line
 from simmer_tui.trials.trials_summary import runs_table
 
 CURVES = "sweep.csv"
@@ -165,9 +166,8 @@ _CURVE = "#3066e4"  # of a robot's path, which the page has in a lighter blue wh
 
 def sweep_document(folder: TrialFolder, wanted: float) -> Document:
     """The runs of a sweep that are done, for terminals and programs; there must be one."""
-    about = Paragraph(_about(folder), kind="run")
     tables = sweep_tables(folder, wanted)
-    return Document(_title(folder), (about, *tables, _INTERVALS, runs_table(folder)))
+    return Document(_title(folder), (*tables, _INTERVALS, runs_table(folder)))
 
 
 def sweep_page(folder: TrialFolder, wanted: float) -> Document:
@@ -182,7 +182,7 @@ def sweep_page(folder: TrialFolder, wanted: float) -> Document:
         headline=f"{kept} of {tried} values keep a success rate of {wanted:g}",
         tone=Tone.GOOD if kept == tried else Tone.MIXED if kept else Tone.BAD,
     )
-    parts: list[DocumentPart] = [Paragraph(_about(folder), kind="run"), verdict]
+    parts: list[DocumentPart] = [run_line(folder), verdict]
     for curve, table in zip(found, sweep_tables(folder, wanted), strict=True):
         parts += [replace(table, note=""), curve_figure(curve, wanted, table.title)]
     return Document(_title(folder), (*parts, _INTERVALS))
@@ -197,13 +197,6 @@ _INTERVALS = Paragraph(
 
 def _title(folder: TrialFolder) -> str:
     return f"Sweep of {escape(folder.plan.command)}"
-
-
-def _about(folder: TrialFolder) -> str:
-    plan = folder.plan
-    about = f"configuration {plan.configuration}, seed {plan.seed}, {len(folder.done)} of {plan.total} runs"
-    clocks = clocks_text(folder.done)
-    return escape_passage(about + (f", clock: {clocks}" if clocks else ""))
 
 
 def curve_figure(curve: Curve, wanted: float, title: str) -> Figure:

@@ -65,7 +65,7 @@ def trials_page(folder: TrialFolder, run_pages: Mapping[int, str], required: flo
         failures.append(Bullets("Failed runs to play", _links(results, run_pages)))
     asked = "" if required is None else f", {SHARE.text(required)} required"
     parts: list[DocumentPart] = [
-        _about(folder, results),
+        run_line(folder),
         _verdict(results, required),
         ShareBar([(endings[ending], *words) for ending, words in _ENDINGS.items()]),
         key_figures(SHARE.text(success_rate(results).value), f"succeeded{asked}", results),
@@ -80,10 +80,11 @@ def trials_page(folder: TrialFolder, run_pages: Mapping[int, str], required: flo
     return Document(f"Trials of {escape(folder.plan.command)}", parts)
 
 
-def _about(folder: TrialFolder, results: Sequence[TrialResult]) -> Paragraph:
+def run_line(folder: TrialFolder) -> Paragraph:
     """Runs, set, seed and command, in one small line."""
-    plan = folder.plan
-    runs = counted(plan.runs, "run") if len(results) == plan.runs else f"{len(results)} of {plan.runs} runs"
+    plan, results = folder.plan, folder.done
+    done, total = len(results), plan.total
+    runs = counted(total, "run") if done == total else f"{done} of {total} runs"
     clocks = clocks_text(results)
     parts = (
         *(runs, f"set {escape(plan.configuration)}", f"seed {plan.seed}"),

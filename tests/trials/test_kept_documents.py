@@ -18,12 +18,13 @@ from simmer_tui.document.as_terminal import print_document
 from simmer_tui.document.model import Document, Figure
 from simmer_tui.report.causes import Kind
 from simmer_tui.report.finding import Basis, Finding, FindingKind, plain_findings
+from simmer_tui.sim.command import escape
 from simmer_tui.sim.specs import MazeSpec
 from simmer_tui.trials.compare import comparison, paired
 from simmer_tui.trials.figures import map_figure
 from simmer_tui.trials.folder import TrialFolder, TrialPlan
 from simmer_tui.trials.sweep import points_of
-from simmer_tui.trials.sweep_summary import curve_figure, curves, curves_csv, sweep_document
+from simmer_tui.trials.sweep_summary import curve_figure, curves, curves_csv, sweep_document, sweep_page
 from simmer_tui.trials.trial import Ending, TrialResult
 from simmer_tui.trials.trials_page import trials_page
 from simmer_tui.trials.trials_summary import runs_table, trials_document
@@ -219,6 +220,15 @@ def test_a_sweep_is_told_and_drawn(make: Make, made_result: Result, varied: str)
     drawn = [curve_figure(curve, 0.8, "A title") for curve in curves(folder)]
     assert_kept([(each.title, each.width, each.height, each.content) for each in drawn], KEPT,
                 f"curve of {varied}")  # fmt: skip
+
+
+def test_the_page_of_a_sweep_names_its_program(make: Make, made_result: Result) -> None:
+    folder = make("sweep", points=points_of(["strength=0.1,0.3"]), runs=2)
+    fill(folder, made_result, "ssss")
+    first = sweep_page(folder, 0.8).parts[0]
+    command = escape(folder.plan.command)
+    assert first.text.startswith(f"4 runs · set {folder.plan.configuration} · seed {folder.plan.seed} · ")
+    assert first.text.endswith(f" · {command}")
 
 
 def test_a_comparison_of_other_robots_and_more_runs(make: Make, made_result: Result) -> None:
