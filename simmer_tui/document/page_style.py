@@ -152,7 +152,11 @@ for (const table of document.querySelectorAll("table.sortable")) {
     };
     heading.tabIndex = 0;
     heading.addEventListener("click", sort);
-    heading.addEventListener("keydown", (event) => event.key === "Enter" && sort());
+    heading.addEventListener("keydown", (event) => {
+      if (event.key !== "Enter" && event.key !== " ") return;
+      event.preventDefault();  // space would scroll
+      sort();
+    });
   });
 }
 </script>"""

@@ -283,7 +283,7 @@ def test_headings_are_not_repeated_not_nameless_and_not_parted_from_their_units(
 
 
 @pytest.mark.slow
-def test_a_click_on_a_heading_sorts_the_rows_and_another_turns_them_around(tmp_path: Path) -> None:
+def test_a_click_or_key_on_a_heading_sorts_the_rows_and_another_turns_them_around(tmp_path: Path) -> None:
     columns = (DataColumn("team"), DataColumn("rate", number(".1f")))
     rows = [("b", 0.25), ("c", 10.0), ("a", None), ("d", 9.0)]
     table = DataTable("grades", "Grades", columns, rows, sortable=True)
@@ -293,11 +293,13 @@ def test_a_click_on_a_heading_sorts_the_rows_and_another_turns_them_around(tmp_p
         document.querySelectorAll("th")[place].click();
         seen.push([...document.querySelectorAll("tbody tr")].map((row) => row.cells[0].textContent).join(""));
       }
+      document.querySelectorAll("th")[1].dispatchEvent(new KeyboardEvent("keydown", { key: " " }));
+      seen.push(document.querySelector("tbody tr").cells[0].textContent);
       document.title = seen.join(" ");
     </script>"""
     page = tmp_path / "page.html"
     page.write_text(html_page(shown(table), script=script), "utf-8")
-    assert "<title>bdca cdba abcd</title>" in opened(page)
+    assert "<title>bdca cdba abcd b</title>" in opened(page)
 
 
 def test_a_picture_with_links_keeps_them_for_screen_readers() -> None:
