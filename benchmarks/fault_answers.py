@@ -103,7 +103,7 @@ class Hand:
     action: str
     at: float = math.inf
     near: float = 0.0
-    turn: float = 0.0  # deg, with the action "turn"
+    turn: float = 0.0  # deg, with the actions "turn" and "keys"
     shift: float = 0.0  # in, with the actions "teleport" and "block"; 0: to another cell
     holding: bool = False
     """True if the moment is the one at which the gripper holds the block."""
@@ -134,6 +134,10 @@ class Case:
     """Cells that differ in the program's own copy of the set."""
     mirrored: bool = False
     """True if the program's map has left and right exchanged."""
+    opened: tuple[int, int] | None = None
+    """Row and column in maze.csv of a wall that the program's map lacks."""
+    edits: tuple[tuple[str, str, str], ...] = ()
+    """Changed text of the programs: file, old text, which it has once, and new text."""
     settings: Mapping[str, object] = field(default_factory=dict)
     hand: Hand | None = None
     program: Mapping[str, Any] = field(default_factory=dict)

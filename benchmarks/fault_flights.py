@@ -26,6 +26,7 @@ from typing import Any
 from fault_answers import PLAIN, SOLVE, STEP6, STEP7, Case, Expected, Hand
 from fault_independent import INDEPENDENT
 from fault_kinds import KINDS, TOLD
+from fault_third import THIRD
 
 from simmer_tui.cli.headless import Headless
 from simmer_tui.cli.main import main as simmer_tui
@@ -35,7 +36,9 @@ from simmer_tui.config.maze_csv import read_cells
 from simmer_tui.config.sets import MISSION_SET, bundled_sets
 from simmer_tui.events import Action, ActionName, Event, Goal, Result
 from simmer_tui.mission import plan_run
+from simmer_tui.operating.robot_operator import Operator
 from simmer_tui.server import Server
+from simmer_tui.sim.command import parse_command
 
 HERE = Path(__file__).resolve().parent
 SCRIPTS = {
@@ -73,7 +76,7 @@ class Flight:
 
 def case_of(kind: str, seed: int) -> Case:
     """The fault of a kind in the run with a seed; a clean run has none."""
-    fault = {**KINDS, **TOLD, **INDEPENDENT}.get(kind)
+    fault = {**KINDS, **TOLD, **INDEPENDENT, **THIRD}.get(kind)
     return Case(Expected()) if fault is None else fault.draw(random.Random(f"{kind} {seed}"))
 
 
@@ -123,17 +126,24 @@ def _fly(name: Path, case: Case, program: str, seed: int) -> Flight:
     server.engine.watch(hand.watch)
     # The programs know the robot as it should be, not as it is.
     known = _known_set(name, case)
+    scripts = _edited(name.with_suffix(".scripts"), case.edits)
     environment = _CALM | {"SIMMER_CONFIG": str(known)} | dict(case.environment)
     environment |= {"SIMMER_PROTOCOL": "packets"} if packets else {}
     front = Headless(server, quiet=True, has_program=True)
     with _as_surroundings(environment):
-        life = RunLife(server, front, command=_command(case, program, environment), log=str(log))
+        life = RunLife(
+            server,
+            front,
+            command=_command(case, scripts[program], environment | _map(name, case)),
+            log=str(log),
+        )
         code = life.run()
     assert server.referee is not None, "the set has a mission"
     state = server.referee.state()
-    for made in (directory, known):
+    name.with_suffix(".maze.csv").unlink(missing_ok=True)
+    for made in (directory, known, name.with_suffix(".scripts")):
         if made.parent == name.parent:
-            shutil.rmtree(made)
+            shutil.rmtree(made, ignore_errors=True)
     return Flight(
         success=state.result is Result.SUCCESS,
         taken=state.goals[Goal.TAKEN] is not None,
@@ -143,14 +153,49 @@ def _fly(name: Path, case: Case, program: str, seed: int) -> Flight:
     )
 
 
-def _command(case: Case, program: str, environment: dict[str, str]) -> str:
+def _edited(folder: Path, edits: Sequence[tuple[str, str, str]]) -> dict[str, Path]:
+    """The programs' scripts; with edits they are copies in a folder.
+
+    Raises AssertionError: a file does not have the text that is to be changed, or has it twice.
+    """
+    if not edits:
+        return SCRIPTS
+    shutil.rmtree(folder, ignore_errors=True)
+    copies = {}
+    for program, script in SCRIPTS.items():
+        shutil.copytree(script.parent, folder / program, ignore=shutil.ignore_patterns("__pycache__"))
+        copies[program] = folder / program / script.name
+        for file, old, new in edits:
+            path = folder / program / file
+            if path.exists():
+                text = path.read_text("utf-8")
+                assert text.count(old) == 1, f"{file} has {text.count(old)} times: {old}"
+                path.write_text(text.replace(old, new), "utf-8")
+    return copies
+
+
+def _map(name: Path, case: Case) -> dict[str, str]:
+    """Variable with the program's own map of the maze, if it lacks a wall."""
+    if case.opened is None:
+        return {}
+    row, column = case.opened
+    lines = (bundled_sets()[MISSION_SET] / "maze.csv").read_text("utf-8").splitlines()
+    cells = [line.split(",") for line in lines if line and not line.startswith("#")]
+    assert cells[row][column] == "0", "the map lacks a wall that there is"
+    cells[row][column] = "1"
+    path = name.with_suffix(".maze.csv").resolve()
+    path.write_text("\n".join(map(",".join, cells)) + "\n", "utf-8")
+    return {"SIMMER_MAZE": str(path)}
+
+
+def _command(case: Case, path: Path, environment: dict[str, str]) -> str:
     """Command for `--run`: the proxy, which starts the program."""
     if case.script:
         script = shlex.split(case.script)
     elif case.program:
-        script = [str(HERE / "fault_program.py"), json.dumps(dict(case.program)), str(SCRIPTS[program])]
+        script = [str(HERE / "fault_program.py"), json.dumps(dict(case.program)), str(path)]
     else:
-        script = [str(SCRIPTS[program])]
+        script = [str(path)]
     fault = {"rules": case.rules, "environment": environment}
     proxy = [sys.executable, "-S", "-E", str(HERE / "fault_proxy.py"), json.dumps(fault)]
     return shlex.join([*proxy, sys.executable, *script])
@@ -251,6 +296,7 @@ class _HandOf:
 
     def __init__(self, server: Server, hand: Hand | None, draw: random.Random) -> None:
         self._server, self._hand, self._draw = server, hand, draw
+        self._operator = Operator(server) if hand is not None and hand.action == "keys" else None
         self.struck = hand is None
         self._asked = hand is None
 
@@ -275,6 +321,10 @@ class _HandOf:
             self.struck = True
             for name in (ActionName.PAUSE, ActionName.RESUME):
                 self._server.engine.perform(Action(name))
+            return
+        if self._operator is not None:
+            self.struck = True
+            self._operator.send(parse_command(f"r1-{hand.turn:g}", "keys"))
             return
         for action in self._tries(hand):
             if not self._server.engine.perform(action).refused:

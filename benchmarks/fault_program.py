@@ -12,6 +12,11 @@
 - `skip`: this command, such as "p1-0", is never sent;
 - `send`: these commands are sent once, and the script continues as if they had not been;
 - `when`: the calls are counted from this command on;
+- `twice`: one drive in so many is sent again, and both are done;
+- `sleep`: it waits for so many simulated seconds after each drive;
+- `comma`: drives have a decimal comma, and a refusal is not noticed;
+- `another`: a second connection sends this command, once in `every` calls;
+- `readings`: one of READINGS below changes the readings, of `codes` or of all sensors;
 - `crash_at_end`: the exception is raised when the script has done all it does.
 """
 
@@ -23,7 +28,8 @@ import json
 import os
 import runpy
 import sys
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -73,6 +79,48 @@ def swinging(robot: Robot) -> Callable[[Robot], None]:
     return swing
 
 
+class Readings:
+    """Readings so far, for faults that depend on the readings or the movements before."""
+
+    def __init__(self, name: str, codes: Sequence[str]) -> None:
+        self._change, self._codes = READINGS[name], codes
+        self.last: dict[str, float] = {}
+        """The true reading before, by code, and that of any sensor by an empty code."""
+        self.given: dict[str, float] = {}
+        self.since_turn: Counter[str] = Counter()
+        """Readings of each sensor since the last turn."""
+
+    def changed(self, code: str, reading: float) -> float:
+        """The reading that the program gets for a true one."""
+        applies = not self._codes or code in self._codes
+        given = self._change(code, reading, self) if applies else reading
+        self.last[code] = self.last[""] = reading
+        self.given[code] = given
+        self.since_turn[code] += 1
+        return given
+
+
+def one_way(code: str, reading: float, so_far: Readings) -> float:
+    """A counter that counts a third of what goes back."""
+    step = reading - so_far.last.get(code, reading)
+    return so_far.given.get(code, reading) + (step if step > 0.0 else step / 3)
+
+
+READINGS: dict[str, Callable[[str, float, Readings], float]] = {
+    "one behind": lambda code, reading, so_far: so_far.last.get("", 0.0),
+    "byte": lambda code, reading, so_far: reading % 256.0,
+    "old after turns": lambda code, reading, so_far: (
+        reading if so_far.since_turn[code] else so_far.last.get(code, reading)
+    ),
+    "loose after turns": lambda code, reading, so_far: reading if so_far.since_turn[code] > 1 else 1.0,
+    "mean": lambda code, reading, so_far: (
+        (reading + so_far.last.get("u3" if code == "u1" else "u1", reading)) / 2
+    ),
+    "one way": one_way,
+}
+"""Changes of a reading, by name, from its code and the readings before."""
+
+
 class Interference:
     """Fault that happens at the calls of a robot's methods."""
 
@@ -82,6 +130,9 @@ class Interference:
         self._counts = "when" not in fault
         self._mine = False
         """True while the fault itself drives the robot."""
+        self._drives = 0
+        self._readings = Readings(fault["readings"], fault.get("codes", ())) if "readings" in fault else None
+        self._other: Robot | None = None
 
     def install(self) -> None:
         """Wrap the methods of every robot of the script."""
@@ -100,9 +151,29 @@ class Interference:
             self._counts = self._counts or command == self._fault["when"]
             if command == self._fault.get("skip"):
                 return None
-            return method(robot, *arguments)
+            if method.__name__ == "drive" and "comma" in self._fault:
+                return robot.send(command.replace(".", ","))
+            answer = method(robot, *arguments)
+            if method.__name__ == "drive":
+                self._drove(robot, *arguments)
+            elif method.__name__ == "read" and self._readings is not None:
+                answers = answer if len(arguments) > 1 else (answer,)
+                given = tuple(map(self._readings.changed, arguments, answers))
+                return given if len(arguments) > 1 else given[0]
+            return answer
 
         return call
+
+    def _drove(self, robot: Robot, code: str, value: float) -> None:
+        self._drives += 1
+        if self._readings is not None and code == "r1":
+            self._readings.since_turn.clear()
+        self._mine = True
+        if code != "p1" and self._drives % self._fault.get("twice", self._drives + 1) == 0:
+            robot.drive(code, value)
+        if "sleep" in self._fault:
+            robot.sleep(self._fault["sleep"])
+        self._mine = False
 
     def _strike(self, robot: Robot) -> None:
         fault = self._fault
@@ -118,6 +189,9 @@ class Interference:
             while True:
                 step(robot)
         self._mine = True
+        if "another" in fault and self._left % fault["every"] == 0:
+            self._other = self._other or Robot()
+            self._other.send(fault["another"])
         for command in fault.pop("send", ()):
             robot.send(command)
         self._mine = False

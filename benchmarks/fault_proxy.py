@@ -46,6 +46,13 @@ REPLIES: dict[str, Callable[[Any, float, list[float]], float]] = {
 }
 """Changes of a reply; `before` are the true replies of this code so far, this one the last."""
 
+COMMANDS: dict[str, Callable[[Any, str, int], str]] = {
+    "scale": lambda value, text, count: repr(float(text) * value),
+    "whole": lambda value, text, count: str(int(float(text))),
+    "fade": lambda value, text, count: repr(float(text) * max(1.0 - value * count, 0.05)),
+}
+"""Changes of the value of a command; `count` is the number of this rule's commands before."""
+
 
 class Cut(Exception):  # noqa: N818 - no error of the proxy's: what it is to do
     """A rule ends the connection here."""
@@ -58,6 +65,7 @@ class Faults:
         self._rules = rules
         self._commands = self._beliefs = 0
         self._replies: dict[str, list[float]] = {}
+        self._changed = [0] * len(rules)
         self._frozen: bytes | None = None
 
     def command(self, text: str) -> str | None:
@@ -72,8 +80,11 @@ class Faults:
             if rule["do"] == "swap":
                 one, other = rule["codes"]
                 text = (other if text[:2] == one else one) + text[2:]
-            elif len(text) > 3 and rule["do"] == "scale":
-                text = f"{text[:3]}{float(text[3:]) * rule['value']!r}"
+            elif len(text) > 3 and rule["do"] in COMMANDS:
+                number = self._rules.index(rule)
+                changed = COMMANDS[rule["do"]](rule.get("value"), text[3:], self._changed[number])
+                self._changed[number] += 1
+                text = f"{text[:3]}{changed}"
             elif len(text) > 3 and rule["do"] == "swallow" and rule.get("value") in (None, float(text[3:])):
                 return None
         return text

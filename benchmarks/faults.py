@@ -7,7 +7,8 @@
 Faults are made by a proxy between program and simulator, by sets that differ from the bundled one, by
 people's hands and by programs. `fault_kinds.py` has the kinds and what counts as right for each, written
 down before any result was seen; `report --json` is compared with that, key by key. `--table independent` has
-the kinds of `fault_independent.py` instead, one program a seed, with seeds of its own.
+the kinds of `fault_independent.py` instead, `--table third` those of `fault_third.py`: one program a seed,
+with seeds of their own.
 
 Only failed runs count, with seeds with which the same program succeeds without a fault. They are counted as
 right, right in part, wrong (something else was named), silent (nothing was named) and `contradicted` (a
@@ -36,6 +37,7 @@ from fault_answers import CRASHED, PROGRAMS, Case, Fault, says
 from fault_flights import CLEAN, case_of, flown, log_of, report_of
 from fault_independent import INDEPENDENT
 from fault_kinds import KINDS, TOLD, right_if_told
+from fault_third import THIRD
 
 from simmer_tui.report import causes
 from simmer_tui.report.causes import Kind
@@ -43,8 +45,8 @@ from simmer_tui.report.counterfactuals import Change, Counterfactual
 
 RIGHT, PARTLY, WRONG, SILENT = "right", "partly", "wrong", "silent"
 GRADES = (RIGHT, PARTLY, WRONG, SILENT)
-ALL = {**KINDS, **INDEPENDENT}
-"""The kinds of both tables. Their names differ, because their logs are in one folder."""
+ALL = {**KINDS, **INDEPENDENT, **THIRD}
+"""The kinds of all tables. Their names differ, because their logs are in one folder."""
 CLEAN_SEEDS = 25
 """Clean runs of each program: 100 with all four, and enough of them succeed for 10 seeds."""
 WOULD_HAVE_SAVED = {
@@ -235,6 +237,7 @@ TABLES = {
     "first": Table(KINDS, TOLD),
     # Other seeds than the first table's: the diagnosis may be fitted to those.
     "independent": Table(INDEPENDENT, {}, first_seed=101, rotates=True),
+    "third": Table(THIRD, {}, first_seed=201, rotates=True),
 }
 
 
