@@ -33,15 +33,11 @@ from simmer_tui.events import (
 )
 from simmer_tui.playback_throttle import PlaybackThrottle
 from simmer_tui.sessions import Answer, LinkDelay, LoopTimer, Queued, Scheduler, Session, Stop, TimerQueue
-from simmer_tui.sim.command import Command
+from simmer_tui.sim.command import PEOPLE, Command
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import CommandResult, Status
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.sim.trajectory import Trajectory
-
-# Keys and console sit at the screen: only programs send their commands over the link.
-PEOPLE = frozenset(("console", "keys"))
-"""Command sources that bypass the simulated link."""
 
 
 class _Movement(Struct, frozen=True):

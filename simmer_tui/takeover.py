@@ -16,7 +16,7 @@ from msgspec.structs import replace
 
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.settings import ServerSettings, with_any_ports
-from simmer_tui.engine import PEOPLE, Engine
+from simmer_tui.engine import Engine
 from simmer_tui.errors import PortError, RunLogError
 from simmer_tui.events import (
     Action,
@@ -42,7 +42,7 @@ from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.runlog.rerun import SAME_TIME, Rerun
 from simmer_tui.runlog.writer import ReplayedPrefix
 from simmer_tui.server import Server, link_delay
-from simmer_tui.sim.command import shown_path
+from simmer_tui.sim.command import PEOPLE, shown_path
 from simmer_tui.sim.simulator import Simulator
 
 BY = "the take-over"

@@ -16,7 +16,7 @@ from simmer_tui.dialect.device import DialectDevice, MoveEnd
 from simmer_tui.dialect.dialect_rules import DialectRules
 from simmer_tui.dialect.expressions import FieldValue
 from simmer_tui.dialect.timer import Timer
-from simmer_tui.engine import PEOPLE, Engine
+from simmer_tui.engine import Engine
 from simmer_tui.events import (
     NOT_CONNECTED,
     Event,
@@ -37,7 +37,7 @@ from simmer_tui.links.pty_port import PtyDevice, PtyPort
 from simmer_tui.links.serial_wire import SerialEndpoint, Wire
 from simmer_tui.protocol.packets import STOP
 from simmer_tui.sessions import Session
-from simmer_tui.sim.command import Command, counted, escape, escape_word, parse_command, shown_path
+from simmer_tui.sim.command import PEOPLE, Command, counted, escape, escape_word, parse_command, shown_path
 from simmer_tui.sim.records import REFUSALS, CommandResult, Status
 
 # A stream at 240 Hz would be most of a log, and its messages are all alike.

@@ -17,7 +17,7 @@ from simmer_tui.dialect.device import DialectDevice, MoveEnd
 from simmer_tui.dialect.dialect_rules import DialectRules, MessageRule
 from simmer_tui.dialect.expressions import FieldValue
 from simmer_tui.dialect.reply_reader import SILENCE, ReplyReader, RobotReply
-from simmer_tui.engine import PEOPLE, Engine
+from simmer_tui.engine import Engine
 from simmer_tui.events import (
     LegBegun,
     LegEnded,
@@ -37,7 +37,7 @@ from simmer_tui.links.dialect_link import (
 )
 from simmer_tui.links.real_robot import RealRobot
 from simmer_tui.sessions import LoopTimer
-from simmer_tui.sim.command import parse_command
+from simmer_tui.sim.command import PEOPLE, parse_command
 from simmer_tui.sim.records import REFUSALS, CommandResult
 
 # A stream at 240 Hz would fill the log and the screen.

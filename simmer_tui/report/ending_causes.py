@@ -5,10 +5,12 @@ from functools import partial
 
 from simmer_tui.events import ProgramEnded
 from simmer_tui.phrases import (
+    body_text,
     capitalized,
     exit_text,
     last_output,
     miss_text,
+    obstacle_place,
     outside_text,
     place_text,
     program_end_text,
@@ -336,15 +338,31 @@ class EndingCauses:
         return "" if seen.taken else "The robot had not taken the block yet."
 
     def moved(self) -> Cause | None:
-        """A person moved the robot, and it was never localized again."""
+        """A person moved the robot, or drove it, and it was never localized again."""
         row = self._seen.moved
         if row is None:
-            return None
+            return self._driven()
         way, turn = displacement(row.before, row.done.pose)
-        after = "No belief was right after that"
+        return self._by_hand(row, "robot", f"by {way:.0f} in and {abs(turn):.0f} deg. {self._unnoticed}")
+
+    def _driven(self) -> Cause | None:
+        """A person drove the robot while the program did."""
+        seen, row, met = self._seen, self._seen.driven_by_hand, self._seen.collision
+        if seen.task is None or row is None:
+            return None
+        value = f"-{row.asked:g}" if math.isfinite(row.asked) else ""
+        text = f"A person drove the robot beside its program: {seen.history.code_names[row.code]}{value}"
+        if met is not None and met.row.order == row.order:
+            text += f" led {body_text(met.contact)} into {obstacle_place(met.contact, seen.spec)}."
+            return self._made(Kind.MOVED, text, at=row, place=met.contact.point)
+        text += f" at {row.begin:.1f} s. {self._unnoticed}"
+        return self._made(Kind.MOVED, text, at=row, place=(row.x, row.y), sure=Sureness.LIKELY)
+
+    @property
+    def _unnoticed(self) -> str:
         if self._seen.beliefs[0] is None:
-            after = "The program could notice it only by its sensors"
-        return self._by_hand(row, "robot", f"by {way:.0f} in and {abs(turn):.0f} deg. {after}.")
+            return "The program could notice it only by its sensors."
+        return "No belief was right after that."
 
     def block_moved(self) -> Cause | None:
         """A person moved the block, and it was not taken."""

@@ -28,6 +28,7 @@ from simmer_tui.run.progress import CommandLoop, StalledPeriod, loop_at_end, wit
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.table import Columns, Newest, RowT, RowTable
 from simmer_tui.sim.block import Block
+from simmer_tui.sim.command import PEOPLE
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.gripper import can_take, in_global_frame
 from simmer_tui.sim.legs import Leg
@@ -369,11 +370,7 @@ class Attempt:
         """The last time that a person moved the robot, unless a belief has been right since. A reset moves it
         too, if the program continues."""
         row = self._by_hand(ActionName.TELEPORT) or self._reset
-        if row is None:
-            return None
-        beliefs = self.history.beliefs
-        since = beliefs[beliefs.place_of(row.order) : beliefs.place_of(self._until + 1)]
-        return None if any(each.is_right for each in since) else row
+        return None if row is None or self._is_right_since(row.order) else row
 
     @property
     def _reset(self) -> ActionRow | None:
@@ -384,6 +381,30 @@ class Attempt:
         # A program that was started again after the reset has not been moved while it ran.
         came = (row for row in history.notices.items if row.notice.kind is NoticeKind.CONNECTED)
         return None if any(each.order > self._began for each in came) else row
+
+    @cached_property
+    def driven_by_hand(self) -> MovementRow | None:
+        """The last movement that a person commanded after the program's first, unless a belief has been right
+        since."""
+        history = self.history
+        people = [place for place, name in enumerate(history.source_names) if name in PEOPLE]
+        rows, begin = self.within(history.movements), history.movements.place_of(self._began + 1)
+        # The answer to the command that ends a mission comes after that end.
+        commands = history.commands.columns(0, len(history.commands))
+        typed = commands["number"][np.isin(commands["source"], people)]
+        by_hand = np.isin(rows["number"], typed)
+        programs = np.flatnonzero(~by_hand)
+        drove = np.flatnonzero(by_hand & ~rows["grips"])
+        if not len(programs) or not len(drove) or drove[-1] < programs[0]:
+            return None
+        row = history.movements[begin + int(drove[-1])]
+        return None if self._is_right_since(row.order) else row
+
+    def _is_right_since(self, order: int) -> bool:
+        """True if a belief after an event was right."""
+        beliefs = self.history.beliefs
+        since = beliefs[beliefs.place_of(order) : beliefs.place_of(self._until + 1)]
+        return any(each.is_right for each in since)
 
     @cached_property
     def block_moved(self) -> ActionRow | None:

@@ -7,7 +7,6 @@ from msgspec import Struct
 
 from simmer_tui import events
 from simmer_tui.belief_grid import GridBelief
-from simmer_tui.engine import PEOPLE
 from simmer_tui.events import Belief, EventHandler, MovementEnded, NoticeKind
 from simmer_tui.phrases import (
     WEDGED_TEXT,
@@ -21,7 +20,7 @@ from simmer_tui.phrases import (
 )
 from simmer_tui.run.facts import displacement
 from simmer_tui.sim.angles import half_turn
-from simmer_tui.sim.command import counted, escape_passage
+from simmer_tui.sim.command import PEOPLE, counted, escape_passage
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import CommandResult, Reading, Status
 from simmer_tui.snapshot import LogEntry

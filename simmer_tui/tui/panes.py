@@ -13,8 +13,7 @@ from textual.events import Click
 from textual.widget import Widget
 
 from simmer_tui.config.loader import Configuration
-from simmer_tui.engine import PEOPLE
-from simmer_tui.sim.command import counted
+from simmer_tui.sim.command import PEOPLE, counted
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.wheels import WheelKinematics
 from simmer_tui.snapshot import LogEntry, Snapshot

@@ -47,10 +47,10 @@ class Mission:
     def attempt(self) -> Attempt:
         return Attempt(self.history, self.task)
 
-    def give(self, *commands: str) -> None:
+    def give(self, *commands: str, source: str = "client") -> None:
         session = self.engine.session()
         for command in commands:
-            session.submit(parse_command(command), lambda outcome: None)
+            session.submit(parse_command(command, source), lambda outcome: None)
 
     def believe(self, ahead: float = 0.0, turn: float = 0.0, spread: float | None = 0.3) -> None:
         pose = self.simulator.pose
@@ -792,6 +792,47 @@ def test_a_person_who_moved_the_robot_explains_what_followed() -> None:
     mission.give("u1", "d1-5", "d1-60")
     found = causes_of(mission.attempt)
     assert [each.kind for each in found] == [Kind.MOVED]
+
+
+@pytest.mark.parametrize("source", ["keys", "console"])
+def test_a_person_who_drives_beside_the_program_is_named(source: str) -> None:
+    mission = begin()
+    mission.give("u1", "d1-1")
+    mission.believe()
+    mission.give("r1-90", source=source)
+    mission.believe(turn=-90.0)
+    mission.give("u1", "d1-60")
+    cause = mission.why()
+    assert (cause.kind, cause.sure) == (Kind.MOVED, Sureness.LIKELY)
+    assert re.match(r"A person drove the robot beside its program: r1-90 at [\d.]+ s\. No belief", cause.text)
+
+
+def test_a_person_who_drives_into_a_wall_is_named_whatever_was_believed() -> None:
+    mission = begin()
+    mission.give("u1", "d1-1")
+    mission.believe()
+    mission.give("w1-9", source="keys")
+    (cause,) = causes_of(mission.attempt)
+    assert (cause.kind, cause.sure) == (Kind.MOVED, Sureness.CERTAIN)
+    assert "w1-9 led the robot into the maze's outer wall" in cause.text
+
+
+def test_a_person_who_drives_alone_disturbs_no_program() -> None:
+    mission = begin()
+    mission.give("u1", "d1-1", source="keys")
+    mission.give("u1", "u2", "u4")
+    mission.give("w1-9", source="keys")
+    assert mission.why().kind is not Kind.MOVED
+
+
+def test_who_was_right_again_after_a_person_drove_failed_for_another_reason() -> None:
+    mission = begin()
+    mission.give("u1", "d1-1")
+    mission.believe()
+    mission.give("r1-90", source="keys")
+    mission.believe()
+    mission.give("u1", "d1-60")
+    assert mission.why().kind is not Kind.MOVED
 
 
 def reset(mission: Mission) -> None:
