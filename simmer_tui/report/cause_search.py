@@ -97,8 +97,8 @@ def _ranked(
         made = (endings.crash, endings.silence, endings.moved, endings.block_moved)
         others = (
             *(endings.put_down, endings.asked_after_grip, endings.missed_grip, endings.wrong_when_gripping),
-            *(endings.blocked, endings.nowhere, endings.unread, endings.astray, endings.never_gripped),
-            *(endings.refused, endings.slow, endings.ended),
+            *(endings.mostly_refused, endings.blocked, endings.nowhere, endings.unread, endings.astray),
+            *(endings.never_gripped, endings.refused, endings.slow, endings.ended),
         )
         found = itertools.chain((make() for make in made), (device, explained), (make() for make in others))
     yield from (each for each in found if each is not None)
@@ -111,6 +111,7 @@ def _of_contact(
     # A person who moved the robot comes before all that follows from it.
     yield endings.moved()
     yield endings.searched()
+    yield endings.mostly_refused()
     # Drive errors that led one movement astray need no wrong sensor.
     alone = contacts[0].kind is Kind.DRIVE_ERROR and contacts[0].sure is Sureness.CERTAIN
     nowhere = endings.nowhere()

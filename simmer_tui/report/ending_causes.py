@@ -18,6 +18,7 @@ from simmer_tui.phrases import (
 )
 from simmer_tui.report.causes import Cause, Kind, Sureness, cause_of, undecided_text
 from simmer_tui.report.contact_causes import BLIND, BLIND_TURN, belief_text, wrong_text
+from simmer_tui.report.finding import FEWEST
 from simmer_tui.report.right_readings import (
     looked_for_block,
     looked_in_vain,
@@ -181,6 +182,17 @@ class EndingCauses:
         culprits, sure = (command.code,), Sureness.LIKELY
         return self._made(Kind.NOT_CARRIED_OUT, text, at=rows[-1], sure=sure, culprits=culprits)
 
+    def mostly_refused(self) -> Cause | None:
+        """Since the robot last made progress, more commands to drive were refused than carried out."""
+        (codes, count, of), rows = self._seen.refused_drives, self._seen.refusals
+        if self._seen.task is None or count < FEWEST["set"] or 2 * count <= of:
+            return None
+        last = next(row for row in reversed(rows) if row.result.command.code in codes)
+        command, reason = last.result.command.shown, escape_passage(last.result.reason)
+        begin = f"{count} of {of} commands to drive were refused from {self._seen.stalled.since:.1f} s on"
+        text = f"{begin}. The last was {command}: {reason}."
+        return self._made(Kind.NOT_CARRIED_OUT, text, self._goals(), at=last, culprits=tuple(codes))
+
     def blocked(self) -> Cause | None:
         """A wall held the robot."""
         seen, stuck = self._seen, self._seen.stuck
@@ -205,7 +217,14 @@ class EndingCauses:
             return self._looped()
         turned = f", {stalled.turned:.0f} deg" if stalled.turned >= 1.0 else ""
         moved = f"{stalled.movements} movements ({stalled.driven:.0f} in{turned})"
-        return self._got_nowhere(stalled.since, f"{moved} reached no goal and no new place", stalled.place)
+        text, whole, codes = f"{moved} reached no goal and no new place", "", tuple[str, ...]()
+        drives, count = seen.asked_for_nothing
+        if 2 * count > stalled.movements:
+            text, codes = f"{text}: {count} of them asked for 0 ({', '.join(drives)})", tuple(drives)
+            if seen.whole_numbers:
+                begin = f"All {seen.whole_numbers} commands to drive were whole numbers"
+                whole = f"{begin}: what is left below 1 is never driven."
+        return self._got_nowhere(stalled.since, text, stalled.place, whole, culprits=codes)
 
     def _looped(self) -> Cause | None:
         """It repeated the same few movements, whatever its sensors read."""
@@ -226,10 +245,13 @@ class EndingCauses:
         end = "" if seen.out_of_time else f"{self._end()}."
         return self._got_nowhere(dwell.since, f"it did not move and read sensors {read}", None, end)
 
-    def _got_nowhere(self, since: float, text: str, pose: Pose | None, *evidence: str) -> Cause:
+    def _got_nowhere(
+        self, since: float, text: str, pose: Pose | None, *evidence: str, culprits: tuple[str, ...] = ()
+    ) -> Cause:
         text = f"It got nowhere. From {since:.1f} s on, {text}."
         place = None if pose is None else (pose.x, pose.y)
-        return self._made(Kind.GOT_NOWHERE, text, *evidence, self._goals(), since=since, place=place)
+        evidence = *evidence, self._goals()
+        return self._made(Kind.GOT_NOWHERE, text, *evidence, since=since, place=place, culprits=culprits)
 
     def slow(self) -> Cause | None:
         """Time was up."""

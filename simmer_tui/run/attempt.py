@@ -522,6 +522,33 @@ class Attempt:
         return without_progress(rows, history.are_legs(rows), *self._place)
 
     @cached_property
+    def refused_drives(self) -> tuple[list[str], int, int]:
+        """Codes of drives whose commands were refused in the stretch without progress, how many commands
+        those were, and how many of all drives came."""
+        rows, names = self.within(self.history.commands), self.history.code_names
+        rows = rows[rows["elapsed"] >= self.stalled.since]
+        drives = [names.index(each.code) for each in self.spec.drives if each.code in names]
+        rows = rows[np.isin(rows["code"], drives)]
+        codes = rows["code"][rows["refused"]]
+        return [names[number] for number in np.unique(codes)], len(codes), len(rows)
+
+    @cached_property
+    def asked_for_nothing(self) -> tuple[list[str], int]:
+        """Codes of drives that were asked for 0 in the stretch without progress, and how often."""
+        rows, names = self.within(self.history.movements), self.history.code_names
+        # In packets, programs ask for the end of a movement by a movement of 0.
+        asks_end = (np.diff(rows["number"], prepend=-1) == 1) & (np.diff(rows["code"], prepend=-1) == 0)
+        rows = rows[(rows["asked"] == 0.0) & ~asks_end & (rows["elapsed"] >= self.stalled.since)]
+        return [names[number] for number in np.unique(rows["code"])], len(rows)
+
+    @property
+    def whole_numbers(self) -> int:
+        """Number of the commands for drives, if all asked for whole numbers; else 0."""
+        asked = self.within(self.history.movements)["asked"]
+        asked = asked[np.isfinite(asked)]
+        return len(asked) if (asked == np.round(asked)).all() else 0
+
+    @cached_property
     def loop(self) -> CommandLoop | None:
         """The movements that it repeated until the end."""
         return loop_at_end(self.within(self.history.movements, max(self.placed, self._began)))

@@ -575,6 +575,40 @@ def test_a_command_that_was_refused_is_said() -> None:
     assert cause.culprits == ("d1",)
 
 
+@pytest.mark.parametrize("last", [(), ("d1-16",)])
+def test_who_is_mostly_refused_got_nowhere_because_of_that(last: tuple[str, ...]) -> None:
+    mission = begin()
+    mission.give("u1", "d1-1", *("u1", "d1-0,5", "r1-12,5") * 60, *last)
+    cause = mission.why(1, words="failed")
+    assert (cause.kind, cause.culprits) == (Kind.NOT_CARRIED_OUT, ("d1", "r1"))
+    assert re.match(r"120 of 12\d commands to drive were refused from 5\d\.\d s on", cause.text)
+    assert "The last was r1-12,5: '12,5' is not a finite decimal number" in cause.text
+
+
+def test_who_is_refused_now_and_then_failed_for_another_reason() -> None:
+    mission = begin()
+    mission.give(*("u1", "d1-3", "d1--3", "d1-0,5") * 30)
+    assert mission.why(1).kind is Kind.GOT_NOWHERE
+
+
+def test_commands_that_ask_for_nothing_lead_nowhere() -> None:
+    mission = begin()
+    mission.give(*("u1", "d1-0", "u2", "w1-0", "u1", "r1-1") * 40)
+    cause = mission.why(1)
+    assert (cause.kind, cause.culprits) == (Kind.GOT_NOWHERE, ("d1", "w1"))
+    assert "80 of them asked for 0 (d1, w1)" in cause.text
+    assert (
+        "All 120 commands to drive were whole numbers: what is left below 1 is never driven."
+        in cause.evidence
+    )
+
+
+def test_a_movement_of_nothing_may_ask_for_the_end_of_another() -> None:
+    mission = begin()
+    mission.give(*("u1", "d1-2", "d1-0", "u1", "d1--2", "d1-0") * 30)
+    assert (mission.why(1).kind, mission.why(1).culprits) == (Kind.GOT_NOWHERE, ())
+
+
 @pytest.mark.parametrize("commands", [("r1-30", "r1-30"), ("d1-3", "d1--3")])
 def test_a_run_that_came_nowhere_is_called_so_however_it_ends(commands: tuple[str, str]) -> None:
     mission = begin()
