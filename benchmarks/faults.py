@@ -107,7 +107,8 @@ def grade(report: Mapping[str, Any], case: Case, *, crash_decides: bool = True) 
     first, other = _grade_cause(cause, report, case), None
     if second is not None:
         other = _grade_cause(second, report, case)
-    crashed = says(CRASHED, printed="Traceback").matches(cause, report)
+    # The last lines of a long traceback are without its heading.
+    crashed = says(CRASHED, printed=", line ").matches(cause, report)
     if crash_decides and crashed and first != RIGHT:
         return RIGHT if other == RIGHT else PARTLY
     # With a wrong second cause the first is not right either; with a right one it is right in part.

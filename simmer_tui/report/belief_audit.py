@@ -18,7 +18,7 @@ from simmer_tui.report.robust_fit import binomial_tail, mad_scale, robust_fit, t
 from simmer_tui.report.sensor_sample import by_sensor, poses_of, world_without_block
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.episodes import SAME_POSE
-from simmer_tui.run.facts import DEFAULT_ALLOWED_TURN
+from simmer_tui.run.facts import COVERED, DEFAULT_ALLOWED_TURN
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.angles import cos_sin_array, half_turn
 from simmer_tui.sim.arrays import BoolArray, FloatArray, IntArray
@@ -43,6 +43,9 @@ _LONGEST_TURN = 150.0
 """Turns above this, degrees, may have been believed to go in the other direction."""
 _ASSUMED = 1.0
 """Spread, inches, of a first belief that no reading can have led to. Judged."""
+_JUMP = 45.0
+"""Degrees by which a belief and the robot turn differently in a jump: readings of a range sensor change as
+much by a quarter of a right angle. Judged."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -265,6 +268,43 @@ def wrong_heading(attempt: Attempt) -> list[Disagreement]:
         text = f"the program used {more} than {code}'s replies in the log ({counted(len(rows), 'reading')})"
         found.append(Disagreement((code,), text, len(rows), two_sided(beyond), 1.0, *moment(believed[0])))
     return found
+
+
+def heading_jump(attempt: Attempt) -> list[Disagreement]:
+    """The explanations of a heading that was right and sure, and wrong and sure one movement later: what
+    turned the robot then, and what was read of that. None without such a jump, or where it was soon right
+    again.
+
+    Counters that begin again at some angle do that, and signs that are wrong in one quadrant.
+    """
+    history = attempt.history
+    beliefs, moves = attempt.within(history.beliefs, attempt.placed), attempt.within(history.movements)
+    sure = (beliefs["allowed_turn"] <= DEFAULT_ALLOWED_TURN) & ~(beliefs["spread"] > SURE)
+    off = np.abs(beliefs["turn"])
+    jumps = np.flatnonzero((sure & (off <= beliefs["allowed_turn"]))[:-1] & (sure & (off >= _JUMP))[1:])
+    if not len(jumps):
+        return []
+    before, after = beliefs[jumps[-1]], beliefs[jumps[-1] + 1]
+    if np.mean(off[jumps[-1] + 1 :] >= _JUMP / 2) < 0.5:
+        return []
+    between = (moves["order"] > before["order"]) & (moves["order"] < after["order"])
+    names, turning = history.code_names, {each.code for each in attempt.spec.drives if each.kind.turns}
+    rows = [row for row in moves[between] if names[int(row["code"])] in turning]
+    if len(rows) != 1:
+        return []
+    drive, asked = names[int(rows[0]["code"])], float(rows[0]["asked"])
+    turned = f"{float(after['true_heading'] - before['true_heading']):.0f} deg"
+    believed = f"{half_turn(float(after['heading'] - before['heading'])):.0f} deg"
+    texts = {drive: f"in {drive}-{asked:g} the robot turned by {turned}, and its belief by {believed}"}
+    readings = attempt.within(history.readings, attempt.placed)
+    for spec, mine in by_sensor(history, readings):
+        last = np.searchsorted(mine["order"], (before["order"], after["order"])) - 1
+        if spec.kind.unit == "deg" and not spec.kind.is_opaque and 0 <= last[0] < last[1]:
+            first, second = (float(mine["value"][place]) for place in last)
+            texts[spec.code] = f"{spec.code} went from {first:.0f} to {second:.0f} deg then"
+    # A belief allows for so many spreads of its heading.
+    probability = two_sided(COVERED * float(off[jumps[-1] + 1] / after["allowed_turn"]))
+    return [Disagreement((code,), text, 1, probability, 1.0, *moment(after)) for code, text in texts.items()]
 
 
 def following_beliefs(rows: Columns, beliefs: Columns, moves: IntArray) -> IntArray:

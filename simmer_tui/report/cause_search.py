@@ -9,9 +9,13 @@ import itertools
 from collections.abc import Collection, Iterator, Sequence
 
 from simmer_tui.events import ProgramEnded
-from simmer_tui.report.belief_audit import BeliefMotion, wrong_heading
+from simmer_tui.report.belief_audit import BeliefMotion, heading_jump, wrong_heading
 from simmer_tui.report.causes import Cause, Kind, Sureness, cause_of, undecided_text
-from simmer_tui.report.command_audit import multiplied_corrections, vanished_movements
+from simmer_tui.report.command_audit import (
+    multiplied_corrections,
+    repeated_movements,
+    vanished_movements,
+)
 from simmer_tui.report.contact_causes import belief_text, contact_causes
 from simmer_tui.report.ending_causes import EndingCauses
 from simmer_tui.report.finding import FEWEST, Disagreement, Finding, kept_disagreements
@@ -183,7 +187,8 @@ def disagreements(attempt: Attempt, known: Collection[str] = ()) -> list[list[Di
     if attempt.history.is_twin:
         return []
     tests = [each for row in attempt.spec.drives for each in multiplied_corrections(attempt, row)]
-    tests += [vanished_movements(attempt), wrong_heading(attempt)]
+    tests += [vanished_movements(attempt), repeated_movements(attempt)]
+    tests += [wrong_heading(attempt), heading_jump(attempt)]
     for since in _stretches(attempt):
         motion = BeliefMotion(attempt, since)
         tests += [*motion.explanations(), motion.unlogged(), ReplyAudit(attempt, since).explanations()]

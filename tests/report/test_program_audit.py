@@ -11,6 +11,7 @@ import pytest
 from simmer_tui.events import Belief
 from simmer_tui.report.cause_search import disagreements
 from simmer_tui.report.causes import Cause, Kind, Sureness
+from simmer_tui.report.command_audit import repeated_movements
 from simmer_tui.report.finding import Disagreement, kept_disagreements
 from simmer_tui.sim import Pose, parse_command
 from tests.report.test_causes import Mission, begin
@@ -130,6 +131,32 @@ def test_a_drive_that_is_known_to_be_wrong_is_not_found_again() -> None:
         correct(mission, mission.simulator.pose.heading + 3.0, lambda off: -off)
     assert disagreements(mission.attempt)
     assert not disagreements(mission.attempt, {"r1"})
+
+
+def drive_up(mission: Mission, count: int, repeats: Callable[[int], bool], grows: float = 0.03) -> None:
+    """Movements to and fro, each of another length, with a reading between them; some come twice."""
+    for step in range(count):
+        command = f"d1-{(-1) ** step * (1.0 + grows * step):.2f}"
+        mission.give(*[command] * (2 if repeats(step) else 1), "o3")
+
+
+def test_movements_that_come_twice_in_a_row_are_named() -> None:
+    mission = begin(noise=True)
+    drive_up(mission, 40, lambda step: step % 4 < 2)
+    cause = the_cause(mission)
+    assert (cause.kind, cause.culprits, cause.sure) == (Kind.UNDECIDED, ("d1",), Sureness.LIKELY)
+    assert "20 of 60 movements were the one before again, with nothing between, such as d1-1" in cause.text
+
+
+@pytest.mark.parametrize(
+    ("repeats", "grows"), [(lambda step: True, 0.03), (lambda step: step < 20, 0.0)], ids=["halves", "steps"]
+)
+def test_who_always_drives_in_two_parts_or_in_equal_steps_means_it(
+    repeats: Callable[[int], bool], grows: float
+) -> None:
+    mission = begin(noise=True)
+    drive_up(mission, 40, repeats, grows)
+    assert not repeated_movements(mission.attempt)
 
 
 # -- movements that no longer come --------------------------------------------------------------------
@@ -305,6 +332,25 @@ def test_a_heading_that_is_not_the_compasss_from_the_first_belief_on_names_it() 
     cause = the_cause(mission)
     assert cause.culprits == ("c1",)
     assert "deg more than c1's replies in the log (12 readings)" in cause.text
+
+
+def test_a_heading_that_jumps_in_one_movement_names_what_turned_and_what_was_read() -> None:
+    mission = begin(noise=True)
+    program = DeadReckoner(mission, lambda code, reply: reply % 256.0 if code == "g1" else reply)
+    for turn in (*(30.0,) * 9, 20.0, -10.0, 1.0):
+        program.move("r1", turn)
+    cause = the_cause(mission)
+    assert (cause.kind, cause.culprits) == (Kind.UNDECIDED, ("r1", "g1"))
+    assert re.search(r"in r1-30 the robot turned by 30 deg, and its belief by 134 deg", cause.text)
+    assert re.search(r"g1 went from 2[34]\d to 2[67]\d deg then", cause.text)
+
+
+def test_a_filter_that_gives_up_its_place_has_no_jump() -> None:
+    mission = begin(noise=True)
+    for turn, spread in ((0.0, 0.3), (0.0, 0.3), (90.0, 8.0), (90.0, 0.3), (90.0, 0.3)):
+        mission.give("r1-30", "g1", "u1")
+        mission.believe(turn=turn, spread=spread)
+    assert not disagreements(mission.attempt)
 
 
 def test_a_start_taken_for_granted_is_not_the_compasss_fault() -> None:
