@@ -44,8 +44,7 @@ _LONGEST_TURN = 150.0
 _ASSUMED = 1.0
 """Spread, inches, of a first belief that no reading can have led to. Judged."""
 _JUMP = 45.0
-"""Degrees by which a belief and the robot turn differently in a jump: readings of a range sensor change as
-much by a quarter of a right angle. Judged."""
+"""Least degrees of a jump: readings alone do not turn a sure heading by half of a right angle. Judged."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -289,7 +288,8 @@ def heading_jump(attempt: Attempt) -> list[Disagreement]:
         return []
     between = (moves["order"] > before["order"]) & (moves["order"] < after["order"])
     names, turning = history.code_names, {each.code for each in attempt.spec.drives if each.kind.turns}
-    rows = [row for row in moves[between] if names[int(row["code"])] in turning]
+    moves = moves[between & ~np.isin(moves["number"], attempt.typed)]
+    rows = [row for row in moves if names[int(row["code"])] in turning]
     if len(rows) != 1:
         return []
     drive, asked = names[int(rows[0]["code"])], float(rows[0]["asked"])

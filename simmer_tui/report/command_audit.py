@@ -232,7 +232,7 @@ def repeated_movements(attempt: Attempt) -> list[Disagreement]:
     """The explanation of commands that came twice, one right after the other, such as by a retry after a
     timeout. None where a program may mean it: it drives in equal steps, or all its movements in two parts."""
     moves = attempt.within(attempt.history.movements)
-    moves = moves[np.isfinite(moves["asked"]) & (moves["asked"] != 0.0)]
+    moves = moves[np.isfinite(moves["asked"]) & (moves["asked"] != 0.0) & ~moves["grips"]]
     number, code, asked = (np.diff(moves[name]) for name in ("number", "code", "asked"))
     rows = moves[1:][(number == 1) & (code == 0) & (asked == 0.0)]
     # Half of all movements are the second of two, if each comes twice.

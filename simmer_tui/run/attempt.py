@@ -27,6 +27,7 @@ from simmer_tui.run.history_rows import (
 from simmer_tui.run.progress import CommandLoop, StalledPeriod, loop_at_end, without_progress
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.table import Columns, Newest, RowT, RowTable
+from simmer_tui.sim.arrays import IntArray
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import PEOPLE
 from simmer_tui.sim.footprint import Footprint
@@ -383,16 +384,20 @@ class Attempt:
         return None if any(each.order > self._began for each in came) else row
 
     @cached_property
+    def typed(self) -> IntArray:
+        """Numbers of the commands that people gave at the screen, (n,)."""
+        people = [place for place, name in enumerate(self.history.source_names) if name in PEOPLE]
+        # The answer to the command that ends a mission comes after that end.
+        rows = self.history.commands.columns(0, len(self.history.commands))
+        return np.asarray(rows["number"][np.isin(rows["source"], people)])
+
+    @cached_property
     def driven_by_hand(self) -> MovementRow | None:
         """The last movement that a person commanded after the program's first, unless a belief has been right
         since."""
         history = self.history
-        people = [place for place, name in enumerate(history.source_names) if name in PEOPLE]
         rows, begin = self.within(history.movements), history.movements.place_of(self._began + 1)
-        # The answer to the command that ends a mission comes after that end.
-        commands = history.commands.columns(0, len(history.commands))
-        typed = commands["number"][np.isin(commands["source"], people)]
-        by_hand = np.isin(rows["number"], typed)
+        by_hand = np.isin(rows["number"], self.typed)
         programs = np.flatnonzero(~by_hand)
         drove = np.flatnonzero(by_hand & ~rows["grips"])
         if not len(programs) or not len(drove) or drove[-1] < programs[0]:

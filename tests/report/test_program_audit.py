@@ -345,6 +345,16 @@ def test_a_heading_that_jumps_in_one_movement_names_what_turned_and_what_was_rea
     assert re.search(r"g1 went from 2[34]\d to 2[67]\d deg then", cause.text)
 
 
+def test_a_person_who_turned_the_robot_is_no_jump_of_its_program() -> None:
+    mission = begin(noise=True)
+    for turn in (0.0, -90.0, -90.0):
+        mission.give("g1", "u1")
+        mission.believe(turn=turn)
+        if not turn:
+            mission.give("r1-90", source="keys")
+    assert not disagreements(mission.attempt)
+
+
 def test_a_filter_that_gives_up_its_place_has_no_jump() -> None:
     mission = begin(noise=True)
     for turn, spread in ((0.0, 0.3), (0.0, 0.3), (90.0, 8.0), (90.0, 0.3), (90.0, 0.3)):
