@@ -18,7 +18,7 @@ from simmer_tui.report.robust_fit import binomial_tail, mad_scale, robust_fit, t
 from simmer_tui.report.sensor_sample import by_sensor, poses_of, world_without_block
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.episodes import SAME_POSE
-from simmer_tui.run.facts import COVERED, DEFAULT_ALLOWED_TURN
+from simmer_tui.run.facts import COVERED, DEFAULT_ALLOWED_TURN, UNSURE
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.angles import cos_sin_array, half_turn
 from simmer_tui.sim.arrays import BoolArray, FloatArray, IntArray
@@ -278,7 +278,7 @@ def heading_jump(attempt: Attempt) -> list[Disagreement]:
     """
     history = attempt.history
     beliefs, moves = attempt.within(history.beliefs, attempt.placed), attempt.within(history.movements)
-    sure = (beliefs["allowed_turn"] <= DEFAULT_ALLOWED_TURN) & ~(beliefs["spread"] > SURE)
+    sure = (beliefs["allowed_turn"] <= DEFAULT_ALLOWED_TURN) & ~(beliefs["spread"] > UNSURE)
     off = np.abs(beliefs["turn"])
     jumps = np.flatnonzero((sure & (off <= beliefs["allowed_turn"]))[:-1] & (sure & (off >= _JUMP))[1:])
     if not len(jumps):

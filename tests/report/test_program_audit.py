@@ -237,7 +237,7 @@ class DeadReckoner:
         by_commands: Callable[[str, float], float] | None = None,
     ) -> None:
         self.mission, self.heard, self.by_commands = mission, heard, by_commands
-        self.swallows = ""
+        self.swallows, self.spread = "", 0.3
         self.pose = mission.simulator.pose
         self.counted = self.counters()
 
@@ -268,7 +268,7 @@ class DeadReckoner:
 
     def tell(self) -> None:
         simulator = self.mission.simulator
-        self.mission.engine.tell(Belief(simulator.time, self.pose, simulator.pose, 0.3))
+        self.mission.engine.tell(Belief(simulator.time, self.pose, simulator.pose, self.spread))
 
     def wander(self, rounds: int = 12) -> None:
         for step in range(rounds):
@@ -337,6 +337,7 @@ def test_a_heading_that_is_not_the_compasss_from_the_first_belief_on_names_it() 
 def test_a_heading_that_jumps_in_one_movement_names_what_turned_and_what_was_read() -> None:
     mission = begin(noise=True)
     program = DeadReckoner(mission, lambda code, reply: reply % 256.0 if code == "g1" else reply)
+    program.spread = 2.0
     for turn in (*(30.0,) * 9, 20.0, -10.0, 1.0):
         program.move("r1", turn)
     cause = the_cause(mission)
