@@ -15,7 +15,6 @@
 - `twice`: one drive in so many is sent again, and both are done;
 - `sleep`: it waits for so many simulated seconds after each drive;
 - `comma`: drives have a decimal comma, and a refusal is not noticed;
-- `another`: a second connection sends this command, once in `every` calls;
 - `readings`: one of READINGS below changes the readings, of `codes` or of all sensors;
 - `crash_at_end`: the exception is raised when the script has done all it does.
 """
@@ -132,7 +131,6 @@ class Interference:
         """True while the fault itself drives the robot."""
         self._drives = 0
         self._readings = Readings(fault["readings"], fault.get("codes", ())) if "readings" in fault else None
-        self._other: Robot | None = None
 
     def install(self) -> None:
         """Wrap the methods of every robot of the script."""
@@ -189,9 +187,6 @@ class Interference:
             while True:
                 step(robot)
         self._mine = True
-        if "another" in fault and self._left % fault["every"] == 0:
-            self._other = self._other or Robot()
-            self._other.send(fault["another"])
         for command in fault.pop("send", ()):
             robot.send(command)
         self._mine = False
