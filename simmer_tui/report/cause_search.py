@@ -77,7 +77,8 @@ def _first_two(standing: list[Cause], endings: EndingCauses, devices: Sequence[C
     found = endings.disagreeing() if misled or first.kind in _DECISIVE else None
     disagreeing = [] if found is None else [found]
     if first.kind in _DECISIVE:
-        other = [each for each in standing if each.kind in _FROM_OUTSIDE or each in devices] + disagreeing
+        other = [each for each in standing if each.kind in _FROM_OUTSIDE or each in devices]
+        other += endings.without_effect() or disagreeing
     elif first.kind is Kind.MOVED:
         # A person who moved the robot explains the rest: only a device that was wrong before adds to it.
         other = [each for each in standing if each in devices]

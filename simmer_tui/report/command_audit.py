@@ -253,14 +253,13 @@ def vanished_movements(attempt: Attempt) -> list[Disagreement]:
     it keeps its rhythm."""
     rows, names = attempt.within(attempt.history.commands), attempt.history.code_names
     moves = attempt.within(attempt.history.movements)
-    # In packets, programs ask for the end of a movement by movements of 0.
-    asks_nothing = np.isin(rows["number"], moves["number"][moves["asked"] == 0.0])
-    rows = rows[~rows["refused"] & ~asks_nothing]
     numbers = _numbers_of(attempt)
+    drives = [numbers[each.code] for each in attempt.spec.drives if each.code in numbers]
+    # A command to drive that was refused has come.
+    counts = ~rows["refused"] | np.isin(rows["code"], drives)
+    rows = rows[counts & ~np.isin(rows["number"], moves["number"][attempt.asks_end])]
     ends = {
-        number: int(places[-1])
-        for number in (numbers[each.code] for each in attempt.spec.drives if each.code in numbers)
-        if len(places := np.flatnonzero(rows["code"] == number))
+        number: int(places[-1]) for number in drives if len(places := np.flatnonzero(rows["code"] == number))
     }
     rhythm = _Rhythm(rows["code"].astype(np.int64), np.isin(rows["code"], list(ends)))
     found: list[Disagreement] = []

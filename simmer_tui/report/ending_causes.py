@@ -193,6 +193,11 @@ class EndingCauses:
         text = f"{begin}. The last was {command}: {reason}."
         return self._made(Kind.NOT_CARRIED_OUT, text, self._goals(), at=last, culprits=tuple(codes))
 
+    def without_effect(self) -> list[Cause]:
+        """The causes by commands to drive that came and did nothing: refused, or for 0."""
+        made = self.mostly_refused(), self.nowhere()
+        return [each for each in made if each is not None and each.culprits]
+
     def blocked(self) -> Cause | None:
         """A wall held the robot."""
         seen, stuck = self._seen, self._seen.stuck

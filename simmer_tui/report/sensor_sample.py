@@ -29,6 +29,9 @@ _MOST = 4000
 _CLEAR = 5.0
 # Judged: a longer delay than this many readings does not happen.
 LAGS = (1, 2, 3)
+_ONE_HEADING = 0.97
+"""Length of the mean direction of headings, from which they are one: they scatter by less than 14 deg. Judged.
+"""
 # Judged: enough to distinguish two sensors; a line sensor's 113 test points take a tenth of a millisecond.
 _PLACES = 800
 """Places at which the readings of other sensors are computed."""
@@ -343,6 +346,10 @@ def inverted_compass(sample: SensorSample, base: FloatArray) -> Iterator[Alterna
     """A compass that counts in the other direction, from any zero. Ranges have no sign."""
     spec = sample.spec
     if spec.kind.is_range or not sample.sensor.period or not len(base):
+        return
+    # At one heading any zero fits, and an offset explains as much.
+    headings = np.exp(2j * np.pi * spec.gain * base / sample.sensor.period)
+    if abs(headings.mean()) > _ONE_HEADING:
         return
     mirrored = np.radians((sample.values + spec.gain * base) * 360.0 / sample.sensor.period)
     zero = np.angle(np.exp(1j * mirrored).mean()) / (2 * np.pi) * sample.sensor.period

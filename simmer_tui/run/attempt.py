@@ -27,7 +27,7 @@ from simmer_tui.run.history_rows import (
 from simmer_tui.run.progress import CommandLoop, StalledPeriod, loop_at_end, without_progress
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.table import Columns, Newest, RowT, RowTable
-from simmer_tui.sim.arrays import IntArray
+from simmer_tui.sim.arrays import BoolArray, IntArray
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import PEOPLE
 from simmer_tui.sim.footprint import Footprint
@@ -538,12 +538,20 @@ class Attempt:
         return [names[number] for number in np.unique(codes)], len(codes), len(rows)
 
     @cached_property
+    def asks_end(self) -> BoolArray:
+        """True for the movements of 0 by which a program in packets asks for the end of the one before,
+        (n,). In packets most of them follow that one directly; the others follow one that was lost."""
+        rows = self.within(self.history.movements)
+        nothing = rows["asked"] == 0.0
+        follows = (np.diff(rows["number"], prepend=-1) == 1) & (np.diff(rows["code"], prepend=-1) == 0)
+        in_packets = 2 * int((nothing & follows).sum()) > int(nothing.sum())
+        return np.asarray(nothing & (follows | in_packets))
+
+    @cached_property
     def asked_for_nothing(self) -> tuple[list[str], int]:
         """Codes of drives that were asked for 0 in the stretch without progress, and how often."""
         rows, names = self.within(self.history.movements), self.history.code_names
-        # In packets, programs ask for the end of a movement by a movement of 0.
-        asks_end = (np.diff(rows["number"], prepend=-1) == 1) & (np.diff(rows["code"], prepend=-1) == 0)
-        rows = rows[(rows["asked"] == 0.0) & ~asks_end & (rows["elapsed"] >= self.stalled.since)]
+        rows = rows[(rows["asked"] == 0.0) & ~self.asks_end & (rows["elapsed"] >= self.stalled.since)]
         return [names[number] for number in np.unique(rows["code"])], len(rows)
 
     @property

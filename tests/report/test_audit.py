@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from msgspec.structs import replace
 
@@ -16,8 +17,10 @@ from simmer_tui.config.loader import find_set, load
 from simmer_tui.config.nominal import Nominal, nominal_of
 from simmer_tui.report.audit import audit
 from simmer_tui.report.finding import Basis, Claim, Finding, FindingKind, kept
+from simmer_tui.report.sensor_sample import SensorSample, inverted_compass
 from simmer_tui.sim import SimulationSpec
 from simmer_tui.sim.records import Reading
+from simmer_tui.sim.sensors import modelled_sensor
 from simmer_tui.sim.specs import Axes
 from tests.report.wandering import Change, wandered
 
@@ -78,6 +81,16 @@ def test_a_fault_beyond_the_set_is_named(
     assert (found.of, found.kind, found.basis) == (code, kind, Basis.SET)
     assert found.value == pytest.approx(value, rel=0.03)
     assert found.text.startswith(code)
+
+
+@pytest.mark.parametrize(("headings", "found"), [((90.0,), 0), ((88.0, 92.0), 0), ((0.0, 90.0, 200.0), 1)])
+def test_at_one_heading_no_sign_can_be_told_from_an_offset(
+    mission: SimulationSpec, headings: tuple[float, ...], found: int
+) -> None:
+    compass = modelled_sensor(next(each for each in mission.sensors if each.code == "c1"))
+    base = np.array(headings * 12)
+    sample = SensorSample(compass, 300.0 - base, base, np.full(len(base), 5.0))
+    assert len(list(inverted_compass(sample, base))) == found
 
 
 def test_values_cut_off_at_zero_do_not_hide_an_offset(mission: SimulationSpec) -> None:

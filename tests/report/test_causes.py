@@ -585,6 +585,19 @@ def test_who_is_mostly_refused_got_nowhere_because_of_that(last: tuple[str, ...]
     assert "The last was r1-12,5: '12,5' is not a finite decimal number" in cause.text
 
 
+@pytest.mark.parametrize(
+    ("command", "kind"), [("d1-0,5", Kind.NOT_CARRIED_OUT), ("d1-0", Kind.GOT_NOWHERE)], ids=["refused", "0"]
+)
+def test_commands_without_effect_stand_beside_a_crash(command: str, kind: Kind) -> None:
+    mission = begin()
+    mission.give(*("u1", command) * 110)
+    mission.referee.end("the program ended with exit code 1")
+    crashed, other = causes_of(
+        mission.attempt, ProgramEnded(0.0, 1, error="LostError: it does not get there")
+    )
+    assert (crashed.kind, other.kind, other.culprits) == (Kind.CRASHED, kind, ("d1",))
+
+
 def test_who_is_refused_now_and_then_failed_for_another_reason() -> None:
     mission = begin()
     mission.give(*("u1", "d1-3", "d1--3", "d1-0,5") * 30)

@@ -191,6 +191,22 @@ def test_where_all_movements_are_gone_none_is_named() -> None:
     assert "no movement reached the robot any more" in cause.text
 
 
+@pytest.mark.parametrize("instead", ["d1-2,5", "d1-0"])
+def test_a_drive_whose_commands_come_without_effect_is_not_gone(instead: str) -> None:
+    mission = begin(noise=True)
+    drive_on(mission, 8)
+    for step in range(12):
+        mission.give(instead, *LOOK, *(("r1-5", *LOOK) if step % 2 else ()))
+    assert not disagreements(mission.attempt)
+
+
+def test_in_packets_a_question_for_the_end_of_a_lost_movement_is_none() -> None:
+    mission = begin(noise=True)
+    for step in range(20):
+        mission.give(*((f"d1-{2 * (-1) ** step}",) if step < 12 else ()), "d1-0", *LOOK)
+    assert "no d1 reached the robot any more" in the_cause(mission).text
+
+
 def test_reading_one_sensor_on_and_on_is_another_rhythm() -> None:
     mission = begin(noise=True)
     drive_on(mission, 12)
