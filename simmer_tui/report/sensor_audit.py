@@ -34,6 +34,9 @@ _EXPLAINED = 0.8
 _MISSED = 0.001
 # Judged: the residuals of a fit with one coefficient more must be smaller by a tenth.
 _BETTER = 1.1
+_ONE_VALUE = 0.1
+"""Share of the expected value, or least error, within which eight values in ten are one: there a gain and an
+offset are the same. Judged."""
 
 
 def sensor_tests(device: DeviceUnderTest, sample: SensorSample) -> list[Claim]:
@@ -149,6 +152,9 @@ def _fitted(device: DeviceUnderTest, sample: SensorSample) -> list[Claim]:
             sample.seconds if counts else np.ones(len(residuals))
         ),
     }
+    low, middle, high = np.quantile(sample.expected, (0.1, 0.5, 0.9))
+    if not counts and high - low <= max(_ONE_VALUE * abs(middle), sample.least):
+        del columns[FindingKind.GAIN]
     singles, double = [(kind,) for kind in columns], tuple(columns)
     fits = {
         kinds: robust_fit(np.column_stack([columns[each] for each in kinds]), residuals, sample.spread)

@@ -30,8 +30,7 @@ _CLEAR = 5.0
 # Judged: a longer delay than this many readings does not happen.
 LAGS = (1, 2, 3)
 _ONE_HEADING = 0.97
-"""Length of the mean direction of headings, from which they are one: they scatter by less than 14 deg. Judged.
-"""
+"""Length of the mean direction of headings that are one: they scatter by less than 14 deg. Judged."""
 # Judged: enough to distinguish two sensors; a line sensor's 113 test points take a tenth of a millisecond.
 _PLACES = 800
 """Places at which the readings of other sensors are computed."""

@@ -16,7 +16,8 @@ from simmer_tui.cli.main import main
 from simmer_tui.config.loader import find_set, load
 from simmer_tui.config.nominal import Nominal, nominal_of
 from simmer_tui.report.audit import audit
-from simmer_tui.report.finding import Basis, Claim, Finding, FindingKind, kept
+from simmer_tui.report.finding import Basis, Claim, DeviceUnderTest, Finding, FindingKind, kept
+from simmer_tui.report.sensor_audit import sensor_tests
 from simmer_tui.report.sensor_sample import SensorSample, inverted_compass
 from simmer_tui.sim import SimulationSpec
 from simmer_tui.sim.records import Reading
@@ -91,6 +92,17 @@ def test_at_one_heading_no_sign_can_be_told_from_an_offset(
     base = np.array(headings * 12)
     sample = SensorSample(compass, 300.0 - base, base, np.full(len(base), 5.0))
     assert len(list(inverted_compass(sample, base))) == found
+
+
+@pytest.mark.parametrize(("shift", "kind"), [(0.0, FindingKind.OFFSET), (30.0, FindingKind.GAIN)])
+def test_at_one_distance_no_gain_can_be_told_from_an_offset(
+    mission: SimulationSpec, shift: float, kind: FindingKind
+) -> None:
+    sensor = modelled_sensor(next(each for each in mission.sensors if each.code == "u1"))
+    random = np.random.default_rng(1)
+    expected = 20.0 + random.normal(0.0, 0.3, 40) + shift * (np.arange(40) % 2)
+    sample = SensorSample(sensor, 1.3 * expected, expected, np.full(40, 0.4))
+    assert [each.kind for each in kept(sensor_tests(DeviceUnderTest("u1", "reading"), sample))] == [kind]
 
 
 def test_values_cut_off_at_zero_do_not_hide_an_offset(mission: SimulationSpec) -> None:
