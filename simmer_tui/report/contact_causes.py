@@ -261,6 +261,7 @@ class _ContactCauses:
         evidence = (
             f"{touched} at {row.elapsed:.2f} s, {drift_text(contact)}.",
             belief_text(self._met.belief),
+            self._again,
             facing_sensor_text(self._looks, row.elapsed),
             shown_tried(self._tried),
         )
@@ -275,6 +276,14 @@ class _ContactCauses:
             sure=sure,
             culprits=culprits,
         )
+
+    @property
+    def _again(self) -> str:
+        """A sentence if the command was that before again, as after a retry."""
+        met = self._met
+        if not met.unseen or met.before[-1].command.text != met.ended.command.text:
+            return ""
+        return f"The same command came twice in a row, with nothing between: {met.row.shown}."
 
     def _is_blind(self) -> bool:
         """True if no range sensor had been read. A program that sends beliefs may have used any of them; for

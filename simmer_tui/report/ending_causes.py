@@ -183,15 +183,20 @@ class EndingCauses:
         return self._made(Kind.NOT_CARRIED_OUT, text, at=rows[-1], sure=sure, culprits=culprits)
 
     def mostly_refused(self) -> Cause | None:
-        """Since the robot last made progress, more commands to drive were refused than carried out."""
-        (codes, count, of), rows = self._seen.refused_drives, self._seen.refusals
-        if self._seen.task is None or count < FEWEST["set"] or 2 * count <= of:
-            return None
-        last = next(row for row in reversed(rows) if row.result.command.code in codes)
-        command, reason = last.result.command.shown, escape_passage(last.result.reason)
-        begin = f"{count} of {of} commands to drive were refused from {self._seen.stalled.since:.1f} s on"
-        text = f"{begin}. The last was {command}: {reason}."
-        return self._made(Kind.NOT_CARRIED_OUT, text, self._goals(), at=last, culprits=tuple(codes))
+        """Since the robot last made progress, or in the whole run, more commands to drive were refused than
+        carried out."""
+        seen = self._seen
+        for since in (seen.stalled.since, seen.begun) if seen.task is not None else ():
+            codes, count, of = seen.refused_drives(since)
+            # Only the newest refusals are kept with their reasons.
+            rows = [row for row in seen.refusals if row.result.command.code in codes]
+            if count >= FEWEST["set"] and 2 * count > of and rows:
+                last = rows[-1]
+                command, reason = last.result.command.shown, escape_passage(last.result.reason)
+                begin = f"{count} of {of} commands to drive were refused from {since:.1f} s on"
+                text = f"{begin}. The last was {command}: {reason}."
+                return self._made(Kind.NOT_CARRIED_OUT, text, self._goals(), at=last, culprits=tuple(codes))
+        return None
 
     def without_effect(self) -> list[Cause]:
         """The causes by commands to drive that came and did nothing: refused, or for 0."""
@@ -218,13 +223,15 @@ class EndingCauses:
         # driving.
         lasted = seen.elapsed - stalled.since
         idle = lasted < STAYED * task.time_limit or stalled.driving < lasted / 2
-        if stalled.movements < (HUNDRED if idle or not seen.out_of_time else MOVES):
+        drives, count = seen.asked_for_nothing
+        # Movements of nothing are no search.
+        in_vain = count >= MOVES and 2 * count > stalled.movements
+        if stalled.movements < (HUNDRED if idle or not seen.out_of_time else MOVES) and not in_vain:
             return self._looped()
         turned = f", {stalled.turned:.0f} deg" if stalled.turned >= 1.0 else ""
         moved = f"{stalled.movements} movements ({stalled.driven:.0f} in{turned})"
         text, whole, codes = f"{moved} reached no goal and no new place", "", tuple[str, ...]()
-        drives, count = seen.asked_for_nothing
-        if 2 * count > stalled.movements:
+        if in_vain:
             text, codes = f"{text}: {count} of them asked for 0 ({', '.join(drives)})", tuple(drives)
             if seen.whole_numbers:
                 begin = f"All {seen.whole_numbers} commands to drive were whole numbers"

@@ -526,12 +526,11 @@ class Attempt:
         rows = self.within(history.movements, since)
         return without_progress(rows, history.are_legs(rows), *self._place)
 
-    @cached_property
-    def refused_drives(self) -> tuple[list[str], int, int]:
-        """Codes of drives whose commands were refused in the stretch without progress, how many commands
+    def refused_drives(self, since: float) -> tuple[list[str], int, int]:
+        """Codes of drives whose commands were refused from a moment on (elapsed seconds), how many commands
         those were, and how many of all drives came."""
         rows, names = self.within(self.history.commands), self.history.code_names
-        rows = rows[rows["elapsed"] >= self.stalled.since]
+        rows = rows[rows["elapsed"] >= since]
         drives = [names.index(each.code) for each in self.spec.drives if each.code in names]
         rows = rows[np.isin(rows["code"], drives)]
         codes = rows["code"][rows["refused"]]

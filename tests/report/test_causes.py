@@ -598,6 +598,28 @@ def test_commands_without_effect_stand_beside_a_crash(command: str, kind: Kind) 
     assert (crashed.kind, other.kind, other.culprits) == (Kind.CRASHED, kind, ("d1",))
 
 
+def test_who_was_mostly_refused_before_one_last_movement_is_told_so() -> None:
+    mission = begin()
+    mission.give("u1", *("u1", "d1-0,5") * 30, "d1-8", *("u1", "d1-0,5") * 3, "d1-16")
+    cause = mission.why()
+    assert (cause.kind, cause.culprits) == (Kind.NOT_CARRIED_OUT, ("d1",))
+    assert cause.text.startswith("33 of 3")
+
+
+def test_twenty_movements_of_nothing_are_no_search() -> None:
+    mission = begin()
+    mission.give(*("u1", "d1-0", "u2", "r1-1", "u1", "d1-0") * 11)
+    assert (mission.why(1).kind, mission.why(1).culprits) == (Kind.GOT_NOWHERE, ("d1",))
+
+
+@pytest.mark.parametrize(("between", "told"), [((), True), (("u1",), False)])
+def test_a_contact_tells_of_a_command_that_came_twice(between: tuple[str, ...], told: bool) -> None:
+    mission = begin((30.0, 42.0, 0.0))
+    mission.give("u1", "u2", "u4", "w1-1.37", *between, "w1-1.37", *between, "w1-1.37")
+    twice = "The same command came twice in a row, with nothing between: w1-1.37."
+    assert (twice in mission.why().evidence) is told
+
+
 def test_who_is_refused_now_and_then_failed_for_another_reason() -> None:
     mission = begin()
     mission.give(*("u1", "d1-3", "d1--3", "d1-0,5") * 30)
