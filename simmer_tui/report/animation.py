@@ -80,7 +80,7 @@ def shots(run: RunStatistics, begin: float | None, end: float | None, playback_r
         )
     if last < first:
         raise ExportError(f"--until {last:g} is before --from {first:g}")
-    usual = max(1.0, math.ceil((last - first) / USUAL_SECONDS))
+    usual = max(1.0, math.ceil((last - first) / (USUAL_SECONDS - _HOLD)))
     made = Shots(first, last, usual if playback_rate is None else playback_rate)
     if (last - first) * RATE / made.playback_rate > _MOST_FRAMES:
         least = math.ceil((last - first) * RATE / _MOST_FRAMES)

@@ -5,13 +5,16 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 from xml.etree import ElementTree
 
 import pytest
 from PIL import Image
 
 from simmer_tui.cli.log_commands import run_export
+from simmer_tui.report.animation import shots
+from simmer_tui.report.run_statistics import RunStatistics
 
 
 @pytest.fixture
@@ -38,6 +41,13 @@ def test_a_gif_shows_the_run_at_a_speed(log: Path, tmp_path: Path, capsys: Any) 
     assert [length for _, length in frames[:-1]] == [100] * (len(frames) - 1)
     assert frames[-1][1] == 2000
     assert len({image.tobytes() for image, _ in frames}) > len(frames) // 2, "it moves"
+
+
+@pytest.mark.parametrize("seconds", [17.9, 18.1, 19.0, 20.0, 39.0, 40.0, 300.0])
+def test_a_gif_lasts_at_most_20_seconds_with_the_stay_of_its_last_picture(seconds: float) -> None:
+    run = SimpleNamespace(recording=SimpleNamespace(begin=3.0, end=3.0 + seconds))
+    pictures = len(shots(cast(RunStatistics, run), None, None, None).times)
+    assert 10 < (pictures - 1) * 0.1 + 2.0 <= 20.0
 
 
 def test_a_part_of_the_run(log: Path, tmp_path: Path) -> None:
