@@ -255,8 +255,8 @@ def vanished_movements(attempt: Attempt) -> list[Disagreement]:
     moves = attempt.within(attempt.history.movements)
     numbers = _numbers_of(attempt)
     drives = [numbers[each.code] for each in attempt.spec.drives if each.code in numbers]
-    # A command to drive that was refused has come.
-    counts = ~rows["refused"] | np.isin(rows["code"], drives)
+    # A command to drive that was refused has come; one that came too early asks for the end of another.
+    counts = ~rows["refused"] | (np.isin(rows["code"], drives) & ~rows["early"])
     rows = rows[counts & ~np.isin(rows["number"], moves["number"][attempt.asks_end])]
     ends = {
         number: int(places[-1]) for number in drives if len(places := np.flatnonzero(rows["code"] == number))

@@ -190,6 +190,7 @@ class EndingCauses:
             codes, count, of = seen.refused_drives(since)
             # Only the newest refusals are kept with their reasons.
             rows = [row for row in seen.refusals if row.result.command.code in codes]
+            rows = [row for row in rows if not row.result.is_early]
             if count >= FEWEST["set"] and 2 * count > of and rows:
                 last = rows[-1]
                 command, reason = last.result.command.shown, escape_passage(last.result.reason)

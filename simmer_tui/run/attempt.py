@@ -210,8 +210,17 @@ class Attempt:
 
     @property
     def refusals(self) -> list[RefusalRow]:
-        """Commands that did nothing, newest last."""
-        return self._rows(self.history.refusals)
+        """The program's commands that did nothing, newest last. Those that came too early are left out if
+        they were sent again until the robot had stopped."""
+        moves, names = self.within(self.history.movements), self.history.code_names
+        found = []
+        for row in self._rows(self.history.refusals):
+            result = row.result
+            place = int(np.searchsorted(moves["number"], result.number))
+            again = place == len(moves) or names[moves["code"][place]] == result.command.code
+            if result.command.source not in PEOPLE and not (result.is_early and again):
+                found.append(row)
+        return found
 
     @cached_property
     def commands(self) -> int:
@@ -527,22 +536,26 @@ class Attempt:
         return without_progress(rows, history.are_legs(rows), *self._place)
 
     def refused_drives(self, since: float) -> tuple[list[str], int, int]:
-        """Codes of drives whose commands were refused from a moment on (elapsed seconds), how many commands
-        those were, and how many of all drives came."""
+        """Codes of the program's commands to drive that were refused from a moment on (elapsed seconds), how
+        many those were, and how many came in all. Commands that came too early are left out."""
         rows, names = self.within(self.history.commands), self.history.code_names
-        rows = rows[rows["elapsed"] >= since]
-        drives = [names.index(each.code) for each in self.spec.drives if each.code in names]
-        rows = rows[np.isin(rows["code"], drives)]
+        rows = rows[(rows["elapsed"] >= since) & ~rows["early"] & ~np.isin(rows["number"], self.typed)]
+        driving = {each.code for each in self.spec.drives} | {each.code for each in self.spec.velocities}
+        rows = rows[np.isin(rows["code"], [place for place, name in enumerate(names) if name in driving])]
         codes = rows["code"][rows["refused"]]
         return [names[number] for number in np.unique(codes)], len(codes), len(rows)
 
     @cached_property
     def asks_end(self) -> BoolArray:
         """True for the movements of 0 by which a program in packets asks for the end of the one before,
-        (n,). In packets most of them follow that one directly; the others follow one that was lost."""
-        rows = self.within(self.history.movements)
-        nothing = rows["asked"] == 0.0
-        follows = (np.diff(rows["number"], prepend=-1) == 1) & (np.diff(rows["code"], prepend=-1) == 0)
+        (n,). In packets most of them follow that one directly, or other such questions, which came too early;
+        the rest follow one that was lost."""
+        rows, commands = self.within(self.history.movements), self.within(self.history.commands)
+        nothing, number = rows["asked"] == 0.0, rows["number"]
+        early = np.searchsorted(np.sort(commands["number"][commands["early"]]), number)
+        asked_before = np.diff(early, prepend=0)
+        follows = np.diff(number, prepend=-1) - asked_before == 1
+        follows &= (np.diff(rows["code"], prepend=-1) == 0) | (asked_before > 0)
         in_packets = 2 * int((nothing & follows).sum()) > int(nothing.sum())
         return np.asarray(nothing & (follows | in_packets))
 

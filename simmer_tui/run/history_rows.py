@@ -25,8 +25,9 @@ from simmer_tui.sim.specs import Axes, DriveKind
 
 class CommandRow(NamedTuple):
     """The result of a command. `code` and `source` are indices into the history's `code_names` and
-    `source_names`; `real_time` is in seconds since the first event, NaN where it is not known. The pose is in
-    the row of its reading, movement or refusal."""
+    `source_names`; `real_time` is in seconds since the first event, NaN where it is not known. `early` is
+    true of the refused ones that came while the robot still moved. The pose is in the row of its reading,
+    movement or refusal."""
 
     order: int
     line: int
@@ -36,6 +37,7 @@ class CommandRow(NamedTuple):
     code: Index
     source: Index
     refused: bool
+    early: bool
     link: float
 
 

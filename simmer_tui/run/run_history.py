@@ -409,7 +409,7 @@ class RunHistory:
         self.commands.append(
             self.order, self.line, elapsed, self.real_time, number if number < _LARGEST else _LARGEST,
             self._codes[STOPS if command.stops else command.code], self._sources[command.source], refused,
-            result.link,
+            refused and result.is_early, result.link,
         )  # fmt: skip
         if result.reading is not None:
             self._add_reading(result, result.reading, elapsed, under_way)

@@ -163,6 +163,12 @@ class CommandResult(Struct, frozen=True):
     """Seconds of simulated time that the command itself waits, as planned."""
 
     @property
+    def is_early(self) -> bool:
+        """True if it was refused because the robot was still moving: in packets, programs ask until it has
+        stopped."""
+        return self.status is Status.BUSY and self.reason != TOO_MANY_WAIT
+
+    @property
     def ranges(self) -> FloatArray | None:
         """The ranges of the reply, inches, if a whole scan was requested, else None. The reply to one ray, as
         in `sc-90`, is one number."""

@@ -52,6 +52,12 @@ class Mission:
         for command in commands:
             session.submit(parse_command(command, source), lambda outcome: None)
 
+    def ask_while_moving(self, *commands: str) -> None:
+        """Commands that are refused because the robot still moves, as in timed motion."""
+        for command in commands:
+            refused = self.simulator.refuse(parse_command(command, "client"))
+            self.engine.tell(replace(refused, reason="the robot is still moving"))
+
     def believe(self, ahead: float = 0.0, turn: float = 0.0, spread: float | None = 0.3) -> None:
         pose = self.simulator.pose
         believed = Pose(pose.x + ahead, pose.y, pose.heading + turn)
@@ -618,6 +624,55 @@ def test_a_contact_tells_of_a_command_that_came_twice(between: tuple[str, ...], 
     mission.give("u1", "u2", "u4", "w1-1.37", *between, "w1-1.37", *between, "w1-1.37")
     twice = "The same command came twice in a row, with nothing between: w1-1.37."
     assert (twice in mission.why().evidence) is told
+
+
+def drive_in_packets(mission: Mission, *commands: str, probe: str = "d1-0") -> None:
+    """Timed movements, each followed by movements of 0 that are refused until it has ended."""
+    for command in commands:
+        mission.give("u1", command)
+        mission.ask_while_moving(*[probe] * 4)
+        mission.give(probe)
+
+
+def test_who_asks_in_packets_until_a_movement_has_ended_is_not_mostly_refused() -> None:
+    mission = begin()
+    drive_in_packets(mission, *("d1-2", "d1--2") * 6, "d1-60")
+    assert {each.kind for each in causes_of(mission.attempt)}.isdisjoint((Kind.NOT_CARRIED_OUT, Kind.MOVED))
+
+
+@pytest.mark.parametrize("probe", ["d1-0", "w1-0"])
+def test_who_asks_in_packets_until_a_movement_has_ended_does_not_ask_for_nothing(probe: str) -> None:
+    mission = begin()
+    drive_in_packets(mission, "d1-8", *("d1-1.5", "r1-30", "d1--1.5", "r1--30") * 12, probe=probe)
+    assert not mission.attempt.asked_for_nothing[1]
+
+
+def test_who_asks_in_packets_until_its_time_is_up_was_too_slow() -> None:
+    mission = begin(limit=60.0)
+    drive_in_packets(mission, *("d1-5", "d1--5") * 5)
+    mission.ask_while_moving("d1-0")
+    mission.give(*["wt-1"] * 60)
+    assert mission.why(1).kind is Kind.TOO_SLOW
+
+
+def test_a_command_that_came_too_early_and_never_again_is_told() -> None:
+    mission = begin()
+    mission.give("u1", "d1-3")
+    mission.ask_while_moving("r1-90")
+    mission.give("d1-3", "u1")
+    cause = mission.why(1)
+    assert (cause.kind, cause.culprits) == (Kind.NOT_CARRIED_OUT, ("r1",))
+    assert "r1-90 was not carried out: the robot is still moving" in cause.text
+
+
+def test_commands_of_a_person_or_beside_a_velocity_are_not_mostly_refused() -> None:
+    mission = begin()
+    mission.give("u1", *("d1-0,5",) * 12, source="console")
+    mission.give(*("u1", "d1-0.5") * 9)
+    assert mission.why(1).kind is not Kind.NOT_CARRIED_OUT
+    mission = begin()
+    mission.give(*("u1", "vv-2;0;0", "wt-0.2", "vv--2;0;0", "wt-0.2") * 9, *("d1-0,5",) * 9)
+    assert mission.attempt.refused_drives(0.0) == (["d1"], 9, 27)
 
 
 def test_who_is_refused_now_and_then_failed_for_another_reason() -> None:

@@ -207,6 +207,17 @@ def test_in_packets_a_question_for_the_end_of_a_lost_movement_is_none() -> None:
     assert "no d1 reached the robot any more" in the_cause(mission).text
 
 
+def test_who_asks_for_the_end_of_movements_while_it_reads_loses_none() -> None:
+    mission = begin(noise=True)
+    for step in range(40):
+        mission.give(f"d1-{2 * (-1) ** step}" if step < 20 else "r1-5")
+        for code in LOOK:
+            if step < 20:
+                mission.ask_while_moving("d1-0")
+            mission.give(code)
+    assert not disagreements(mission.attempt)
+
+
 def test_reading_one_sensor_on_and_on_is_another_rhythm() -> None:
     mission = begin(noise=True)
     drive_on(mission, 12)
