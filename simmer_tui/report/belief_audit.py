@@ -286,16 +286,19 @@ def heading_jump(attempt: Attempt) -> list[Disagreement]:
     before, after = beliefs[jumps[-1]], beliefs[jumps[-1] + 1]
     if np.mean(off[jumps[-1] + 1 :] >= _JUMP / 2) < 0.5:
         return []
-    between = (moves["order"] > before["order"]) & (moves["order"] < after["order"])
+    moves = moves[(moves["order"] > before["order"]) & (moves["order"] < after["order"])]
     names, turning = history.code_names, {each.code for each in attempt.spec.drives if each.kind.turns}
-    moves = moves[between & ~np.isin(moves["number"], attempt.typed)]
-    rows = [row for row in moves if names[int(row["code"])] in turning]
-    if len(rows) != 1:
+    turns = np.isin(moves["code"], [place for place, name in enumerate(names) if name in turning])
+    moves = moves[turns | history.are_legs(moves)]
+    # A turn by a person, one that a wall ended and one that was stopped (nothing is asked then) explain it.
+    program = ~np.isin(moves["number"], attempt.typed) & ~moves["held"] & np.isfinite(moves["asked"])
+    if len(moves) != 1 or not program[0]:
         return []
-    drive, asked = names[int(rows[0]["code"])], float(rows[0]["asked"])
-    turned = f"{float(after['true_heading'] - before['true_heading']):.0f} deg"
-    believed = f"{half_turn(float(after['heading'] - before['heading'])):.0f} deg"
-    texts = {drive: f"in {drive}-{asked:g} the robot turned by {turned}, and its belief by {believed}"}
+    drive, asked = names[int(moves["code"][0])], float(moves["asked"][0])
+    turned = float(after["true_heading"] - before["true_heading"])
+    believed = half_turn(float(after["heading"] - before["heading"]))
+    differ = f"the robot turned by {turned:.0f} deg, and its belief by {believed:.0f} deg"
+    texts = {drive: f"in {drive}-{asked:g} {differ}"}
     readings = attempt.within(history.readings, attempt.placed)
     for spec, mine in by_sensor(history, readings):
         last = np.searchsorted(mine["order"], (before["order"], after["order"])) - 1

@@ -77,6 +77,7 @@ def begin(
     noise: bool = False,
     limit: float = 300.0,
     zone: Cell = Cell(66.0, 42.0),  # noqa: B008 - frozen
+    contacts: int = 0,
     change: Callable[[SensorSpec], SensorSpec] = lambda sensor: sensor,
 ) -> Mission:
     spec = replace(
@@ -92,7 +93,7 @@ def begin(
     simulator.noise = noise
     simulator.set_bias({kind: Axes() for kind in DriveKind} | (bias or {}))
     simulator.advance(50.0)
-    plan = MissionPlan(Pose(*start), False, block, (Cell(18.0, 42.0),), zone, limit, contacts=0)
+    plan = MissionPlan(Pose(*start), False, block, (Cell(18.0, 42.0),), zone, limit, contacts=contacts)
     engine = Engine(simulator)
     history = RunHistory(checkpoint_of(simulator, mission=True))
     reducer = Reducer(checkpoint_of(simulator, mission=True), history=history)

@@ -7,13 +7,17 @@ import re
 from collections.abc import Callable
 
 import pytest
+from msgspec.structs import replace
 
 from simmer_tui.events import Belief
+from simmer_tui.report.belief_audit import heading_jump
 from simmer_tui.report.cause_search import disagreements
 from simmer_tui.report.causes import Cause, Kind, Sureness
 from simmer_tui.report.command_audit import repeated_movements
 from simmer_tui.report.finding import Disagreement, kept_disagreements
 from simmer_tui.sim import Pose, parse_command
+from simmer_tui.sim.specs import ContactRule, RobotSpec
+from tests.report import test_causes
 from tests.report.test_causes import Mission, begin
 
 LOOK = ("o3", "g1", "u1", "u2")
@@ -381,6 +385,35 @@ def test_a_person_who_turned_the_robot_is_no_jump_of_its_program() -> None:
         if not turn:
             mission.give("r1-90", source="keys")
     assert not disagreements(mission.attempt)
+
+
+def jumped(mission: Mission, *commands: str, typed: str = "") -> list[Disagreement]:
+    """The jump of a program that believes in a turn by 90 deg more than there was."""
+    mission.give("g1", "u1")
+    mission.believe()
+    mission.give(*commands)
+    mission.give(*filter(None, [typed]), source="keys")
+    mission.give("g1", "u1")
+    for _ in range(3):
+        mission.believe(turn=90.0)
+    return heading_jump(mission.attempt)
+
+
+def test_a_turn_that_a_wall_stopped_is_no_jump(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert jumped(begin(), "r1-90")
+    robot = RobotSpec.rectangle(8.0, 4.0)
+    spec = replace(test_causes.SET.simulation, robot=robot, contact=ContactRule.STOP)
+    monkeypatch.setattr(test_causes, "SET", replace(test_causes.SET, simulation=spec))
+    assert not jumped(begin((30.0, 45.5, 0.0), contacts=3), "r1-90")
+
+
+@pytest.mark.parametrize(
+    ("commands", "typed"),
+    [(("r1-1",), "r1-90"), (("vv-0;0;90", "wt-1", "vv-0;0;0", "r1-1"), "")],
+    ids=["a person", "a velocity"],
+)
+def test_who_turned_by_something_else_as_well_has_no_jump(commands: tuple[str, ...], typed: str) -> None:
+    assert not jumped(begin(), *commands, typed=typed)
 
 
 def test_a_filter_that_gives_up_its_place_has_no_jump() -> None:
