@@ -390,6 +390,8 @@ class EndingCauses:
         if met is not None and met.row.order == row.order:
             text += f" led {body_text(met.contact)} into {obstacle_place(met.contact, seen.spec)}."
             return self._made(Kind.MOVED, text, at=row, place=met.contact.point)
+        if not seen.is_connected(row.order):
+            return None
         text += f" at {row.begin:.1f} s. {self._unnoticed}"
         return self._made(Kind.MOVED, text, at=row, place=(row.x, row.y), sure=Sureness.LIKELY)
 

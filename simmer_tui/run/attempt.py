@@ -414,6 +414,13 @@ class Attempt:
         row = history.movements[begin + int(drove[-1])]
         return None if self._is_right_since(row.order) else row
 
+    def is_connected(self, order: int) -> bool:
+        """True if a program was connected at an event, or if the notices do not say."""
+        kinds = (NoticeKind.CONNECTED, NoticeKind.LEFT)
+        rows = (row for row in reversed(self.history.notices.items) if row.order < order)
+        last = next((row.notice.kind for row in rows if row.notice.kind in kinds), None)
+        return last is not NoticeKind.LEFT
+
     def _is_right_since(self, order: int) -> bool:
         """True if a belief after an event was right."""
         beliefs = self.history.beliefs

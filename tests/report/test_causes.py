@@ -950,6 +950,23 @@ def test_a_person_who_drives_alone_disturbs_no_program() -> None:
     assert mission.why().kind is not Kind.MOVED
 
 
+def connection(mission: Mission, kind: NoticeKind) -> None:
+    mission.engine.tell(Notice(kind, f"client 127.0.0.1:4 {kind}", "127.0.0.1:4"))
+
+
+@pytest.mark.parametrize("again", [False, True])
+def test_a_person_who_drives_while_no_program_is_connected_disturbs_none(again: bool) -> None:
+    mission = begin()
+    connection(mission, NoticeKind.CONNECTED)
+    mission.give("u1", "d1-1")
+    connection(mission, NoticeKind.LEFT)
+    mission.give("d1--1", source="keys")
+    if again:
+        connection(mission, NoticeKind.CONNECTED)
+        mission.give("u1", "u2", "d1-60")
+    assert mission.why(1).kind is not Kind.MOVED
+
+
 def test_who_was_right_again_after_a_person_drove_failed_for_another_reason() -> None:
     mission = begin()
     mission.give("u1", "d1-1")
