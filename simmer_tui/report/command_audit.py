@@ -69,7 +69,9 @@ _OUT_OF_RHYTHM = 0.05
 _LEFT_OUT = 0.02
 """Least probability with which a program without a fault leaves one out."""
 _IN_PARTS = 0.4
-"""Share of movements that are the one before again, from which that is meant: a half if all are."""
+"""Share of a drive's movements that are the one before again, from which that is meant: a half if all are."""
+_RARE = 4
+"""Movements of one size that are always few: a command that came twice, and by chance once more. Judged."""
 _TWICE = 0.02
 """Probability of a movement that is the one before again, in a program without a fault. Of 40 clean runs none
 has one that is not a constant of its program."""
@@ -230,21 +232,30 @@ def _as_meant(row: DriveSpec, share: float) -> str:
 
 def repeated_movements(attempt: Attempt) -> list[Disagreement]:
     """The explanation of commands that came twice, one right after the other, such as by a retry after a
-    timeout. None where a program may mean it: it drives in equal steps, or all its movements in two parts."""
+    timeout. None where a program may mean it: it drives in equal steps, or by one drive in two parts."""
     moves = attempt.within(attempt.history.movements)
     moves = moves[np.isfinite(moves["asked"]) & (moves["asked"] != 0.0) & ~moves["grips"]]
-    number, code, asked = (np.diff(moves[name]) for name in ("number", "code", "asked"))
-    rows = moves[1:][(number == 1) & (code == 0) & (asked == 0.0)]
-    # Half of all movements are the second of two, if each comes twice.
-    if len(np.unique(rows["asked"])) < _FEWEST or len(rows) > _IN_PARTS * len(moves):
+    number, code, asked = (np.diff(moves[name], prepend=-1) for name in ("number", "code", "asked"))
+    again = (number == 1) & (code == 0) & (asked == 0.0)
+    for each in np.unique(moves["code"]):
+        # Half of a drive's movements are the second of two, if each comes twice.
+        mine = moves["code"] == each
+        again &= ~mine | (again[mine].mean() <= _IN_PARTS)
+    # Of few sizes, two in a row are the same by chance.
+    _, places, counts = np.unique(
+        moves["code"] + 1j * moves["asked"], return_inverse=True, return_counts=True
+    )
+    is_rare = counts[places] <= max(_RARE, _TWICE * len(moves))
+    rows, rare = moves[again], moves[again & is_rare]
+    if len(np.unique(rare["asked"])) < _FEWEST:
         return []
     names = attempt.history.code_names
     codes = tuple(names[number] for number in np.unique(rows["code"]))
     text = (
         f"{len(rows)} of {len(moves)} movements were the one before again, with nothing between, such as "
-        f"{names[rows['code'][0]]}-{rows['asked'][0]:g}"
+        f"{names[rare['code'][0]]}-{rare['asked'][0]:g}"
     )
-    probability = binomial_tail(len(rows), len(moves), _TWICE)
+    probability = binomial_tail(len(rare), int(is_rare.sum()), _TWICE)
     return [Disagreement(codes, text, len(rows), probability, 1.0, *moment(rows[0]))]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable
+from random import Random
 
 import pytest
 from msgspec.structs import replace
@@ -160,6 +161,24 @@ def test_who_always_drives_in_two_parts_or_in_equal_steps_means_it(
 ) -> None:
     mission = begin(noise=True)
     drive_up(mission, 40, repeats, grows)
+    assert not repeated_movements(mission.attempt)
+
+
+def test_who_drives_in_two_parts_between_single_turns_means_it() -> None:
+    mission = begin(noise=True)
+    for step in range(30):
+        drive = f"d1-{(-1) ** step * (0.5 + 0.01 * step):.2f}"
+        mission.give(f"r1-{(-1) ** step * (3.0 + 0.1 * step):.1f}", drive, drive, "u1")
+    assert not repeated_movements(mission.attempt)
+
+
+def test_few_sizes_of_movements_are_the_same_twice_by_chance() -> None:
+    mission = begin(noise=True)
+    random = Random(1)
+    for step in range(120):
+        sizes = (random.choice((0.5, 0.6, 0.7, 0.8, 0.9, 1.0)) for _ in range(2))
+        turn = f"r1-{random.randint(-9, 9)}"
+        mission.give("u1", *(f"d1-{(-1) ** step * size}" for size in sizes), turn)
     assert not repeated_movements(mission.attempt)
 
 
