@@ -555,14 +555,13 @@ class Attempt:
     @cached_property
     def asks_end(self) -> BoolArray:
         """True for the movements of 0 by which a program in packets asks for the end of the one before,
-        (n,). In packets most of them follow that one directly, or other such questions, which came too early;
-        the rest follow one that was lost."""
+        (n,). In packets most of them follow that one directly, or questions that came too early; the others
+        follow one that was lost."""
         rows, commands = self.within(self.history.movements), self.within(self.history.commands)
         nothing, number = rows["asked"] == 0.0, rows["number"]
         early = np.searchsorted(np.sort(commands["number"][commands["early"]]), number)
-        asked_before = np.diff(early, prepend=0)
-        follows = np.diff(number, prepend=-1) - asked_before == 1
-        follows &= (np.diff(rows["code"], prepend=-1) == 0) | (asked_before > 0)
+        follows = (np.diff(number, prepend=-1) == 1) & (np.diff(rows["code"], prepend=-1) == 0)
+        follows |= np.diff(early, prepend=0) > 0
         in_packets = 2 * int((nothing & follows).sum()) > int(nothing.sum())
         return np.asarray(nothing & (follows | in_packets))
 

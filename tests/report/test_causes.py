@@ -627,12 +627,16 @@ def test_a_contact_tells_of_a_command_that_came_twice(between: tuple[str, ...], 
     assert (twice in mission.why().evidence) is told
 
 
-def drive_in_packets(mission: Mission, *commands: str, probe: str = "d1-0") -> None:
-    """Timed movements, each followed by movements of 0 that are refused until it has ended."""
+def drive_in_packets(mission: Mission, *commands: str, probe: str = "d1-0", look: bool = False) -> None:
+    """Timed movements, each followed by movements of 0 that are refused until it has ended, with `look` after
+    a reading each."""
+    read = ("u1",) if look else ()
     for command in commands:
         mission.give("u1", command)
-        mission.ask_while_moving(*[probe] * 4)
-        mission.give(probe)
+        for _ in range(4):
+            mission.give(*read)
+            mission.ask_while_moving(probe)
+        mission.give(*read, probe)
 
 
 def test_who_asks_in_packets_until_a_movement_has_ended_is_not_mostly_refused() -> None:
@@ -641,10 +645,13 @@ def test_who_asks_in_packets_until_a_movement_has_ended_is_not_mostly_refused() 
     assert {each.kind for each in causes_of(mission.attempt)}.isdisjoint((Kind.NOT_CARRIED_OUT, Kind.MOVED))
 
 
-@pytest.mark.parametrize("probe", ["d1-0", "w1-0"])
-def test_who_asks_in_packets_until_a_movement_has_ended_does_not_ask_for_nothing(probe: str) -> None:
+@pytest.mark.parametrize(("probe", "look"), [("d1-0", False), ("w1-0", False), ("w1-0", True)])
+def test_who_asks_in_packets_until_a_movement_has_ended_does_not_ask_for_nothing(
+    probe: str, look: bool
+) -> None:
     mission = begin()
-    drive_in_packets(mission, "d1-8", *("d1-1.5", "r1-30", "d1--1.5", "r1--30") * 12, probe=probe)
+    commands = "d1-8", *("d1-1.5", "r1-30", "d1--1.5", "r1--30") * 12
+    drive_in_packets(mission, *commands, probe=probe, look=look)
     assert not mission.attempt.asked_for_nothing[1]
 
 
