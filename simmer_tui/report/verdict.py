@@ -295,9 +295,9 @@ class _Judge:
         lost = attempt.beliefs[1]
         if lost is not None:
             return f"lost since {lost.elapsed:.1f} s, by {lost.error_text}"
-        for rows, name in ((history.faults, "fault"), (history.refusals, "refused command")):
-            if rows.first.given:
-                return counted(rows.first.given, name)
+        for count, name in ((history.faults.first.given, "fault"), (attempt.refused, "refused command")):
+            if count:
+                return counted(count, name)
         if attempt.is_silent:
             return "no command was sent"
         wires = history.totals.wires

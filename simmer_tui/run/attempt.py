@@ -222,6 +222,14 @@ class Attempt:
                 found.append(row)
         return found
 
+    @property
+    def refused(self) -> int:
+        """Number of refused commands. Of those that came too early only the kept `refusals` count."""
+        rows = self.within(self.history.commands)
+        return int((rows["refused"] & ~rows["early"]).sum()) + sum(
+            row.result.is_early for row in self.refusals
+        )
+
     @cached_property
     def commands(self) -> int:
         """Number of commands since the last restart."""

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from msgspec import structs
 
 from simmer_tui.cli.log_commands import build_report, run_report
 from simmer_tui.client import Robot
@@ -40,6 +41,7 @@ from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.state import checkpoint_of
 from simmer_tui.server import Server
+from simmer_tui.sim import parse_command
 
 CRASH = ProgramEnded(
     9.0, 1, error="KeyError: 'u9'", place="robot.py:12", stderr=(OutputLine(8.5, "KeyError: 'u9'"),)
@@ -127,6 +129,20 @@ def test_the_commands_of_a_client_that_left_are_counted_once(
     run.send("u1", "d1-1")
     run.engine.tell(Notice(NoticeKind.LEFT, f"client a disconnected after {after}", "a"))
     assert verdict(run).text.endswith(f": client a disconnected after {after}; {counted}.")
+
+
+@pytest.mark.parametrize(
+    ("answer", "worst"), [("w1-1", "3 commands, nothing went wrong"), ("d1-1", "1 refused command")]
+)
+def test_what_is_sent_until_the_robot_has_stopped_is_not_refused(
+    start_run: Callable[..., Any], answer: str, worst: str
+) -> None:
+    run = start_run()
+    run.send("d1-1")
+    early = run.simulator.refuse(parse_command("w1-1"))
+    run.engine.tell(structs.replace(early, reason="the robot is still moving"))
+    run.send(answer)
+    assert verdict(run).text.endswith(f" {worst}.")
 
 
 def test_a_run_without_a_mission_has_its_end_and_its_worst(start_run: Callable[..., Any]) -> None:
