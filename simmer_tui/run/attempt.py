@@ -424,10 +424,10 @@ class Attempt:
 
     def is_connected(self, order: int) -> bool:
         """True if a program was connected at an event, or if the notices do not say."""
-        kinds = (NoticeKind.CONNECTED, NoticeKind.LEFT)
+        kinds = (NoticeKind.CONNECTED, NoticeKind.LEFT, NoticeKind.TAKEN_OVER)
         rows = (row for row in reversed(self.history.notices.items) if row.order < order)
         last = next((row.notice.kind for row in rows if row.notice.kind in kinds), None)
-        return last is not NoticeKind.LEFT
+        return last in (NoticeKind.CONNECTED, None)
 
     def _is_right_since(self, order: int) -> bool:
         """True if a belief after an event was right."""

@@ -961,12 +961,15 @@ def connection(mission: Mission, kind: NoticeKind) -> None:
     mission.engine.tell(Notice(kind, f"client 127.0.0.1:4 {kind}", "127.0.0.1:4"))
 
 
+@pytest.mark.parametrize("gone", [NoticeKind.LEFT, NoticeKind.TAKEN_OVER])
 @pytest.mark.parametrize("again", [False, True])
-def test_a_person_who_drives_while_no_program_is_connected_disturbs_none(again: bool) -> None:
+def test_a_person_who_drives_while_no_program_is_connected_disturbs_none(
+    gone: NoticeKind, again: bool
+) -> None:
     mission = begin()
     connection(mission, NoticeKind.CONNECTED)
     mission.give("u1", "d1-1")
-    connection(mission, NoticeKind.LEFT)
+    connection(mission, gone)
     mission.give("d1--1", source="keys")
     if again:
         connection(mission, NoticeKind.CONNECTED)
