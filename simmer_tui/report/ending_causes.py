@@ -386,11 +386,13 @@ class EndingCauses:
         if seen.task is None or row is None:
             return None
         value = f"-{row.asked:g}" if math.isfinite(row.asked) else ""
-        text = f"A person drove the robot beside its program: {seen.history.code_names[row.code]}{value}"
+        is_beside = seen.is_connected(row.order)
+        beside = " beside its program" if is_beside else ""
+        text = f"A person drove the robot{beside}: {seen.history.code_names[row.code]}{value}"
         if met is not None and met.row.order == row.order:
             text += f" led {body_text(met.contact)} into {obstacle_place(met.contact, seen.spec)}."
             return self._made(Kind.MOVED, text, at=row, place=met.contact.point)
-        if not seen.is_connected(row.order):
+        if not is_beside:
             return None
         text += f" at {row.begin:.1f} s. {self._unnoticed}"
         return self._made(Kind.MOVED, text, at=row, place=(row.x, row.y), sure=Sureness.LIKELY)

@@ -977,6 +977,15 @@ def test_a_person_who_drives_while_no_program_is_connected_disturbs_none(
     assert mission.why(1).kind is not Kind.MOVED
 
 
+def test_a_person_who_drives_into_a_wall_after_the_program_left_did_not_drive_beside_it() -> None:
+    mission = begin()
+    mission.give("u1", "d1-1")
+    connection(mission, NoticeKind.LEFT)
+    mission.give("w1-9", source="keys")
+    (cause,) = causes_of(mission.attempt)
+    assert cause.text.startswith("A person drove the robot: w1-9 led the robot into the maze's outer wall")
+
+
 def test_who_was_right_again_after_a_person_drove_failed_for_another_reason() -> None:
     mission = begin()
     mission.give("u1", "d1-1")
