@@ -119,7 +119,7 @@ class Client(Peer):
         self.ending = True
         self._timer.cancel()
         self._submit(self._reader.end())
-        if self._waiting and self._link.has_closed(self):
+        if self._waiting and self._link.has_closed(self.sock, self.peer):
             self.reads_nothing = True
             # A connection on the reply port that is still open is the next client's.
             self.replies = self.replies or self
@@ -209,10 +209,10 @@ class BinaryLink:
         """True if a program waits for the present client to leave."""
         return bool(self._newcomers)
 
-    def has_closed(self, client: Client) -> bool:
-        """True if a client is known to have closed, so that it reads no answer."""
+    def has_closed(self, sock: socket.socket, peer: str) -> bool:
+        """True if a program is known to have closed its connection, so that it reads no answer."""
         processes = self.context.processes
-        return processes is not None and processes.has_closed(client.sock, client.peer)
+        return processes is not None and processes.has_closed(sock, peer)
 
     def close(self) -> None:
         """Stop listening and end all connections."""
@@ -260,9 +260,16 @@ class BinaryLink:
         newcomer, client = self._newcomers.get(sock), self.client
         if newcomer is None:
             return
-        # The movement of a client that is gone may last long, but no other program drives.
-        in_time = client is not None and (client.reads_nothing or self._loop.time() < newcomer.until)
-        if client is not None and client.leaves and in_time:
+        # The movement of a client that is gone may last long, but no other program drives. A newcomer that
+        # has given up meanwhile must not drive later.
+        if (
+            client is not None
+            and client.leaves
+            and (
+                self._loop.time() < newcomer.until
+                or (client.reads_nothing and not self.has_closed(sock, newcomer.peer))
+            )
+        ):
             self._loop.call_later(RETRY_DELAY, self._consider, sock)
         else:
             self._refuse_newcomer(sock)
@@ -293,7 +300,7 @@ class BinaryLink:
     def _close_stray(self, reply: ReplyConnection) -> None:
         """Close a reply connection that came too late for the client; the next client may need the place."""
         client = self.client
-        if client is None or client.replies is None or reply.not_of is client:
+        if client is None or client.replies is None or client.leaves:
             return
         if reply in self._waiting_replies:
             self._waiting_replies.remove(reply)

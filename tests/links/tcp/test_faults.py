@@ -301,6 +301,29 @@ def test_one_waits_for_the_movement_of_a_client_that_has_closed(
     assert not any("turned away" in text for text in served.notices)
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells that a socket is closed")
+def test_one_that_has_given_up_waiting_drives_no_more(serve: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("simmer_tui.links.binary_link._LONGEST_WAIT", 0.0)
+    served = serve(step_time=0.2)
+    for program in (serve.program(served), serve.program(served)):
+        program.open_commands().send(b"d1-1\n")
+        program.close()
+    served.wait_notice("turned away")
+    third = serve.program(served).open_commands()
+    assert 0.0 < third.ask("o3") < 1.5
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells that a socket is closed")
+def test_the_reply_port_may_be_opened_first_while_one_that_has_closed_still_moves(serve: Any) -> None:
+    served = serve(step_time=0.2)
+    first = serve.program(served).open_commands()
+    first.ask("o3")
+    first.send(b"d1-1\n")
+    first.close()
+    second = serve.program(served).open_replies().open_commands()
+    assert 0.0 < second.ask("o3") < 2.0
+
+
 def test_a_client_that_leaves_with_commands_waiting_holds_nobody_up(serve: Any) -> None:
     served = serve(step_time=0.02)
     for vanish in (True, False):
