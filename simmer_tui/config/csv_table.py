@@ -23,6 +23,7 @@ T = TypeVar("T")
 _DECIMAL_COMMA = re.compile(r"[+-]?[0-9]*,[0-9]+(?:[eE][+-]?[0-9]+)?")
 # A row added at the end: it is read back unchanged only if every quote before it is closed.
 _END = "end of the file"
+_NOTES = "a column of notes has a blank header"
 COMMENT = "#"
 """The first character of a row that is a comment."""
 
@@ -61,6 +62,8 @@ class CsvRow(Struct, frozen=True):
 
     line: int
     cells: tuple[str, ...]
+    width: int = 0
+    """Number of cells in the file, blank ones included."""
 
     def cell(self, index: int) -> str:
         """The cell's text, empty beyond the last."""
@@ -73,6 +76,7 @@ class CsvTable(Struct, frozen=True):
     file: str
     rows: tuple[CsvRow, ...]
     problems: list[Problem]
+    delimiter: str = ","
 
     def add_problem(self, row: CsvRow, column: int, what: str) -> None:
         """Add a problem with a cell; its column is named by letters, as in spreadsheets."""
@@ -117,7 +121,7 @@ def read_csv(path: Path, problems: list[Problem]) -> CsvTable | None:
     try:
         for last in reader:
             if not last or not last[0].lstrip().startswith(COMMENT):
-                rows.append(CsvRow(begin, _clean(last, delimiter)))
+                rows.append(CsvRow(begin, _clean(last, delimiter), len(last)))
             begin_of_last, begin = begin, reader.line_num + 1
     except csv.Error as error:
         problems.append(Problem(f"{path.name}:{reader.line_num}", f"is not CSV here: {error}"))
@@ -131,7 +135,7 @@ def read_csv(path: Path, problems: list[Problem]) -> CsvTable | None:
     if not rows:
         problems.append(Problem(f"{path.name}:1", "the file is empty"))
         return None
-    return CsvTable(path.name, tuple(rows), problems)
+    return CsvTable(path.name, tuple(rows), problems, delimiter)
 
 
 def delimiter_of(text: str) -> str:
@@ -252,11 +256,11 @@ def read_table(table: CsvTable, required: Sequence[str], optional: Sequence[str]
             titles.add_problem(name, "this column is missing from the header row")
     rows = []
     for row in table.rows[begin + 1 :]:
-        # Notes beyond the header are words. Numbers there mean that the cells are shifted.
-        extra = row.cells[len(header.cells) :]
-        if extra and all(map(NUMBER.fullmatch, extra)):
-            has = f"the row has {len(row.cells)} cells and the header {len(header.cells)}"
-            what = f"{has}: a number with a decimal comma (0,05) is two cells; write 0.05"
+        # Notes beyond the header are words. Numbers there mean that commas have shifted the cells.
+        extra = row.cells[header.width :]
+        if extra and table.delimiter == "," and all(map(NUMBER.fullmatch, extra)):
+            has = f"the row has {len(row.cells)} cells and the header {header.width}"
+            what = f"{has}: a number with a decimal comma (0,05) is two cells; write 0.05 ({_NOTES})"
             table.problems.append(Problem(f"{table.file}:{row.line}", what))
             continue
         values = {name: row.cell(index) for name, index in columns.items()}
@@ -274,7 +278,7 @@ def _columns_by_name(titles: TableRow, cells: Iterable[str], names: Mapping[str,
             continue
         if name is None:
             hint = did_you_mean(cell, names.values()) or f"; known are {', '.join(names.values())}"
-            what = f"is not a column that is known{hint} (a column of notes has a blank header)"
+            what = f"is not a column that is known{hint} ({_NOTES})"
             titles.add_problem(escape_word(cell), what)
         elif name in columns:
             first = column_letters(columns[name])

@@ -63,11 +63,22 @@ def test_a_decimal_comma_among_commas_is_named(edit: Edit, problems: Problems) -
     edit("sensors.csv", "ultra1,u1,1,3,", 'ultra1,u1,1,"3,x",')
     assert sorted(problems()) == [
         "drive.csv:2: the row has 12 cells and the header 9: a number with a decimal comma (0,05) is two "
-        "cells; write 0.05",
+        "cells; write 0.05 (a column of notes has a blank header)",
         'sensors.csv:2:X Position (in): must be a number, not "3,x"',
         'sensors.csv:3:X Position (in): must be a number, not "2,12"; write 2.12',
         'sensors.csv:3:Y Position (in): must be a number, not "-2,12"; write -2.12',
     ]
+
+
+@pytest.mark.parametrize("separator", [",", ";"])
+def test_a_column_of_notes_may_hold_numbers(folder: Path, edit: Edit, separator: str) -> None:
+    expected = load(folder).simulation
+    # Spreadsheets write as many cells in the header row as in the others; semicolons leave no doubt.
+    edit("drive.csv", "Rotation Bias\n", "Rotation Bias,\n" if separator == "," else "Rotation Bias\n")
+    edit("drive.csv", "up,w1,1,0.05,0.02,0.02,0,0,0", "up,w1,1,0.05,0.02,0.02,0,0,0,2026")
+    path = folder / "drive.csv"
+    path.write_text(path.read_text().replace(",", separator))
+    assert load(folder).simulation == expected
 
 
 @pytest.mark.parametrize("name", [*NAMES, "settings.toml"])
