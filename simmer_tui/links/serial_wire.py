@@ -88,6 +88,8 @@ class Wire:
         """Time of a byte, seconds."""
         self._in_transit: deque[Timer] = deque()
         """The arrivals of messages to the robot, in order; the first ones may be over."""
+        self._under_way = 0
+        """The bytes of these messages."""
         self.left_out = 0
         """Count of messages of streams that were left out."""
         self._has_lost = False
@@ -105,9 +107,10 @@ class Wire:
         for part in _messages(data, self._framing):
             while self._in_transit and not self._in_transit[0].pending:
                 self._in_transit.popleft()
-            if at - now > MOST_IN_TRANSIT * self.byte:
+            if self._under_way > MOST_IN_TRANSIT:
                 self._lose()
                 break
+            self._under_way += len(part)
             at += len(part) * self.byte
             if at <= now and not self._in_transit:
                 self._arrive(receive, part)
@@ -126,6 +129,7 @@ class Wire:
             )
 
     def _arrive(self, receive: Callable[[bytes], None], data: bytes) -> None:
+        self._under_way -= len(data)
         with self._engine.moment():
             receive(data)
 

@@ -78,6 +78,14 @@ def test_a_program_that_writes_faster_than_the_line_loses_what_no_driver_would_k
     assert line.arrived[-1][1] == b"x\n"
 
 
+def test_at_a_higher_rate_nothing_is_lost_that_was_written_at_a_lower_one(line: Line) -> None:
+    line.transmit(b"get\n" * 100)
+    line.wire.set_baud(115200)
+    line.transmit(b"x\n")
+    line.loop.run_until(5.0)
+    assert len(line.arrived) == 101
+
+
 def test_all_that_a_message_brings_about_has_its_time(course_spec: SimulationSpec) -> None:
     line = Line(course_spec, RunningLoop(0.0))
     events: list[Event] = []
