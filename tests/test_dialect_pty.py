@@ -138,6 +138,24 @@ def test_until_a_program_sets_a_rate_it_is_9600_baud(tmp_path: Path) -> None:
         assert termios.tcgetattr(robot.fileno())[4:6] == [termios.B9600] * 2
 
 
+def test_after_a_restart_the_line_is_free(tmp_path: Path) -> None:
+    """Simulated time begins again at 0: what the line carried before is over."""
+    path = tmp_path / "robot"
+    with (
+        running(configuration(tmp_path, pty=str(path))) as run,
+        serial.Serial(str(path), 115200, timeout=TIMEOUT) as robot,
+    ):
+        act = run.server.engine.perform
+        run.server.call(act, Action(ActionName.TIME_SCALE, (1000.0,)))
+        robot.write(b"w 2000\n")  # takes 333 s
+        assert robot.readline() == b"ok 1\r\n"
+        run.server.call(act, Action(ActionName.TIME_SCALE, (1.0,)))
+        run.server.call(act, Action(ActionName.RESET))
+        robot.timeout = 20.0
+        robot.write(b"get\n")
+        assert robot.readline()
+
+
 def test_a_program_that_opens_writes_and_leaves_at_once_has_driven(tmp_path: Path) -> None:
     path = tmp_path / "robot"
     with running(configuration(tmp_path, pty=str(path))) as run:

@@ -19,6 +19,7 @@ from simmer_tui.dialect.timer import Timer
 from simmer_tui.engine import Engine
 from simmer_tui.events import (
     NOT_CONNECTED,
+    ActionDone,
     Event,
     LegEnded,
     Notice,
@@ -251,6 +252,8 @@ class DialectLink:
         find the port."""
         if isinstance(self._device, DialectDevice):
             note_motion(event, self._device)
+        if isinstance(event, ActionDone) and event.restarts:
+            self._wire.flush()  # its times are those of the run before
         if isinstance(event, Notice) and event.text.startswith(NOT_CONNECTED):
             self._reached = True
         elif isinstance(event, ProgramEnded) and event.started and not event.stopped:
