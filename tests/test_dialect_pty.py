@@ -156,6 +156,20 @@ def test_after_a_restart_the_line_is_free(tmp_path: Path) -> None:
         assert robot.readline()
 
 
+def test_a_stream_begins_again_at_a_restart(tmp_path: Path) -> None:
+    path = tmp_path / "robot"
+    stream = f'{DIALECT}[[stream]]\nevery = 0.05\nsend = "s {{tick}}"\n'
+    with (
+        running(configuration(tmp_path, stream, pty=str(path))) as run,
+        serial.Serial(str(path), 115200, timeout=20.0) as robot,
+    ):
+        assert [robot.readline() for _ in range(2)] == [b"s 0\r\n", b"s 1\r\n"]
+        run.server.call(run.server.engine.perform, Action(ActionName.RESET))
+        while (line := robot.readline()) != b"s 0\r\n":
+            assert line
+        assert robot.readline() == b"s 1\r\n"
+
+
 def test_a_program_that_opens_writes_and_leaves_at_once_has_driven(tmp_path: Path) -> None:
     path = tmp_path / "robot"
     with running(configuration(tmp_path, pty=str(path))) as run:

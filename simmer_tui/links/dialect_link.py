@@ -254,6 +254,9 @@ class DialectLink:
             note_motion(event, self._device)
         if isinstance(event, ActionDone) and event.restarts:
             self._wire.flush()  # its times are those of the run before
+            has_program = self._driver is not None and self._context.backend.byte_robot is None
+            if has_program and isinstance(self._device, DialectDevice):
+                self._device.begin_streams()
         if isinstance(event, Notice) and event.text.startswith(NOT_CONNECTED):
             self._reached = True
         elif isinstance(event, ProgramEnded) and event.started and not event.stopped:
