@@ -12,6 +12,7 @@ from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.events import DescendantBlur, DescendantFocus, Resize
 from textual.filter import ANSIToTruecolor, LineFilter
+from textual.geometry import Size
 from textual.screen import Screen
 from textual.widget import Widget
 
@@ -75,6 +76,8 @@ class Shell(FaultReporting, TerminalApp):
         self._last_focused: Widget | None = None
         self._is_arranged = False
         """True while widgets have boxes, but not their sizes."""
+        self._sizes: list[Size] = []
+        """Sizes of the widgets when all was drawn into them."""
         self._ending: int | None = None
         self.frames = 0
         """Pictures drawn so far."""
@@ -245,8 +248,10 @@ class Shell(FaultReporting, TerminalApp):
 
     def _laid_out(self, screen: Screen[object]) -> None:
         """Draw into boxes that have just got their sizes."""
-        if self._is_arranged:
-            self._is_arranged = False
+        # A layout before new boxes may be told after them: theirs is known by the sizes.
+        sizes = [widget.size for widget in self.screen_stack[0].children]
+        if self._is_arranged or sizes != self._sizes:
+            self._is_arranged, self._sizes = False, sizes
             self._restore_focus()
             self._show_again()
             self.refresh_frame()

@@ -20,6 +20,7 @@ from simmer_tui.operating.orders import CONSOLE_COMMANDS
 from simmer_tui.sim.angles import half_turn
 from simmer_tui.sim.records import Pose
 from simmer_tui.sim.specs import Axes
+from simmer_tui.tui import shell
 from simmer_tui.tui.help import CommandProvider, HelpScreen
 from simmer_tui.tui.log_panel import LogPanel
 from simmer_tui.tui.maze.view import MazeView
@@ -659,6 +660,28 @@ def test_too_small_a_terminal_says_so_and_the_robot_goes_on(fly: Fly) -> None:
         await cockpit.until(lambda: cockpit.app.query_one("#line").has_focus)
 
     fly(scenario, size=(39, 20))
+
+
+def test_news_of_an_earlier_layout_leaves_no_panel_blank(fly: Fly, monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a busy machine the app hears of a layout when the panes have other boxes already, whose layout comes
+    after the next picture."""
+    monkeypatch.setattr(shell, "draw_at_once", lambda screen: None)  # Textual itself draws, but later
+
+    async def scenario(cockpit: Cockpit) -> None:
+        app, pose = cockpit.app, cockpit.app.query_one("#pose")
+        laid_out, refresh_bindings = app.screen_stack[0].screen_layout_refresh_signal, app.refresh_bindings
+
+        def hear_late() -> None:
+            refresh_bindings()
+            laid_out.publish(app.screen_stack[0])
+
+        app.refresh_bindings = hear_late  # type: ignore[method-assign]
+        assert not pose.display, "the first steps are in its place"
+        cockpit.client()
+        await cockpit.until(lambda: pose.size.width == 80)
+        await cockpit.until(lambda: cockpit["pose"].startswith(" pose "))
+
+    fly(scenario, size=(80, 24))
 
 
 @pytest.mark.slow
