@@ -39,7 +39,6 @@ DEFAULT_HOST = "127.0.0.1"
 DEFAULT_PORT, DEFAULT_REPLY_PORT = 9000, 9001
 DEFAULT_PACKET_PORT, DEFAULT_PACKET_REPLY_PORT = 61200, 61201
 DEFAULT_BELIEF_PORT = 9002
-_START = "simmer-tui"
 
 # Judged: times that are short beside a round trip of a real robot, and long beside one to the simulator.
 _LONGEST_COMMAND = 255  # bytes, and a newline; the simulator takes one byte more
@@ -141,12 +140,11 @@ class Robot:
         _one_of("reply_format", reply_format, ("float64", "float32"))
         _one_of("byte_order", byte_order, ("big", "little"))
         if not 0 < _finite("timeout", timeout) <= _LONGEST_TIMEOUT:
-            raise InvalidInputError(
-                f"timeout is {timeout!r}: it must be seconds above 0, at most {_LONGEST_TIMEOUT:g}"
-            )
+            allowed = f"a number of seconds above 0, at most {_LONGEST_TIMEOUT:.0f}"
+            raise InvalidInputError(f"timeout is {timeout!r}: it must be {allowed}")
         self.timeout = float(timeout)
         if not isinstance(host, (str, type(None))):
-            raise InvalidInputError(f"host is {host!r}: it must be a text, as '127.0.0.1'")
+            raise InvalidInputError(f"host is {host!r}: it must be text, such as '127.0.0.1'")
         self.host = host or os.environ.get("SIMMER_HOST", "").strip() or DEFAULT_HOST
         self._ended = ""
         belief_port = _port("belief_port", belief_port, "SIMMER_BELIEF_PORT", DEFAULT_BELIEF_PORT)
@@ -412,22 +410,23 @@ class _Dial:
             raise
         return connection
 
-    def expect(self, port: int, timeout: float, start: str) -> socket.socket:
-        """A connection that the robot cannot be used without. Raises RobotUnreachableError."""
+    def expect(self, port: int, timeout: float, options: str = "") -> socket.socket:
+        """A connection that the robot cannot be used without; `options` of simmer-tui make it answer there.
+        Raises RobotUnreachableError."""
         try:
             return self.connect(port, timeout)
         except OSError as error:
             # A simulator tells its program the ports that it has.
             has_packets = "SIMMER_PACKET_PORT" in os.environ and "SIMMER_PORT" not in os.environ
-            if start == _START and has_packets:
+            if not options and has_packets:
                 raise RobotUnreachableError(
                     f"nothing answers on {self.host} port {port}: the simulator takes packets. Open it with "
                     'Robot(protocol="packets"), or start it with --listeners binary'
                 ) from error
             raise RobotUnreachableError(
                 f"no simulator answers on {self.host} port {port} ({error.strerror or error}): is it "
-                f"running? Start it with '{start}' (add --no-ui for no screen), or give this program its "
-                "host and port"
+                f"running? Start it with 'simmer-tui{options}' (add --no-ui for no screen), or give this "
+                "program its host and port"
             ) from error
 
 
@@ -446,7 +445,7 @@ class _BinaryLink:
         self._number = number
         self._reasons = reasons
         self._selector = selectors.DefaultSelector()
-        self._commands = dial.expect(port, timeout, _START)
+        self._commands = dial.expect(port, timeout)
         self._replies = self._commands
         # The exchange under way: the commands sent, its time limit and end, and the bytes received so far.
         self._shown, self._timeout, self._deadline, self._came = "", timeout, 0.0, b""
@@ -596,8 +595,7 @@ class _PacketLink:
         self._port = port
         self.reply_port = reply_port
         # Replies to an earlier program would be taken for ours: they are read and dropped.
-        start = "simmer-tui --config simmer-python"
-        with dial.expect(reply_port, timeout, start) as leftovers:
+        with dial.expect(reply_port, timeout, " --config simmer-python") as leftovers:
             leftovers.settimeout(min(timeout, 1.0))
             with contextlib.suppress(OSError):
                 while leftovers.recv(4096):

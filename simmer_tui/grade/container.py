@@ -38,12 +38,12 @@ _DOOR, _KNOCKER = "/door", "launcher"
 _USER = 65534
 # An engine that is starting takes seconds.
 _ASKED = 30.0
-"""Time limit for an engine to answer that it is running, seconds."""
+"""Time limit for an answer of an engine itself, seconds."""
 # An engine that copies the image for every container took 12 s on a busy machine.
-_BEGINNING = 60.0
+_START_TIMEOUT = 60.0
 """Time limit for a container to begin, seconds."""
-_LOOK_EVERY = 0.2
-"""Time between two looks at whether an engine's process has ended, seconds."""
+_POLL_INTERVAL = 0.2
+"""Time between two checks of an engine's process, seconds."""
 # The reason is at the end, below a history of what the engine tried.
 _END = 200
 """Characters of an engine's output that are shown."""
@@ -78,7 +78,7 @@ class Container(LaunchedSandbox):
             listening.bind(str(self._door / _KNOCKER))
             (self._door / _KNOCKER).chmod(0o666)
             listening.listen(1)
-            listening.settimeout(_LOOK_EVERY)
+            listening.settimeout(_POLL_INTERVAL)
             process = subprocess.Popen(
                 self.words(),
                 stdin=subprocess.DEVNULL,
@@ -88,11 +88,10 @@ class Container(LaunchedSandbox):
             )
             link = _knock(listening, process)
             if link is None:
-                late = "" if process.returncode is not None else f" within {_BEGINNING:g} s"
                 self._kill()
                 process.kill()
                 said = _shown_end(b"".join(process.communicate()).decode(errors="replace"))
-                raise GradeError(f"the container did not begin{late}{said and f': {said}'}")
+                raise GradeError(f"the container did not begin: {said or 'its engine says nothing'}")
         (self._door / _KNOCKER).unlink()  # only one launcher may connect, and it has
         return process, link
 
@@ -131,7 +130,7 @@ class Container(LaunchedSandbox):
 
 def _knock(listening: socket.socket, process: subprocess.Popen[bytes]) -> socket.socket | None:
     """The launcher's connection; None if the engine's process has ended, or it does not come in time."""
-    deadline = time.monotonic() + _BEGINNING
+    deadline = time.monotonic() + _START_TIMEOUT
     while True:
         is_last = process.poll() is not None or time.monotonic() >= deadline
         try:

@@ -9,7 +9,6 @@ from simmer_tui.document.model import DataColumn, DataTable, data_table
 from simmer_tui.events import ActionName
 from simmer_tui.phrases import WEDGED_TEXT, contact_ending, obstacles_text, pose_text, times_text
 from simmer_tui.report.run_statistics import RunStatistics
-from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.episodes import Episode, EpisodeKind
 from simmer_tui.run.history_rows import ContactRow
 from simmer_tui.run.run_history import RunHistory
@@ -81,7 +80,7 @@ def _other_seed(run: RunStatistics) -> Iterator[str]:
 def _end(run: RunStatistics) -> Iterator[str]:
     """The end at a wall, if it was there."""
     contacts = run.history.contacts.items
-    stuck = Attempt(run.history, run.task).stuck
+    stuck = run.attempt.stuck
     if stuck is not None:
         where = pose_text(run.pose)
         yield f"Stuck at the end: {stuck.text}. The robot stayed at {where}."

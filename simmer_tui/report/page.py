@@ -51,7 +51,7 @@ def report_page(run: RunStatistics, name: str, *, commands: bool = True) -> str:
 
 def _page(run: RunStatistics, name: str, *, commands: bool) -> Document:
     verdict = run.verdict
-    attempt = Attempt(run.history, run.task)
+    attempt = run.attempt
     last = output(verdict)
     crashed = verdict.outcome is Outcome.CRASHED
     strips = traces(run)

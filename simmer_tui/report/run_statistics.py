@@ -114,7 +114,12 @@ class RunStatistics:
     @cached_property
     def task(self) -> Task | None:
         """Mission of the run; None without one that has begun; after the last event."""
-        return Attempt(self.history, task_of(self.configuration, self.header.seed)).task
+        return self.attempt.task
+
+    @cached_property
+    def attempt(self) -> Attempt:
+        """The run since its last restart, after the last event."""
+        return Attempt(self.history, task_of(self.configuration, self.header.seed))
 
     @cached_property
     def verdict(self) -> Verdict:

@@ -13,7 +13,6 @@ from simmer_tui.events import ActionName, Event, EventHandler, MovementEnded, No
 from simmer_tui.mission import MissionPlan, mission_state, plan_run
 from simmer_tui.report.run_statistics import report_of
 from simmer_tui.report.verdict import Verdict
-from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.runlog.index import EntryFlag, RunLogIndex
 from simmer_tui.runlog.log_records import ActionRecord, BrokenLine, MissionRecord
@@ -61,7 +60,7 @@ def judged_end(path: Path, configuration: Configuration) -> JudgedEnd:
     """
     with LogReader(path, configuration) as log:
         run = report_of(log, recorded=False)
-    attempt, program = Attempt(run.history, run.task), run.verdict.program
+    attempt, program = run.attempt, run.verdict.program
     # A run ends with its mission, or without one with its program.
     line = next((row.line for row in run.history.programs.items if row.event is program), attempt.line)
     entry = (line if attempt.over is None else attempt.line) - _FIRST_LINE
