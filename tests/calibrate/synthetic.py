@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from msgspec.structs import replace
@@ -67,8 +68,11 @@ def spec_of_robot() -> SimulationSpec:
     )  # fmt: skip
 
 
+@cache
 def make(movements: int = 40, seed: int = 1, scale: float = 1.0) -> Synthetic:
-    """A run of some movements, all sensors read at each stop. `scale` multiplies all random errors."""
+    """A run of some movements, all sensors read at each stop. `scale` multiplies all random errors.
+
+    Many tests share one run, whose arrays are therefore read-only."""
     random = np.random.default_rng(seed)
     spec = spec_of_robot()
     kinds = [each.kind.value for each in spec.drives]
@@ -97,7 +101,15 @@ def make(movements: int = 40, seed: int = 1, scale: float = 1.0) -> Synthetic:
     contacts = np.zeros(movements, bool)
     outliers = np.full(len(spec.sensors), 0.02)
     truth = Iterate(chain, parameters, scales, contacts, contacts.copy(), outliers)
-    return Synthetic(run, model, truth, np.array(off), readings_off)
+    found = Synthetic(run, model, truth, np.array(off), readings_off)
+    shared = [chain, parameters, scales, contacts, truth.slipped, outliers, found.totals_off]
+    shared += readings_off.values()
+    shared += [
+        array for each in readings.values() for array in (each.stops, each.values, each.times, each.gaps)
+    ]
+    for array in shared:
+        array.flags.writeable = False
+    return found
 
 
 def _readings(

@@ -100,6 +100,7 @@ def test_a_log_without_ranges_is_refused_for_that(logged: Logged, tmp_path: Path
     assert "put where the set says" not in str(refusal.value)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="threads are counted in /proc")
 def test_its_small_matrices_are_left_to_one_thread() -> None:
     program = (
@@ -173,17 +174,22 @@ def test_a_row_of_the_set_says_once_why_it_is_as_before(found: Fit) -> None:
     assert "intervals" not in row
 
 
-def test_a_log_that_is_too_short_for_any_test_is_not_said_to_fit(found: Fit) -> None:
-    short = fit(found.run.before_stop(4))
+@pytest.fixture(scope="module")
+def short(logged: Logged, tmp_path_factory: pytest.TempPathFactory) -> Fit:
+    """A fit of a log of one movement."""
+    path = tmp_path_factory.mktemp("logs") / "short.jsonl"
+    record(path, set_with(logged.configured), logged.hidden, 5, wandering(1, 5, CODES, ("d1",)))
+    return fit(read_runs([path]))
+
+
+def test_a_log_that_is_too_short_for_any_test_is_not_said_to_fit(short: Fit) -> None:
     answer = json_text(result_document(short, estimates_of(short), held_back(short)))
     verdict = "The log is too short to test the model: a test needs 8 movements of one drive."
     assert json.loads(answer)["text"]["fit"] == verdict
 
 
-def test_what_was_answered_once_is_said_in_words(tmp_path: Path, logged: Logged) -> None:
-    path = tmp_path / "short.jsonl"
-    record(path, set_with(logged.configured), logged.hidden, 5, wandering(1, 5, CODES, ("d1",)))
-    whys = {each.why_not for each in estimates_of(fit(read_runs([path])))}
+def test_what_was_answered_once_is_said_in_words(short: Fit) -> None:
+    whys = {each.why_not for each in estimates_of(short)}
     assert "d1 was answered only once" in whys
     assert "u1 faced a wall within range only twice" in whys
 

@@ -11,11 +11,11 @@ from scipy.special import chdtrc
 
 from simmer_tui.calibrate.change_detection import judged
 from simmer_tui.calibrate.estimates import estimates_of
-from simmer_tui.calibrate.fit import Fit, fit, lost_stretch, misplaced, refit, slips_in, with_contacts
+from simmer_tui.calibrate.fit import Fit, fit, lost_stretch, misplaced, slips_in, with_contacts
 from simmer_tui.calibrate.geometry import moved
 from simmer_tui.calibrate.pose_filter import PoseFilter
 from simmer_tui.calibrate.posterior import RANGE
-from simmer_tui.calibrate.prediction import held_back
+from simmer_tui.calibrate.prediction import HeldBack, held_back
 from simmer_tui.calibrate.written_set import Knowledge, knowledge_of, learned_spec
 from simmer_tui.sim.sensors import Compass, ParameterKind
 from tests.calibrate.synthetic import START, Synthetic, make
@@ -51,6 +51,16 @@ def test_estimates_are_the_truth_within_their_errors(known: Synthetic, fitted: F
     assert np.sqrt(np.mean((poses / fitted.pose_spread) ** 2)) < 1.5
 
 
+def test_standard_errors_of_normal_residuals_are_those_of_the_posterior(fitted: Fit) -> None:
+    told = fitted.identified
+    # In so plain a room not every offset of a sensor shows.
+    assert [
+        each.kind for each, is_told in zip(fitted.space.parameters, told, strict=True) if not is_told
+    ] == [ParameterKind.OFFSET] * 2
+    assert fitted.standard_errors[told] == pytest.approx(np.sqrt(np.diag(fitted.covariance))[told], rel=1e-12)
+    assert fitted.pose_spread.shape == (fitted.run.stops, 3)
+
+
 def test_noise_scales_of_drives_are_the_truth_within_their_errors(known: Synthetic, fitted: Fit) -> None:
     scales = [i for i, each in enumerate(fitted.space.noise_scales) if each.drive]
     off = np.log(fitted.state.noise_scales / known.truth.noise_scales)[scales]
@@ -62,9 +72,16 @@ def test_noise_scales_of_drives_are_the_truth_within_their_errors(known: Synthet
     assert 0.25 < main < 0.45
 
 
-def test_a_part_of_the_run_tells_less(fitted: Fit) -> None:
-    part = refit(fitted, fitted.run.before_stop(24))
-    assert part.run.stops == 25
+@pytest.fixture(scope="module")
+def held(fitted: Fit) -> HeldBack:
+    found = held_back(fitted)
+    assert found is not None
+    return found
+
+
+def test_a_part_of_the_run_tells_less(fitted: Fit, held: HeldBack) -> None:
+    part = held.learned
+    assert part.run.stops == 31
     assert np.median(part.standard_errors / fitted.standard_errors) > 1.1
 
 
@@ -250,9 +267,7 @@ def test_an_observation_is_a_kalman_update(known: Synthetic, blind: PoseFilter) 
     assert blind.errors[type(at_work), 0][1] == pytest.approx(expected + 30.0 - again), "and yet an error"
 
 
-def test_predictions_are_better_with_what_was_learned(fitted: Fit) -> None:
-    held = held_back(fitted)
-    assert held is not None
+def test_predictions_are_better_with_what_was_learned(held: HeldBack) -> None:
     assert held.movements == 10
     assert held.learned.run.stops == 31
     errors = {(each.kind.name, each.ahead): each for each in held.errors}

@@ -222,7 +222,8 @@ def test_ends_of_a_conformal_factor_are_those_of_the_binomial_distribution() -> 
 # -- a guided session ----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("robot", ["disc", "polygon"])
+@pytest.mark.quick_cases(1)
+@pytest.mark.parametrize("robot", ["polygon", "disc"])
 def test_a_guided_session_asks_for_what_was_kept(robot: str) -> None:
     """Without readings the pose is ever less sure, until no movement is safe."""
     run, _ = run_of(robot)

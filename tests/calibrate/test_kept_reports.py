@@ -66,6 +66,7 @@ def words(page: str) -> list[str]:
     return [text for text in map(str.strip, re.split(r"<[^>]*>", bare)) if text]
 
 
+@pytest.mark.slow  # a shorter log takes no less; test_learning.py keeps a report of another robot
 def test_a_report_of_an_unknown_robot_is_that_which_was_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
