@@ -36,6 +36,7 @@ def test_an_arc_is_the_integral_of_its_twist(x: float, y: float, r: float, headi
     assert end.heading == pytest.approx(heading + r * t, abs=1e-11)
 
 
+@settings(max_examples=20)
 @given(SPEEDS, RATES, st.floats(0.0, 0.6))
 def test_times_and_their_numbers_h_belong_together(x: float, r: float, t: float) -> None:
     arc = Arc.of(Pose(0.0, 0.0, 0.0), Twist(x, 0.0, r), 0.6)
@@ -49,7 +50,7 @@ def test_a_spin_turns_the_robot_and_leaves_its_way_straight() -> None:
 
 @pytest.mark.parametrize("layout", list(WheelLayout))
 @given(x=SPEEDS, y=SPEEDS, r=RATES)
-@settings(max_examples=60)
+@settings(max_examples=15)
 def test_rim_speeds_lead_back_to_the_twist(layout: WheelLayout, x: float, y: float, r: float) -> None:
     wheels = WheelKinematics.of(WheelsSpec(layout=layout, track=7.1, wheelbase=5.3, radius=3.2))
     twist = Twist(x, y if wheels.sideways else 0.0, r)
@@ -181,6 +182,7 @@ ARCS = st.builds(
 )
 
 
+@settings(max_examples=15)
 @given(st.lists(st.tuples(ARCS, st.integers(0, 3)), min_size=1, max_size=4))
 def test_poses_along_arcs_are_those_of_each_arc(chosen: list[tuple[Arc, int]]) -> None:
     chosen = [*chosen, (chosen[0][0], 1)]

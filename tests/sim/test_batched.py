@@ -106,7 +106,7 @@ def test_ranges_agree_at_many_more_places(places: list[tuple[float, float, float
     assert_agree(World(Maze(COURSE), block), [Pose(*place) for place in places])
 
 
-@settings(max_examples=40, deadline=None, derandomize=True)
+@settings(max_examples=20, deadline=None, derandomize=True)
 @given(
     st.lists(
         st.tuples(

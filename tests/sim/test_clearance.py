@@ -88,7 +88,7 @@ def test_an_error_that_presses_against_a_wall_keeps_its_distance_too() -> None:
 _POSES = st.builds(Pose, st.floats(5, 43), st.floats(5, 43), st.floats(-180, 180))
 
 
-@settings(max_examples=60)
+@settings(max_examples=15)
 @given(
     pose=_POSES,
     commands=st.lists(
@@ -113,6 +113,7 @@ def test_no_robot_stands_in_a_wall_or_behind_its_start(
         assert math.hypot(*gone) <= abs(value) + 1e-9
 
 
+@settings(max_examples=20)
 @given(
     segments=st.integers(1, 10),
     move=st.floats(0, 3),

@@ -55,28 +55,29 @@ def with_bias(spec: SimulationSpec, kind: DriveKind, bias: Axes) -> Simulator:
 @pytest.mark.parametrize("segments", [1, 10, 100])
 def test_a_disc_at_a_wall_turns(noisy_spec: SimulationSpec, segments: int) -> None:
     turned = 0
-    for seed in range(200):
+    for seed in range(50):
         simulator = Simulator(in_room(noisy_spec, num_segments=segments), seed)
         planned = simulator.execute("r1-90")
         assert planned.trajectory is not None
         turned += simulator.pose.heading == pytest.approx(planned.trajectory.totals.r)
         assert planned.contact is None or not planned.contact.ended
-    assert turned == 200
+    assert turned == 50
 
 
 def test_by_the_letter_of_the_manual_a_disc_at_a_wall_often_does_not_turn(noisy_spec: SimulationSpec) -> None:
     held = 0
-    for seed in range(200):
+    for seed in range(50):
         simulator = Simulator(in_room(noisy_spec, contact=ContactRule.STOP), seed)
         held += simulator.execute("r1-90").contact is not None
-    assert 80 <= held <= 160
+    assert 20 <= held <= 40
 
 
-@pytest.mark.parametrize("segments", [1, 10, 100])
+@pytest.mark.quick_cases(1)
+@pytest.mark.parametrize("segments", [10, 1, 100])
 def test_along_a_wall_it_touches_the_robot_drives_all_the_way(
     noisy_spec: SimulationSpec, segments: int
 ) -> None:
-    for seed in range(100):
+    for seed in range(30):
         simulator = Simulator(in_room(noisy_spec, num_segments=segments), seed)
         outcome = simulator.execute("w1-4")
         assert outcome.trajectory is not None
@@ -84,12 +85,12 @@ def test_along_a_wall_it_touches_the_robot_drives_all_the_way(
         assert simulator.pose.y - 24 == pytest.approx(outcome.trajectory.totals.y, abs=0.2)
 
 
-@pytest.mark.parametrize(("backed_off", "least", "most"), [(0.0, 0, 10), (1.0, 100, 100)])
+@pytest.mark.parametrize(("backed_off", "least", "most"), [(0.0, 0, 3), (1.0, 30, 30)])
 def test_the_corner_of_a_rectangle_truly_meets_the_wall(
     noisy_spec: SimulationSpec, backed_off: float, least: int, most: int
 ) -> None:
     turned = 0
-    for seed in range(100):
+    for seed in range(30):
         spec = in_room(noisy_spec, robot=OBLONG, bot_center=(45.0 - backed_off, 24.0))
         outcome = Simulator(spec, seed).execute("r1-90")
         turned += outcome.contact is None or not outcome.contact.ended
@@ -371,7 +372,7 @@ def test_a_contacts_point_is_on_the_wall_of_its_cell(noisy_spec: SimulationSpec,
     walls = walls_of(spec)
     random = np.random.default_rng(4)
     seen = set()
-    for seed in range(60):
+    for seed in range(20):
         simulator = Simulator(replace(spec, bot_center=(66.0, 30.0)), seed)
         for _ in range(4):
             code = random.choice(["w1", "s1", "a1", "d1", "r1"])
@@ -441,7 +442,7 @@ def test_a_movement_is_rebuilt_from_what_a_log_holds_of_it(
     random = np.random.default_rng(8)
     kinds = {drive.code: drive.kind for drive in noisy_spec.drives}
     contacts = rests = 0
-    for trial in range(120):
+    for trial in range(40):
         segments = int(random.choice([1, 10, 37]))
         spec = in_room(noisy_spec, robot=robot, contact=rule, num_segments=segments, bot_center=(44.0, 24.0))
         simulator = Simulator(spec, trial)
@@ -474,14 +475,14 @@ def test_a_movement_is_rebuilt_from_what_a_log_holds_of_it(
         assert again.pose_at(was.end_time) == was.pose_at(was.end_time)
         assert not again.wheels
         assert not again.turns
-    assert contacts > 20
-    assert (rests > 10) is (rule is ContactRule.DRIVE)
+    assert contacts > 7
+    assert (rests > 3) is (rule is ContactRule.DRIVE)
 
 
 # -- whatever happens on the way -------------------------------------------------------------
 
 
-@settings(max_examples=40, deadline=None, derandomize=True)
+@settings(max_examples=12, deadline=None, derandomize=True)
 @given(
     robot=st.sampled_from([RobotSpec.circle(6), SQUARE, RobotSpec.polygon(((5, 0.5), (-3, 3), (-3, -3)))]),
     segments=st.sampled_from([1, 3, 10, 57]),

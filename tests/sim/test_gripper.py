@@ -29,7 +29,7 @@ from simmer_tui.sim.gripper import in_global_frame, in_robot_frame
 from simmer_tui.sim.sensors import LoadSensor
 
 calm = settings(
-    max_examples=60,
+    max_examples=20,
     deadline=None,
     derandomize=True,
     suppress_health_check=[HealthCheck.function_scoped_fixture],

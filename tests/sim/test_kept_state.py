@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Callable
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -240,8 +241,21 @@ SETS: dict[str, dict[str, Any]] = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("program", PROGRAMS)
-@pytest.mark.parametrize("name", SETS)
+IN_DIFFERENT_WAYS = [
+    ("disc", "movements"),
+    ("disc", "velocities"),
+    ("rectangle, solid block, kept clear", "gripping"),
+    ("rectangle, solid block, kept clear", "velocities"),
+    ("L, no lags", "movements"),
+    ("wheels, stops", "velocities"),
+    ("wheels, stops", "gripping"),
+]
+"""Sets and programs that reach most of the simulator; the other pairs are slow tests."""
+PAIRS = sorted(product(SETS, PROGRAMS), key=lambda pair: pair not in IN_DIFFERENT_WAYS)
+
+
+@pytest.mark.quick_cases(len(IN_DIFFERENT_WAYS))
+@pytest.mark.parametrize(("name", "program"), PAIRS)
 def test_the_state_after_each_step_is_that_which_was_kept(name: str, program: str) -> None:
     simulator = Simulator(equipped(**SETS[name]), seed=3)
     simulator.listener = listener = Listener()
@@ -328,16 +342,17 @@ def test_problems_of_a_block_and_of_poses_are_told() -> None:
 # -- continuous motion at walls ------------------------------------------------------------------------
 
 WALLS: dict[str, dict[str, Any]] = {
-    "disc": {},
     "disc, friction 0.8": {"wall_friction": 0.8, "control_period": 0.06},
     "disc, no friction": {"wall_friction": 0.0, "block_solid": True},
     "rectangle": {"robot": BODIES["rectangle"], "block_solid": True},
-    "L": {"robot": BODIES["L"]},
     "L, stops": {"robot": BODIES["L"], "contact": ContactRule.STOP},
+    "L": {"robot": BODIES["L"]},
+    "disc": {},
     "disc, stops": {"contact": ContactRule.STOP},
 }
 
 
+@pytest.mark.quick_cases(4)
 @pytest.mark.parametrize("name", WALLS)
 def test_legs_at_walls_are_those_that_were_kept(name: str) -> None:
     draw = random.Random(name)

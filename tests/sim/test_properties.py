@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from simmer_tui.sim import DriveKind, MazeSpec, Pose, RobotSpec, SimulationSpec,
 from simmer_tui.sim.footprint import Footprint
 
 calm = settings(
-    max_examples=60,
+    max_examples=15,
     deadline=None,
     derandomize=True,
     suppress_health_check=[HealthCheck.function_scoped_fixture],
@@ -74,16 +75,32 @@ def started(spec: SimulationSpec, x: float, y: float, heading: float, seed: int 
         return None
 
 
+ANY_PROGRAM: dict[str, st.SearchStrategy[Any]] = {
+    "cells": mazes,
+    "robot": st.sampled_from(ROBOTS),
+    "place": st.tuples(st.floats(0, 48), st.floats(0, 48), st.sampled_from([0.0, 90.0, 45.0, 33.3, -725.0])),
+    "segments": st.sampled_from([1, 3, 10, 257]),
+    "sequence": st.lists(commands, min_size=1, max_size=12),
+    "seed": st.integers(0, 5),
+}
+
+
 @calm
-@given(
-    cells=mazes,
-    robot=st.sampled_from(ROBOTS),
-    place=st.tuples(st.floats(0, 48), st.floats(0, 48), st.sampled_from([0.0, 90.0, 45.0, 33.3, -725.0])),
-    segments=st.sampled_from([1, 3, 10, 257]),
-    sequence=st.lists(commands, min_size=1, max_size=12),
-    seed=st.integers(0, 5),
-)
-def test_no_commands_bring_the_robot_into_a_wall(
+@given(**ANY_PROGRAM)
+def test_no_commands_bring_the_robot_into_a_wall(noisy_spec: SimulationSpec, **program: Any) -> None:
+    assert_stays_outside(noisy_spec, **program)
+
+
+@pytest.mark.slow
+@settings(calm, max_examples=150)
+@given(**ANY_PROGRAM)
+def test_no_commands_of_many_more_bring_the_robot_into_a_wall(
+    noisy_spec: SimulationSpec, **program: Any
+) -> None:
+    assert_stays_outside(noisy_spec, **program)
+
+
+def assert_stays_outside(
     noisy_spec: SimulationSpec,
     cells: tuple[tuple[int, ...], ...],
     robot: RobotSpec,
