@@ -129,10 +129,10 @@ def test_a_c_program_reads_it_back(atlas: Atlas, tmp_path: Path, compiler: str, 
 
 def test_no_array_of_the_header_is_larger_than_an_arduino_takes(tmp_path: Path) -> None:
     simulator = Simulator(load().simulation)
-    atlas = compute_atlas(simulator, PoseGrid.over(simulator.maze, 2.0, 60), ("u1",))
+    atlas = compute_atlas(simulator, PoseGrid.over(simulator.maze, 2.0, 36), ("u1",))
     text = header_bytes(atlas).decode("ascii")
     sizes = [int(line.partition("[")[2].partition("]")[0]) for line in text.splitlines() if "] ATLAS" in line]
-    assert sizes == [32_000, 32_000, 5_120, 8_640]
+    assert sizes == [32_000, 9_472, 5_184]
     rows = np.array([line.split() for line in compiled(atlas, tmp_path)[1:]], np.float32)
     assert np.array_equal(rows, np.column_stack((atlas.free.ravel(), as_counts(atlas).ravel())))
 

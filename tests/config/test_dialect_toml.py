@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import jsonschema
 import pytest
 
+from simmer_tui.cli.main import main
 from simmer_tui.config.dialect_reader import load_dialect
 from simmer_tui.config.loader import find_set, init_set, load
 from simmer_tui.config.new_set import dialect_schema
@@ -200,9 +199,7 @@ def test_a_file_without_rules_is_told(tmp_path: Path) -> None:
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("kind", FrameKind)
 def test_a_new_set_of_each_kind_is_right_and_fits_its_schema(tmp_path: Path, kind: str) -> None:
-    words = [sys.executable, "-m", "simmer_tui"]
-    made = subprocess.run([*words, "init", "robot", "--dialect", kind], cwd=tmp_path, check=False)
-    assert made.returncode == 0
+    assert main(["init", str(tmp_path / "robot"), "--dialect", kind]) == 0
     configuration = load(tmp_path / "robot")
     assert configuration.settings.server.listeners == ("dialect",)
     assert configuration.settings.motion.motion == "timed"
@@ -236,15 +233,14 @@ def test_listeners_may_name_others_and_need_the_file(tmp_path: Path) -> None:
     assert "dialect.toml" in load(tmp_path / "set").files
 
 
-def test_check_prints_the_messages_with_examples(tmp_path: Path) -> None:
+def test_check_prints_the_messages_with_examples(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     init_set(tmp_path / "set", find_set("default"))
     rules = '[[command]]\nmatch = "f {n}"\ndo = "d1-{n}"\ndone = "ok {contact}"\n'
     (tmp_path / "set/dialect.toml").write_text(rules, "utf-8")
-    words = [sys.executable, "-m", "simmer_tui", "check", "set"]
-    shown = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False).stdout
-    assert "f {n}    d1-{n}  at its end ok 0" in shown
-    document = subprocess.run([*words, "--json"], cwd=tmp_path, capture_output=True, check=False).stdout
-    assert json.loads(document)["messages"] == [
+    assert main(["check", str(tmp_path / "set")]) == 0
+    assert "f {n}    d1-{n}  at its end ok 0" in capsys.readouterr().out
+    assert main(["check", str(tmp_path / "set"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["messages"] == [
         {"message": "f {n}", "does": "d1-{n}", "reply": "at its end ok 0"}
     ]
 

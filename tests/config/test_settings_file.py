@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from simmer_tui.config.loader import load
@@ -247,6 +247,7 @@ def test_missing_folder_is_one_problem(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["maze.csv", "robot.csv", "sensors.csv", "drive.csv", "settings.toml"])
 @given(text=st.text(max_size=200) | st.text("01,.\n\r\"'ul-;[]=server.potbi_n \t", max_size=60))
+@settings(max_examples=15)
 def test_any_text_in_any_file_is_read_or_refused_as_a_configuration(name: str, text: str) -> None:
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place) / "set"
@@ -271,6 +272,7 @@ def test_any_text_in_any_file_is_read_or_refused_as_a_configuration(name: str, t
         max_size=4,
     )
 )
+@settings(max_examples=25)
 def test_any_values_of_options_are_taken_or_refused_as_a_configuration(values: dict[str, object]) -> None:
     overrides = {name: Override(f"--{name}", value) for name, value in values.items()}
     settings = Settings()

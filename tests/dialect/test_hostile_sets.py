@@ -74,6 +74,7 @@ def test_nothing_is_executed(tmp_path: Path, executed: list[str], text: str) -> 
     assert not Path("executed").exists()
 
 
+@pytest.mark.quick_cases(6)
 @pytest.mark.parametrize("kind", HARD)
 def test_no_expression_takes_more_than_its_memory(kind: str) -> None:
     expression, names = hardest(HARD[kind]), Names()

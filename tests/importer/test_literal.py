@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from simmer_tui.errors import ConfigurationError
@@ -122,7 +122,7 @@ def test_a_call_of_anything_else_is_kept_and_not_made() -> None:
         "x = [1, 2].rotate(3)",
         "x = enumerate()",
         "x = enumerate([1], [2])",
-        "x = [list(range(90000)) for i in range(9000)]",
+        pytest.param("x = [list(range(90000)) for i in range(9000)]", marks=pytest.mark.slow),
         "x = os.sep",
         "x = math.sqrt(-1)",
         "x = math.cos('a')",
@@ -187,6 +187,7 @@ def test_a_backslash_in_a_text_is_no_matter() -> None:
     assert value("x = 'C:\\d'\n") == "C:\\d"
 
 
+@settings(max_examples=20)
 @given(number=st.floats(-1e6, 1e6), other=st.floats(-1e6, 1e6))
 def test_arithmetic_is_python_s_own(number: float, other: float) -> None:
     assert read_expression(f"{number!r} - {other!r}*2") == number - other * 2

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from simmer_tui.config.sets import bundled_folder, init_set
 from tests.dialect.teams.referee import judge, same_but_for_real_time
 
 HERE = Path(__file__).parent
@@ -31,7 +32,7 @@ def simmer(*arguments: str | Path, folder: Path) -> subprocess.CompletedProcess[
 def run_team(name: str, folder: Path, seconds: int, clock: str, run: str = "a", seed: int = 1) -> Path:
     """The log of a team's program beside its own robot; its notes are beside it."""
     if not (folder / "robot").exists():
-        simmer("init", "robot", folder=folder)
+        init_set(folder / "robot", bundled_folder())
         shutil.copy(HERE / f"{name}.toml", folder / "robot" / "dialect.toml")
         if (HERE / f"{name}.csv").exists():
             shutil.copy(HERE / f"{name}.csv", folder / "robot" / "sensors.csv")
