@@ -16,9 +16,9 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from benchmarks.emulated_robots import draw_robot, record, set_with, wandering
+from benchmarks.emulated_robots import Session, draw_robot, record, set_with, wandering
 from simmer_tui.calibrate.estimates import ParameterEstimate, estimates_of
-from simmer_tui.calibrate.fit import Fit, fit
+from simmer_tui.calibrate.fit import Fit, fit, refit
 from simmer_tui.calibrate.measured_run import read_runs
 from simmer_tui.calibrate.prediction import held_back
 from simmer_tui.calibrate.result_page import figures_table, held_back_table, result_document
@@ -176,10 +176,24 @@ def test_a_row_of_the_set_says_once_why_it_is_as_before(found: Fit) -> None:
 
 @pytest.fixture(scope="module")
 def short(logged: Logged, tmp_path_factory: pytest.TempPathFactory) -> Fit:
-    """A fit of a log of one movement."""
+    """A fit of a log of six movements of one drive."""
     path = tmp_path_factory.mktemp("logs") / "short.jsonl"
-    record(path, set_with(logged.configured), logged.hidden, 5, wandering(1, 5, CODES, ("d1",)))
+
+    async def program(session: Session) -> None:
+        for amount in (3, -3) * 3:
+            for code in ("u1", "u2", "u3", "g1"):
+                await session.ask(code)
+            await session.ask(f"d1-{amount}")
+        await session.ask("u1")
+
+    record(path, set_with(logged.configured), logged.hidden, 5, program)
     return fit(read_runs([path]))
+
+
+def test_a_drive_that_was_never_used_is_named(short: Fit) -> None:
+    estimates = {(each.owner, each.field): each for each in estimates_of(short)}
+    assert estimates["rot", "bias.r"].why_not == "no command was sent to turn counter-clockwise (r1)"
+    assert estimates["right", "bias.x"].identified
 
 
 def test_a_log_that_is_too_short_for_any_test_is_not_said_to_fit(short: Fit) -> None:
@@ -189,7 +203,8 @@ def test_a_log_that_is_too_short_for_any_test_is_not_said_to_fit(short: Fit) -> 
 
 
 def test_what_was_answered_once_is_said_in_words(short: Fit) -> None:
-    whys = {each.why_not for each in estimates_of(short)}
+    once = refit(short, short.run.before_stop(1))
+    whys = {each.why_not for each in estimates_of(once)}
     assert "d1 was answered only once" in whys
     assert "u1 faced a wall within range only twice" in whys
 

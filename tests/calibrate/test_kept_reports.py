@@ -289,7 +289,8 @@ def test_a_session_ends_at_its_goals_or_its_last_movement(found: Fit) -> None:
     assert guide.done
 
 
-@pytest.mark.parametrize("ends", ["stuck", "done"])
+@pytest.mark.quick_cases(1)
+@pytest.mark.parametrize("ends", ["done", "stuck"])
 def test_a_session_shows_its_steps_until_it_ends(
     found: Fit, monkeypatch: pytest.MonkeyPatch, ends: str
 ) -> None:

@@ -14,7 +14,7 @@ import pytest
 from msgspec import structs
 from msgspec.structs import replace
 
-from benchmarks.emulated_robots import Oddities, Session, draw_robot, placed, record, set_with, wandering
+from benchmarks.emulated_robots import Oddities, draw_robot, placed, record, set_with, wandering
 from simmer_tui.calibrate.change_detection import judged, spread_between_robots
 from simmer_tui.calibrate.estimates import estimates_of, share_interval
 from simmer_tui.calibrate.fit import Fit, Progress, fit
@@ -99,21 +99,6 @@ def test_what_the_log_does_not_tell_is_left_as_it_was(found: Fit) -> None:
     assert (time_of_flight.why_not, time_of_flight.value) == ("t1 was never read", 1.0)
     assert estimates["ultra1", "gain"].identified
     assert estimates["link", "latency"].low <= 0.02 <= estimates["link", "latency"].high
-
-
-def test_a_drive_that_was_never_used_is_named(tmp_path: Path, logged: Logged) -> None:
-    path = tmp_path / "forward.jsonl"
-
-    async def program(session: Session) -> None:
-        for amount in (3, -3) * 3:
-            await session.ask(f"d1-{amount}")
-            for code in ("u1", "u2", "u3", "g1"):
-                await session.ask(code)
-
-    record(path, set_with(logged.configured), logged.hidden, 5, program)
-    estimates = {(each.owner, each.field): each for each in estimates_of(fit(read_runs([path])))}
-    assert estimates["rot", "bias.r"].why_not == "no command was sent to turn counter-clockwise (r1)"
-    assert estimates["right", "bias.x"].identified
 
 
 @pytest.mark.slow

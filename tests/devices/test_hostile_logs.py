@@ -10,6 +10,10 @@ from typing import Any
 import pytest
 
 from simmer_tui.cli.main import main
+from simmer_tui.config.loader import load
+from simmer_tui.engine import Engine
+from simmer_tui.runlog.writer import RunLog
+from simmer_tui.sim import Simulator, parse_command
 from tests.devices.conftest import DEVICE, MakeSet, trust
 from tests.devices.test_commands import PROGRAM, logged
 
@@ -67,10 +71,13 @@ def test_headers_of_strangers(make_set: MakeSet, tmp_path: Path, capsys: pytest.
 def test_a_run_with_a_class_of_a_notebook_cannot_be_run_again(
     make_set: MakeSet, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    folder = make_set(trusted=False)
-    program = tmp_path / "program.py"
-    program.write_text(PROGRAM)
-    path = logged(folder, f"{sys.executable} {program}", tmp_path / "run.jsonl")
+    configuration, path = load(make_set()), tmp_path / "run.jsonl"
+    simulator = Simulator(configuration.simulation, 5)
+    engine = Engine(simulator)
+    with RunLog(path, configuration, simulator) as log:
+        engine.watch(log)
+        for text in ("h1", "d1-1"):
+            engine.session().submit(parse_command(text), lambda outcome: None)
     first, *others = path.read_text().splitlines()
     path.write_text("\n".join((json.dumps(json.loads(first) | {"devices": []}), *others)) + "\n")
     assert main(["report", str(path)]) == 0
