@@ -6,7 +6,7 @@ import struct
 from itertools import pairwise
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from simmer_tui.dialect.frames import Deframer, Frame, FrameKind, Framing, Noise
@@ -70,6 +70,7 @@ def test_half_a_binary_frame_is_dropped_after_silence() -> None:
 
 
 @pytest.mark.parametrize("framing", FRAMINGS, ids=lambda framing: framing.kind.value)
+@settings(max_examples=20)
 @given(data=st.binary(max_size=80), cuts=st.lists(st.integers(0, 80), max_size=6))
 def test_messages_do_not_depend_on_how_the_bytes_come(framing: Framing, data: bytes, cuts: list[int]) -> None:
     whole = contents(framing, data)

@@ -30,7 +30,7 @@ from simmer_tui.sim import (
     World,
 )
 
-COUNT = 10_000
+COUNT = 3_000
 ULTRA = SensorSpec(kind=Ultrasonic, number=1, code="u1", z=6.0, rays=1)
 
 

@@ -6,7 +6,7 @@ import math
 from itertools import pairwise
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
@@ -90,12 +90,14 @@ def test_a_stop_on_the_way_leaves_it_there(course_spec: SimulationSpec) -> None:
     assert driven.pose.x == pytest.approx(9.0)
 
 
+@settings(max_examples=20)
 @given(paces, st.floats(0.0, 1.0))
 def test_time_and_fraction_are_each_others_inverse(profile: VelocityProfile, fraction: float) -> None:
     assert profile.fraction_at(profile.time_at(fraction)) == pytest.approx(fraction, abs=1e-6)
     assert profile.lag <= profile.time_at(fraction) <= profile.duration * (1 + 1e-9)
 
 
+@settings(max_examples=20)
 @given(paces, st.lists(st.floats(0.0, 1.2), min_size=2))
 def test_it_never_goes_back(profile: VelocityProfile, moments: list[float]) -> None:
     fractions = [profile.fraction_at(moment * profile.duration) for moment in sorted(moments)]
