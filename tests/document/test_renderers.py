@@ -13,7 +13,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from rich.console import Console
 
@@ -223,6 +223,7 @@ def test_a_long_command_leaves_room_for_the_reason_why_it_was_refused() -> None:
     assert "no enabled drive" in file.getvalue()
 
 
+@settings(max_examples=12)
 @given(
     st.text(min_size=1) | st.sampled_from(("<script>'\"&", "\x1b]0;x\x07", "[red]x[/red]", "‮abc", "=a\n+b"))
 )

@@ -139,7 +139,7 @@ def test_broken_logs_in_the_replay(cases: int, log: bytes, tmp_path: Path, mutat
             raise
 
 
-@pytest.mark.parametrize("cases", [4, pytest.param(200, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("cases", [2, pytest.param(200, marks=pytest.mark.slow)])
 def test_broken_logs_as_pictures_and_tables(cases: int, log: bytes, tmp_path: Path, mutate: Any) -> None:
     pytest.importorskip("PIL")
     path, out = tmp_path / "run.jsonl", tmp_path / "out"

@@ -530,11 +530,15 @@ def test_the_user_of_a_program_is_nobody_of_this_machine(
 def test_what_bubblewrap_lacks_is_said(launched: Launched, monkeypatch: pytest.MonkeyPatch) -> None:
     found: dict[str, str] = {}
     launched.ends = "at once"
-    found["broken"] = bubblewrap.what_is_missing()
+    with monkeypatch.context() as patch:
+        patch.setattr(platform_has, "LINUX", True)
+        patch.setattr(shutil, "which", lambda name: f"/usr/bin/{name}")
+        found["broken"] = bubblewrap.what_is_missing()
     with monkeypatch.context() as patch:
         patch.setattr(platform_has, "LINUX", False)
         found["other system"] = bubblewrap.what_is_missing()
     with monkeypatch.context() as patch:
+        patch.setattr(platform_has, "LINUX", True)
         patch.setattr(shutil, "which", lambda name: None)
         found["not installed"] = bubblewrap.what_is_missing()
     assert found == {

@@ -56,6 +56,7 @@ def test_the_end_of_a_line_is_not_part_of_the_command() -> None:
     assert texts(CommandReader().receive(b"u1\r\nu2\n\r\nu3\r\n")) == ["u1", "u2", "", "u3"]
 
 
+@settings(max_examples=15)
 @calm
 @given(data=streams, cuts=st.lists(st.integers(0, 4000), max_size=8))
 def test_any_chunking_of_lines_gives_the_same_commands(data: bytes, cuts: list[int]) -> None:
@@ -65,6 +66,7 @@ def test_any_chunking_of_lines_gives_the_same_commands(data: bytes, cuts: list[i
     assert len(whole) == data.count(b"\n"), "one answer a line"
 
 
+@settings(max_examples=15)
 @calm
 @given(data=streams, tail=st.sampled_from([b"d1-", b"u", b"x" * 256]))
 def test_the_beginning_of_a_next_line_waits_for_its_end(data: bytes, tail: bytes) -> None:

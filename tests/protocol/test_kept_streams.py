@@ -60,6 +60,7 @@ LINES = [
 LINES += [b"x" * 257, b"x" * 255, b"x" * 256 + b"\r\n", b"x" * 256 + b"\n", b"x" * 257 + b"\r", b"\xff"]
 
 
+@pytest.mark.quick_cases(4)
 @pytest.mark.parametrize("seed", range(8))
 def test_commands_are_those_that_were_kept(seed: int) -> None:
     chance = random.Random(seed)

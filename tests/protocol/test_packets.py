@@ -6,7 +6,7 @@ import itertools
 import tracemalloc
 
 import pytest
-from hypothesis import example, given
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from simmer_tui.protocol.packets import (
@@ -208,6 +208,7 @@ PIECES = st.lists(
 )
 
 
+@settings(max_examples=15)
 @given(pieces=PIECES, cuts=st.lists(st.integers(0, 200), max_size=12))
 @example(pieces=[b"[", b"u0" * MAX_REQUEST, b"][u0]"], cuts=[1, 2, MAX_REQUEST])
 def test_how_bytes_are_cut_into_sends_changes_nothing(pieces: list[bytes], cuts: list[int]) -> None:

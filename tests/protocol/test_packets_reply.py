@@ -9,7 +9,7 @@ from itertools import groupby
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
@@ -251,6 +251,7 @@ def test_what_waits_of_some_replies_is_taken_back_and_the_rest_stays() -> None:
     assert mailbox.take() == b"[c0:5.0]"
 
 
+@settings(max_examples=15)
 @given(
     st.lists(
         st.one_of(

@@ -7,7 +7,7 @@ import math
 import struct
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from simmer_tui.protocol.binary import CommandReader
@@ -52,6 +52,7 @@ CASES = [
 IDS = [f"{end}-{number}" for number, (end, _, _) in enumerate(CASES)]
 
 
+@settings(max_examples=12)
 @pytest.mark.parametrize(("end", "count", "reply"), CASES, ids=IDS)
 @given(cuts=st.lists(st.integers(0, 100), max_size=5))
 def test_reply_is_found_whole_however_it_is_cut_up(
@@ -63,6 +64,7 @@ def test_reply_is_found_whole_however_it_is_cut_up(
     assert fed(in_doubt, reply, cuts) == reply
 
 
+@settings(max_examples=12)
 @pytest.mark.parametrize(("end", "count", "reply"), CASES[:-1], ids=IDS[:-1])
 @given(cuts=st.lists(st.integers(0, 100), max_size=5))
 def test_greeting_in_front_of_the_first_reply_is_discarded(

@@ -8,7 +8,7 @@ import struct
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from simmer_tui.protocol.binary import NumberEncoder
@@ -138,6 +138,7 @@ def read(data: bytes, form: ReplyForm, scans: list[bool]) -> list[list[float] | 
     return [each if isinstance(each, float) else each.tolist() for each in numbers]
 
 
+@settings(max_examples=10)
 @pytest.mark.parametrize(("reply_format", "byte_order", "letter"), FORMS)
 @pytest.mark.parametrize("greeting", [b"", GREETING], ids=["at once", "after a greeting"])
 @given(ranges=ranges_of_a_scan, cuts=st.lists(st.integers(0, 500), max_size=4))

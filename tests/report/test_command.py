@@ -86,6 +86,7 @@ def test_the_mission_is_in_the_report(start_run: Callable[..., Any], capsys: Any
     assert "failed after 0.5 s" in out
 
 
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize("width", [40, 80, 200])
 def test_the_terminal_report_fits_its_width(eventful_log: Path, width: int) -> None:
     file = io.StringIO()

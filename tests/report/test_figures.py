@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
@@ -35,6 +35,7 @@ from simmer_tui.sim import Axes, DriveKind, Pose
 MODERATE = st.floats(-1e6, 1e6).filter(lambda value: value == 0 or abs(value) > 1e-6)
 
 
+@settings(max_examples=12)
 @given(st.lists(MODERATE, min_size=2, max_size=60))
 def test_mean_and_std_need_no_list(values: list[float]) -> None:
     errors = Errors()
@@ -47,6 +48,7 @@ def test_mean_and_std_need_no_list(values: list[float]) -> None:
     assert errors.width == 0 or errors.reach > abs(errors.worst)
 
 
+@settings(max_examples=12)
 @given(st.lists(MODERATE, min_size=1, max_size=60))
 def test_widened_bins_hold_what_fell_into_them(values: list[float]) -> None:
     errors = Errors()
@@ -241,11 +243,16 @@ def test_a_solid_block_that_stops_the_robot_is_called_the_block(start_run: Any) 
 def test_a_velocity_pressed_against_a_wall_is_stuck(start_run: Any) -> None:
     mission = load(find_set("mission"))
     assert mission.mission is not None
-    limit = mission.mission.time_limit
-    files = {name: text.replace("contacts = 0", "contacts = 20") for name, text in mission.files.items()}
+    limit, shorter = mission.mission.time_limit, 50.0
+    files = {
+        name: text.replace("contacts = 0", "contacts = 20").replace(
+            f"time_limit = {limit:g}", f"time_limit = {shorter:g}"
+        )
+        for name, text in mission.files.items()
+    }
     free = start_run(files=files)
     free.engine.tell(MissionEvent(0.0, Result.UNDER_WAY, "mission: begun"))
-    free.send("vv-6;0;0", f"wt-{limit / 5:g}", "vv--6;0;0;1", "wt-1", "vv-6;0;0", f"wt-{limit / 5:g}")
+    free.send("vv-6;0;0", f"wt-{shorter / 5:g}", "vv--6;0;0;1", "wt-1", "vv-6;0;0", f"wt-{shorter / 5:g}")
     free.engine.tell(MissionEvent(free.simulator.time, Result.FAILED, "mission: failed", "gave up"))
     backed_off = build_report(free.path)
     assert backed_off.cause is None or backed_off.cause.kind is not Kind.STUCK  # it backed off in between
@@ -253,7 +260,7 @@ def test_a_velocity_pressed_against_a_wall_is_stuck(start_run: Any) -> None:
 
     run = start_run("stuck.jsonl", files=files)
     run.engine.tell(MissionEvent(0.0, Result.UNDER_WAY, "mission: begun"))
-    run.send("vv-6;0;0", f"wt-{limit / 2:g}", "u1")
+    run.send("vv-6;0;0", f"wt-{shorter / 2:g}", "u1")
     run.engine.tell(MissionEvent(run.simulator.time, Result.FAILED, "mission: failed", "gave up"))
     report = build_report(run.path)
     assert report.cause is not None

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
@@ -179,6 +179,7 @@ def mission_spec() -> SimulationSpec:
     return load(bundled_sets()["mission"]).simulation
 
 
+@settings(max_examples=12)
 @given(
     moves=st.lists(st.tuples(st.sampled_from(("d1", "r1", "w1")), st.floats(-40, 40)), min_size=1, max_size=6)
 )

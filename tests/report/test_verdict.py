@@ -324,7 +324,7 @@ def test_the_verdict_on_screen_sees_what_the_report_sees(tmp_path: Path) -> None
 
 
 def test_the_legs_of_a_continuous_motion_are_no_commands(mission_run: Any) -> None:
-    mission_run.send("vv-3;0;9", "wt-20")
+    mission_run.send("vv-3;0;9", "wt-4")
     run = build_report(mission_run.path)
     assert Attempt(run.history, None).commands == 2
 
@@ -341,7 +341,7 @@ def test_a_slow_robot_that_steers_often_makes_progress(mission_run: Any) -> None
 
 
 def test_a_robot_that_steers_to_and_fro_makes_none(mission_run: Any) -> None:
-    for step in range(600):
+    for step in range(470):
         mission_run.send(f"vv-{3 - 6 * (step % 2)};0;0", "wt-0.5")
     attempt = Attempt(build_report(mission_run.path).history, None)
     assert attempt.stalled.since < 60.0
@@ -352,6 +352,7 @@ MANY = 600
 """Contacts: a run keeps its newest 500, and those that do not count must not push out the one that does."""
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("commands", [1, MANY])
 def test_contacts_after_the_mission_change_no_verdict_of_a_run(commands: int) -> None:
     configuration, plan = plan_run(load(find_set("mission"), {"server.port": Override("--port", 0)}), 1)

@@ -2,32 +2,39 @@
 
 from __future__ import annotations
 
+import resource
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-pytestmark = pytest.mark.posix
-LIMITED = """
-import resource, sys
 from simmer_tui.cli import log_commands
 from simmer_tui.cli.main import main
 
-class Limited(log_commands.LogReader):
-    def __init__(self, path):
-        if sys.argv[1] == "before":
+pytestmark = pytest.mark.posix
+
+
+def limited(monkeypatch: pytest.MonkeyPatch, before: bool, *words: str | Path) -> int:
+    """The exit code of `simmer-tui` with a limit of 200 bytes a file: set before or after a log is opened,
+    which unpacks its set."""
+    usual = resource.getrlimit(resource.RLIMIT_FSIZE)
+
+    class Limited(log_commands.LogReader):
+        def __init__(self, path: Path) -> None:
+            if before:
+                limit()
+            super().__init__(path)
             limit()
-        super().__init__(path)
-        limit()
 
-def limit():
-    resource.setrlimit(resource.RLIMIT_FSIZE, (200, 200))
+    def limit() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (200, usual[1]))
 
-log_commands.LogReader = Limited
-sys.exit(main(sys.argv[2:]))
-"""
-"""`simmer-tui`, with a limit of 200 bytes a file: before or after a log is opened, which unpacks its set."""
+    monkeypatch.setattr(log_commands, "LogReader", Limited)
+    try:
+        return main([str(word) for word in words])
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, usual)
 
 
 @pytest.mark.quick_cases(1)
@@ -42,18 +49,19 @@ sys.exit(main(sys.argv[2:]))
     ],
 )
 def test_no_half_of_an_output_stays_behind(
-    eventful_log: Path, tmp_path: Path, command: str, option: str
+    eventful_log: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    command: str,
+    option: str,
 ) -> None:
     """A limit of the size of files is as good as a full disk."""
     out = tmp_path / "out" / "file"
     out.parent.mkdir()
     out.write_text("of the last time")
-    done = subprocess.run(
-        [sys.executable, "-c", LIMITED, "after", command, eventful_log, option, out],
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert done.stderr == f"simmer-tui {command}: {out} cannot be written: File too large\n"
-    assert done.returncode == 2
+    assert limited(monkeypatch, False, command, eventful_log, option, out) == 2
+    assert capsys.readouterr().err == f"simmer-tui {command}: {out} cannot be written: File too large\n"
     assert [(each.name, each.read_text()) for each in out.parent.iterdir()] == [("file", "of the last time")]
 
 
@@ -71,11 +79,9 @@ def test_standard_output_takes_a_page(eventful_log: Path, tmp_path: Path, option
     assert [*out.parent.iterdir()] == [out]
 
 
-def test_a_log_whose_set_cannot_be_unpacked_is_one_line(eventful_log: Path) -> None:
-    done = subprocess.run(
-        [sys.executable, "-c", LIMITED, "before", "report", eventful_log],
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
+def test_a_log_whose_set_cannot_be_unpacked_is_one_line(
+    eventful_log: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert limited(monkeypatch, True, "report", eventful_log) == 2
     what = "the set of the log cannot be unpacked into a temporary folder"
-    assert done.stderr == f"simmer-tui report: {what}: File too large\n"
-    assert done.returncode == 2
+    assert capsys.readouterr().err == f"simmer-tui report: {what}: File too large\n"

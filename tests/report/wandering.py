@@ -29,7 +29,7 @@ def wandered(
     spec: SimulationSpec,
     seed: int,
     change: Change | None = None,
-    steps: int = 60,
+    steps: int = 36,
     told: SimulationSpec | None = None,
     nominal: Nominal | None = None,
 ) -> RunHistory:

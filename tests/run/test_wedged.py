@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from simmer_tui.run.facts import is_wedged
@@ -30,6 +30,7 @@ def test_five_contacts_within_half_an_inch_and_five_degrees(poses: list[Pose], w
     assert is_wedged(poses) is wedged
 
 
+@settings(max_examples=15)
 @given(st.lists(st.tuples(_SMALL, st.floats(-5, 5)), min_size=5, max_size=5), st.integers(-3, 3))
 def test_whole_turns_make_no_difference(offsets: list[tuple[float, float]], turns: int) -> None:
     poses = [Pose(10 + off / 2, 10, 180 + turn / 2 + 360 * turns * (place % 2)) for place, (off, turn)

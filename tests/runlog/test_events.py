@@ -82,6 +82,7 @@ def same_event(told: Any, read_back: Any) -> None:
         assert getattr(told, name) == getattr(read_back, name), name
 
 
+@pytest.mark.quick_cases(4)
 @pytest.mark.parametrize("answer_at_end", [True, False])
 @pytest.mark.parametrize("timed", [True, False])
 @pytest.mark.parametrize(

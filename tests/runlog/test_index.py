@@ -73,6 +73,7 @@ def wanted(line: Any) -> EntryFlag:
     raise AssertionError(line)
 
 
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize("timed", [True, False])
 @pytest.mark.parametrize("seed", range(4))
 def test_the_index_agrees_with_reading_through(

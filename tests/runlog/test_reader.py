@@ -80,7 +80,7 @@ def test_the_configuration_comes_back_whole(start_run: Any, configuration: Any) 
     assert rebuilt.files == configuration.files
 
 
-@pytest.mark.parametrize("step", [23, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("step", [71, pytest.param(1, marks=pytest.mark.slow)])
 def test_a_log_cut_at_any_byte_gives_its_whole_lines(start_run: Any, tmp_path: Path, step: int) -> None:
     run = start_run()
     run.send("u1", "d1-3", "zz")

@@ -46,9 +46,7 @@ def give(log: RunLog, simulator: Simulator, *texts: str) -> None:
         session.submit(parse_command(text), lambda outcome: None)
 
 
-@pytest.mark.parametrize(
-    "seed", [0, 1, *(pytest.param(each, marks=pytest.mark.slow) for each in range(2, 6))]
-)
+@pytest.mark.parametrize("seed", [0, *(pytest.param(each, marks=pytest.mark.slow) for each in range(1, 6))])
 @pytest.mark.parametrize("answer_at_end", [True, False])
 @pytest.mark.parametrize("timed", [True, False])
 def test_random_runs_come_out_the_same(
@@ -77,7 +75,8 @@ def test_a_seed_of_any_length_is_logged_to_its_last_digit(start_run: Callable[..
     assert run.simulator.seed == 2**128 - 1
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.quick_cases(1)
+@pytest.mark.parametrize("seed", [1, 0, 2, 3])
 def test_runs_cut_anywhere_come_out_the_same(random_run: Callable[..., Any], seed: int) -> None:
     path = random_run(seed, timed=True).path
     data = path.read_bytes()

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from simmer_tui.config.loader import Configuration, load
@@ -85,6 +85,7 @@ def assert_same(path: Path, told: list[CommandResult]) -> None:
 # -- the numbers ---------------------------------------------------------------------------------
 
 
+@settings(max_examples=12)
 @given(
     steps=st.lists(st.one_of(st.integers(0, 65534), st.none()), min_size=1, max_size=400),
     resolution=st.sampled_from([0.01, 0.1, 0.0254, 1.0, 0.04]),
@@ -99,6 +100,7 @@ def test_whole_steps_take_two_bytes_a_ray_and_read_back_exactly(
     assert unpacked_ranges(text, resolution, floats=floats).tobytes() == ranges.tobytes()
 
 
+@settings(max_examples=15)
 @given(
     ranges=st.lists(st.floats(), min_size=1, max_size=50),
     resolution=st.sampled_from([0.0, 0.01, 0.5]),
@@ -178,14 +180,14 @@ def test_a_scan_is_reachable_by_its_line_and_its_truth_can_be_worked_out(
     start_run: StartRun, configuration: Configuration
 ) -> None:
     run = start_run()
-    for number in range(700):
+    for number in range(180):
         run.send("u1", "d1-2" if number % 2 else "d1--2", "r1-3", "sc")
     run.log.close()
     told = results(run)
     with RunLogIndex(run.path) as index:
         playback = Playback(index)
         wanted = [i for i in range(index.count) if getattr(index.record(i), "revolution", None) is not None]
-        for entry in wanted[300::137]:
+        for entry in wanted[80::37]:
             [found] = playback.events(entry, entry + 1)
             assert not isinstance(found, BrokenLine)
             assert isinstance(found.event, CommandResult)

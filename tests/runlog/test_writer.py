@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import platformdirs
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from simmer_tui.errors import RunLogError
@@ -70,6 +70,7 @@ def test_numpy_scalars_are_written_as_plain_numbers() -> None:
 NEAR = st.floats(-1e6, 1e6)
 
 
+@settings(max_examples=12)
 @given(st.lists(st.tuples(NEAR, NEAR) | st.tuples(NEAR, NEAR, NEAR)), st.tuples(*[st.floats(-1e6, 1e6)] * 3))
 def test_particles_read_back_as_they_came_in(
     particles: list[tuple[float, ...]], believed: tuple[float, float, float]
@@ -87,6 +88,7 @@ def test_particles_read_back_as_they_came_in(
     assert repr(unpacked_particles(back)) == repr(belief.particles)
 
 
+@settings(max_examples=15)
 @given(st.text(st.characters()))
 def test_any_text_of_a_client_reads_back(text: str) -> None:
     pose = Pose(1.0, 2.0, 3.0)

@@ -115,7 +115,8 @@ def quantile(values: Sequence[float], part: float) -> float:
     return ordered[low] + (place - low) * (ordered[min(low + 1, len(values) - 1)] - ordered[low])
 
 
-@pytest.mark.parametrize("values", [[0.0, 0.1, 0.3, 2.5], [-3.0, -2.9, -2.8, -2.7, 4.0], [1.0, 2.0, 4.0]])
+@pytest.mark.quick_cases(1)
+@pytest.mark.parametrize("values", [[1.0, 2.0, 4.0], [0.0, 0.1, 0.3, 2.5], [-3.0, -2.9, -2.8, -2.7, 4.0]])
 def test_limits_of_a_mean_are_the_further_of_student_and_bootstrap(values: list[float]) -> None:
     """The bootstrap-t of Efron and Tibshirani (1993), chapter 12, one resample after the other."""
     count, mean = len(values), statistics.fmean(values)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from simmer_tui.errors import ConfigurationError
@@ -45,6 +45,7 @@ def counts(maze: MazeSpec) -> Counter[int]:
     return Counter(cell for row in maze.cells for cell in row)
 
 
+@settings(max_examples=15)
 @given(mazes, seeds)
 def test_random_maze_keeps_size_and_number_of_every_kind_of_cell(like: MazeSpec, seed: int) -> None:
     made = random_maze(like, np.random.default_rng(seed))
@@ -52,17 +53,20 @@ def test_random_maze_keeps_size_and_number_of_every_kind_of_cell(like: MazeSpec,
     assert counts(made) == counts(like)
 
 
+@settings(max_examples=15)
 @given(mazes, seeds)
 def test_every_free_cell_of_a_random_maze_can_be_reached(like: MazeSpec, seed: int) -> None:
     made = random_maze(like, np.random.default_rng(seed))
     assert is_connected(cells(made, 1, 2, 3)) or counts(like)[WALL] == like.rows * like.columns
 
 
+@settings(max_examples=15)
 @given(mazes, seeds)
 def test_block_cells_of_a_random_maze_are_one_area(like: MazeSpec, seed: int) -> None:
     assert is_connected(cells(random_maze(like, np.random.default_rng(seed)), BLOCK))
 
 
+@settings(max_examples=15)
 @given(mazes, seeds)
 def test_the_same_seed_gives_the_same_maze(like: MazeSpec, seed: int) -> None:
     assert random_maze(like, np.random.default_rng(seed)) == random_maze(like, np.random.default_rng(seed))

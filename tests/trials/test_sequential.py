@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from simmer_tui.cli.trials_command import run_trials
@@ -101,6 +101,7 @@ def nine_in_ten() -> SequentialTest:
     return sequential_test(0.9)
 
 
+@settings(max_examples=15)
 @given(walk=st.lists(st.booleans(), max_size=200))
 def test_decision_stands_whatever_comes_after(nine_in_ten: SequentialTest, walk: list[bool]) -> None:
     test = nine_in_ten

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from simmer_tui.trials.intervals import (
@@ -84,6 +84,7 @@ def test_more_pairs_of_the_same_kind_narrow_the_interval(table: PairCounts) -> N
     assert narrow.high - narrow.low < wide.high - wide.low
 
 
+@settings(max_examples=12)
 @given(pairs)
 def test_mcnemar_is_the_two_sided_binomial_test_of_the_unequal_pairs(table: PairCounts) -> None:
     unequal = table.first_only + table.second_only
@@ -97,6 +98,7 @@ def test_mcnemar_of_a_known_table() -> None:
     assert mcnemar(PairCounts(1, 7, 1, 12)) == pytest.approx(0.0703, abs=5e-5)  # 2 * (1 + 8) / 2**8
 
 
+@settings(max_examples=12)
 @given(st.lists(st.floats(-1e3, 1e3), min_size=3, max_size=20))
 def test_mean_difference_is_around_the_mean_and_repeats(differences: list[float]) -> None:
     estimate = mean_difference(differences)
@@ -136,7 +138,7 @@ Draw = Callable[[np.random.Generator, int], np.ndarray]
 @pytest.mark.parametrize(
     ("mean", "draw"),
     [
-        pytest.param(1.0, lambda random, n: random.normal(1, 1, n), id="normal"),
+        pytest.param(1.0, lambda random, n: random.normal(1, 1, n), id="normal", marks=pytest.mark.slow),
         pytest.param(0.5, lambda random, n: random.random(n), id="uniform", marks=pytest.mark.slow),
         pytest.param(1.0, lambda random, n: random.exponential(1, n), id="exponential"),
         pytest.param(2.0, lambda random, n: random.gamma(2, 1, n), id="gamma", marks=pytest.mark.slow),
@@ -146,9 +148,14 @@ Draw = Callable[[np.random.Generator, int], np.ndarray]
             id="lognormal",
             marks=pytest.mark.slow,
         ),
-        pytest.param(1.0, lambda random, n: random.poisson(1, n).astype(float), id="counts"),
         pytest.param(
-            0.3, lambda random, n: random.exponential(1, n) - random.exponential(0.7, n), id="differences"
+            1.0, lambda random, n: random.poisson(1, n).astype(float), id="counts", marks=pytest.mark.slow
+        ),
+        pytest.param(
+            0.3,
+            lambda random, n: random.exponential(1, n) - random.exponential(0.7, n),
+            id="differences",
+            marks=pytest.mark.slow,
         ),
         pytest.param(
             0.0, lambda random, n: random.standard_t(3, n), id="heavy tails", marks=pytest.mark.slow
@@ -187,6 +194,7 @@ def test_distribution_gives_the_quartiles() -> None:
     )
 
 
+@settings(max_examples=12)
 @given(values)
 def test_histogram_has_round_edges_around_all_values_and_counts_each_once(numbers: list[float]) -> None:
     edges, decimals = histogram(numbers)
