@@ -306,7 +306,7 @@ def said_of(path: Path) -> str:
     return re.sub(r"-?\d+\.\d+", lambda found: f"{float(found[0]):.5g}", said)
 
 
-@pytest.mark.parametrize("timed", [False, True])
+@pytest.mark.parametrize("timed", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_what_is_said_of_a_changed_log_is_what_was_kept(
     start_run: StartRun, configuration: Configuration, monkeypatch: pytest.MonkeyPatch, timed: bool
 ) -> None:

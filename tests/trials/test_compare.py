@@ -105,9 +105,7 @@ def test_trials_on_other_seeds_are_not_compared(make: Make, capsys: pytest.Captu
     )
 
 
-@settings(
-    max_examples=15, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)  # it only makes values
+@settings(max_examples=15, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.builds(PairCounts, *[st.integers(0, 40)] * 4).filter(lambda each: each.count > 0))
 def test_verdict_and_p_value_never_disagree(
     made_result: Callable[..., TrialResult], counts: PairCounts

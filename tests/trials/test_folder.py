@@ -141,6 +141,7 @@ def test_trials_are_not_gone_on_with_as_others(
     assert error in capfd.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_mistyped_program_is_corrected_while_no_run_is_done(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 from simmer_tui.cli.trials_command import run_trials
 from simmer_tui.errors import TrialsError
+from simmer_tui.trials import sequential
 from simmer_tui.trials.sequential import SequentialTest, sequential_test, shown_test
 
 RATES = (0.3, 0.5, 0.75, 0.9, 0.95, 1.0)
@@ -118,7 +119,9 @@ def test_cap_says_what_it_costs() -> None:
 
 
 @pytest.mark.parametrize(("rate", "margin"), [(0.1, 0.15), (1.1, 0.15), (0.9, 0.001), (0.9, 0.0)])
-def test_test_that_cannot_be_is_refused(rate: float, margin: float) -> None:
+def test_test_that_cannot_be_is_refused(monkeypatch: pytest.MonkeyPatch, rate: float, margin: float) -> None:
+    assert sequential.LARGEST_CAP == 5000
+    monkeypatch.setattr(sequential, "LARGEST_CAP", 500)  # it is looked for up to there
     with pytest.raises(TrialsError, match="success rate"):
         sequential_test(rate, margin)
 
