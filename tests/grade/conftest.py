@@ -12,7 +12,9 @@ from pathlib import Path
 
 import pytest
 
+from simmer_tui.errors import GradeError, SimmerError
 from simmer_tui.grade.bubblewrap import what_is_missing
+from simmer_tui.grade.submission_reader import SubmissionReader
 
 CONNECT = """
 import os, socket, sys
@@ -51,6 +53,20 @@ def isolation() -> str:
     if _missing():
         pytest.skip(_missing())
     return "bwrap"
+
+
+@pytest.fixture
+def reads_here(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Submissions are read in this process: starting the reader's takes longer than most tests. Its limits
+    and its end have tests of their own."""
+
+    def call(_: SubmissionReader, function: Callable[..., object], *given: object, **named: object) -> object:
+        try:
+            return function(*given, **named)
+        except SimmerError as error:
+            raise GradeError(str(error)) from error
+
+    monkeypatch.setattr(SubmissionReader, "call", call)
 
 
 @pytest.fixture

@@ -25,6 +25,8 @@ from simmer_tui.sim.sensors import KINDS
 from simmer_tui.trials.trial import prepare
 from tests.grade.conftest import read_grades
 
+pytestmark = pytest.mark.usefixtures("reads_here")
+
 
 @pytest.fixture
 def problems(tmp_path: Path, exact_mission: Path) -> Callable[..., str]:
