@@ -5,10 +5,11 @@ from __future__ import annotations
 import json
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+
+from tests.in_process import simmer
 
 FOLDER = Path(__file__).parents[1] / "scripts" / "c"
 STRICT = ["-Wall", "-Wextra", "-pedantic", "-Werror"]
@@ -59,10 +60,7 @@ def compiled(source: Path, language: str, target: Path) -> Path:
 def driven(program: str, *options: str) -> subprocess.CompletedProcess[str]:
     """A program run by the simulator."""
     ports = ["--port", "0", "--reply-port", "0", "--belief-port", "0"]
-    command = [sys.executable, "-m", "simmer_tui", "--no-ui", "--quiet", *ports, "--seed", "7", *options]
-    return subprocess.run(
-        [*command, "--run", program], capture_output=True, text=True, check=False, timeout=300
-    )
+    return simmer("--no-ui", "--quiet", *ports, "--seed", "7", *options, "--run", program)
 
 
 @pytest.mark.quick_cases(1)
@@ -208,8 +206,7 @@ def test_the_sample_in_c_wanders_without_a_contact(tmp_path: Path) -> None:
     done = driven(f"{program} 12", "--log", str(log))
     assert done.returncode == 0, done.stderr
     assert len(done.stdout.splitlines()) == 12
-    report = [sys.executable, "-m", "simmer_tui", "report", str(log), "--json"]
-    answer = json.loads(subprocess.run(report, capture_output=True, text=True, check=True).stdout)["run"]
+    answer = json.loads(simmer("report", log, "--json").stdout)["run"]
     assert (answer["commands"], answer["contacts"]) == (4 * 12, 0)
 
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 import html
 import json
 import re
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,6 +13,7 @@ import pytest
 from simmer_tui.cli.log_commands import run_report
 from simmer_tui.cli.trials_command import run_trials
 from tests.crash_kinds import KINDS, QUICK, CrashKind
+from tests.in_process import simmer
 from tests.tui.test_tmux import Pane
 
 SECONDS = 300.0
@@ -53,10 +52,7 @@ def test_last_line_report_page_and_json_have_a_crash(
     kind: CrashKind, mission: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     log, page = tmp_path / "run.jsonl", tmp_path / "run.html"
-    words = [sys.executable, "-m", "simmer_tui", "--no-ui", *mission, "--port", "0", "--log", str(log)]
-    done = subprocess.run(
-        [*words, "--run", kind.made(tmp_path)], capture_output=True, text=True, check=False, timeout=SECONDS
-    )
+    done = simmer("--no-ui", *mission, "--port", "0", "--log", log, "--run", kind.made(tmp_path))
     last = done.stderr.splitlines()[-1]
     assert last.startswith("verdict: ")
     check(kind, last)

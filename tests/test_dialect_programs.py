@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import subprocess
 import sys
@@ -14,6 +13,7 @@ from typing import Any
 import pytest
 
 from simmer_tui.config.loader import find_set, init_set
+from tests.in_process import simmer
 
 DIALECT = """
 [frame]
@@ -52,24 +52,9 @@ def run(
     (tmp_path / "set/dialect.toml").write_text(dialect, "utf-8")
     (tmp_path / "program.py").write_text(textwrap.dedent(program), "utf-8")
     (tmp_path / "run.jsonl").unlink(missing_ok=True)
-    words = [
-        sys.executable,
-        "-m",
-        "simmer_tui",
-        "--no-ui",
-        "--belief-port",
-        "0",
-        "--config",
-        "set",
-        "--seed",
-        "3",
-        *options,
-    ]
-    words += ["--log", "run.jsonl", "--run", command]
-    variables = {**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
-    return subprocess.run(
-        words, cwd=tmp_path, env=variables, capture_output=True, text=True, timeout=300, check=False
-    )
+    words = ["--no-ui", "--belief-port", "0", "--config", "set", "--seed", "3", *options]
+    command = command.replace("python", f'"{sys.executable}"', 1)
+    return simmer(*words, "--log", "run.jsonl", "--run", command, cwd=tmp_path)
 
 
 def log_of(tmp_path: Path) -> list[dict[str, Any]]:
@@ -123,8 +108,7 @@ def test_a_program_with_a_serial_port_drives_unchanged_and_the_same_every_time(t
     again = run(tmp_path, POLLING, "--clock", "program")
     assert again.stdout == first.stdout
     assert log_of(tmp_path) == log
-    words = [sys.executable, "-m", "simmer_tui", "rerun", "run.jsonl"]
-    rerun = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False)
+    rerun = simmer("rerun", "run.jsonl", cwd=tmp_path)
     assert "every reply the same" in rerun.stdout
 
 
@@ -358,8 +342,7 @@ def test_the_report_counts_messages_with_the_nearest_to_an_unknown_one(tmp_path:
                 robot.readline()
     """
     assert run(tmp_path, program, "--clock", "program").returncode == 0
-    words = [sys.executable, "-m", "simmer_tui", "report", "run.jsonl", "--json"]
-    ended = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False)
+    ended = simmer("report", "run.jsonl", "--json", cwd=tmp_path)
     messages = json.loads(ended.stdout)["messages"]
     assert messages[0] == {"message": "getdata", "sent": 2, "text": "unknown; 'getData' differs in case"}
     assert {each["message"]: each["sent"] for each in messages[1:]} == {"getData": 1, "w {n}": 1}
@@ -404,10 +387,7 @@ def test_what_goes_over_the_line_counts_as_something_sent(tmp_path: Path, progra
     ended = run(tmp_path, text, "--clock", "program", dialect=rules)
     assert (ended.returncode, "nothing was sent" in ended.stderr) == (0, False), ended.stderr
     assert "Failed" not in ended.stdout + ended.stderr
-    words = [sys.executable, "-m", "simmer_tui", "report", "run.jsonl"]
-    told = subprocess.run(
-        words, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False
-    ).stdout
+    told = simmer("report", "run.jsonl", cwd=tmp_path).stdout
     assert "sent no command" not in told
     assert "connection to the simulator" not in told
 
@@ -483,8 +463,5 @@ def test_a_contact_names_the_message_of_the_program(tmp_path: Path) -> None:
     ended = run(tmp_path, program, "--clock", "program", dialect=rules)
     assert "contact: [90000] (vv-6;0;0;90) " in ended.stderr
     assert "contact: w 60 (d1-60) " in ended.stderr
-    words = [sys.executable, "-m", "simmer_tui", "report", "run.jsonl"]
-    told = subprocess.run(
-        words, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False
-    ).stdout
+    told = simmer("report", "run.jsonl", cwd=tmp_path).stdout
     assert "w 60 (d1-60)" in told

@@ -24,6 +24,7 @@ from simmer_tui.errors import ConfigurationError, PortError
 from simmer_tui.events import Action, ActionName, Event, Notice, ProgramEnded, WireMessage
 from simmer_tui.program.program_command import HOOK_FOLDER, out_of_reach
 from simmer_tui.server import Server
+from tests.in_process import simmer
 
 serial = pytest.importorskip("serial")
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="there are no pseudo-terminals")
@@ -273,15 +274,8 @@ def test_matlab_on_windows_is_out_of_reach() -> None:
 def test_a_program_out_of_reach_is_told_with_what_to_do(tmp_path: Path, options: list[str]) -> None:
     configuration(tmp_path)
     command = f"{sys.executable} {options[0]} -c pass" if options else "/bin/true"
-    words = [sys.executable, "-m", "simmer_tui", "--no-ui", "--config", "set", "--run", command]
-    ended = subprocess.run(
-        [*words, "--dialect-port", "0", "--belief-port", "0"],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-    )
+    ports = ("--dialect-port", "0", "--belief-port", "0")
+    ended = simmer("--no-ui", "--config", "set", "--run", command, *ports, cwd=tmp_path)
     told = [line for line in ended.stderr.splitlines() if "not connected to the robot's serial port" in line]
     assert len(told) == 1
     assert "--pty PATH" in told[0]
@@ -297,9 +291,8 @@ def test_a_program_that_does_not_open_the_pseudo_terminal_is_told_its_path(tmp_p
 @pytest.mark.slow
 def test_a_program_that_opens_no_port_though_it_could_is_not_out_of_reach(tmp_path: Path) -> None:
     configuration(tmp_path)
-    words = [sys.executable, "-m", "simmer_tui", "--no-ui", "--config", "set", "--dialect-port", "0"]
-    words += ["--belief-port", "0", "--run", f'{sys.executable} -c "pass"']
-    ended = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False)
+    words = ["--no-ui", "--config", "set", "--dialect-port", "0", "--belief-port", "0"]
+    ended = simmer(*words, "--run", f'{sys.executable} -c "pass"', cwd=tmp_path)
     assert "not connected" not in ended.stderr
 
 

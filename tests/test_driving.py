@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-import subprocess
 import sys
 from collections.abc import Callable
 from functools import partial
@@ -53,6 +52,7 @@ from simmer_tui.sim import (
     Status,
     parse_command,
 )
+from tests.in_process import simmer
 from tests.manual_loop import ManualLoop
 
 
@@ -625,7 +625,7 @@ FOLLOWER = """
 from simmer_tui.client import CommandRefusedError, Robot
 with Robot() as robot:
     robot.send("vv-4;0;0")
-    for _ in range(100):
+    for _ in range(30):
         steer = max(-40, min(40, 8 * (robot.read("u2") - 7)))
         robot.send(f"vv-{4 if robot.read('u1') > 7 else 0.5};0;{steer:.2f}")
     robot.sleep(1.5)
@@ -640,10 +640,10 @@ def test_the_same_program_drives_the_same_way_twice(tmp_path: Path, protocol: st
     ends = []
     for number in range(2):
         log = tmp_path / f"{number}.jsonl"
-        command = [sys.executable, "-m", "simmer_tui", "--no-ui", "--port", "0", "--packet-port", "0"]
-        command += ["--reply-port", "0", "--packet-reply-port", "0", "--belief-port", "0", "--seed", "7"]
-        command += ["--listeners", protocol, "--log", str(log), "--run", f"{sys.executable} {program}"]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=600, check=False)
+        ports = ("--port", "--packet-port", "--reply-port", "--packet-reply-port", "--belief-port")
+        words = ["--no-ui", *(word for port in ports for word in (port, "0")), "--seed", "7"]
+        words += ["--listeners", protocol, "--log", str(log), "--run", f"{sys.executable} {program}"]
+        done = simmer(*words)
         assert "at " in done.stdout, done.stderr
         with Rerun(log) as rerun:
             for _ in rerun.steps():

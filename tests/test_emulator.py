@@ -23,6 +23,7 @@ from simmer_tui import read_log
 from simmer_tui.config.sets import bundled_folder, init_set
 from simmer_tui.events import TwinReading
 from simmer_tui.links.port_list import close_port, open_port
+from tests.in_process import simmer
 
 ROOT = Path(__file__).parents[1]
 EMULATOR = ROOT / "scripts" / "robot_emulator.py"
@@ -54,13 +55,10 @@ def emulate() -> Iterator[Emulate]:
         process.stdout.close()
 
 
-def simmer(*options: str, program: str) -> subprocess.CompletedProcess[str]:
+def run(*options: str, program: str) -> subprocess.CompletedProcess[str]:
     """Run a program beside `simmer-tui --no-ui` on free ports."""
-    command = [sys.executable, "-m", "simmer_tui", "--no-ui", "--port", "0", *options, "--run", program]
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    return subprocess.run(
-        command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=300, check=False
-    )
+    words = ("--no-ui", "--port", "0", *options, "--run", program)
+    return simmer(*words, cwd=ROOT, env={"PYTHONPATH": str(ROOT)})
 
 
 def wander(steps: int) -> str:
@@ -185,7 +183,7 @@ def test_drives_of_the_emulator_weaken_and_end_short_where_they_are_told_to(emul
 @unix_only
 def test_the_log_of_a_robot_on_a_port_can_be_read(emulate: Emulate, tmp_path: Path) -> None:
     log = tmp_path / "robot.jsonl"
-    done = simmer("--serial", emulate(), "--log", str(log), program=wander(4))
+    done = run("--serial", emulate(), "--log", str(log), program=wander(4))
     assert done.returncode == 0, done.stderr
     with read_log(log) as reader:
         assert not reader.header.simulated
@@ -226,7 +224,7 @@ def test_emulator_refuses_what_cannot_be(tmp_path: Path) -> None:
 def test_wander_runs_unchanged_on_a_robot_at_a_serial_port(
     emulate: Emulate, robot: list[str], simulator: list[str]
 ) -> None:
-    done = simmer("--serial", emulate(*robot), *simulator, program=wander(5))
+    done = run("--serial", emulate(*robot), *simulator, program=wander(5))
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()
     assert [line.split(":")[0] for line in lines] == ["1", "2", "3", "4", "5"]
@@ -236,7 +234,7 @@ def test_wander_runs_unchanged_on_a_robot_at_a_serial_port(
 
 @pytest.mark.slow
 def test_wander_runs_through_a_tcp_bridge(emulate: Emulate) -> None:
-    done = simmer("--serial", emulate("--tcp", "0"), program=wander(3))
+    done = run("--serial", emulate("--tcp", "0"), program=wander(3))
     assert done.returncode == 0, done.stderr
     assert len(done.stdout.splitlines()) == 3
 
@@ -289,7 +287,7 @@ def test_program_that_talks_packets_drives_a_robot_that_does(emulate: Emulate, t
         "--packet-port",
         "0",
     ]
-    done = simmer(*options, program=f"{sys.executable} {program}")
+    done = run(*options, program=f"{sys.executable} {program}")
     assert done.returncode == 0, done.stderr
     ahead, driven = map(float, done.stdout.split())
     assert 30 < ahead < 40
@@ -313,7 +311,7 @@ def test_replies_that_lost_bytes_become_nan_and_leave_the_others_whole(
     program = tmp_path / "ask_on.py"
     program.write_text(ASK_ON)
     port = emulate("--loss", "0.02", "--seed", "5", "--boot-noise", "--constant", "7.5")
-    done = simmer("--serial", port, "--serial-timeout", "1", program=f"{sys.executable} {program}")
+    done = run("--serial", port, "--serial-timeout", "1", program=f"{sys.executable} {program}")
     assert done.returncode == 0, done.stderr
     numbers = done.stdout.split()
     lost = numbers.count("nan")
@@ -325,7 +323,7 @@ def test_replies_that_lost_bytes_become_nan_and_leave_the_others_whole(
 @unix_only
 def test_program_without_a_robot_gets_nan_and_everybody_is_told(tmp_path: Path) -> None:
     port = tmp_path / "none"
-    done = simmer("--serial", str(port), "--serial-timeout", "0.1", program=wander(1))
+    done = run("--serial", str(port), "--serial-timeout", "0.1", program=wander(1))
     assert done.returncode == 1
     assert f"there is no port {port}" in done.stderr
     assert "no answer to 'u1'" in done.stderr

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -38,6 +37,7 @@ from simmer_tui.runlog.encode import checkpoint_record
 from simmer_tui.runlog.log_records import CheckpointRecord, decode_line, encode_line
 from simmer_tui.sim import Axes, Pose, RobotSpec, Simulator, parse_command
 from simmer_tui.sim.footprint import Footprint
+from tests.in_process import simmer
 
 ROOT = Path(__file__).parent.parent
 calm = settings(
@@ -393,25 +393,9 @@ def headless(mission_folder: Path) -> Headless:
 
     def run(*words: str, options: tuple[str, ...] = ()) -> subprocess.CompletedProcess[str]:
         program = " ".join([sys.executable, str(driver), *words])
-        return subprocess.run(
-            [
-                *(
-                    sys.executable,
-                    "-m",
-                    "simmer_tui",
-                    "--mission",
-                    "--no-ui",
-                    "--config",
-                    str(mission_folder),
-                ),
-                *("--port", "0", "--no-randbias", "--run", program, *options),
-            ],
-            capture_output=True,
-            text=True,
-            timeout=300,
-            check=False,
-            env={**os.environ, "PYTHONPATH": str(ROOT)},
-        )
+        set_and_ports = ("--config", mission_folder, "--port", "0", "--no-randbias")
+        variables = {"PYTHONPATH": str(ROOT)}
+        return simmer("--mission", "--no-ui", *set_and_ports, "--run", program, *options, env=variables)
 
     return run
 
@@ -443,12 +427,5 @@ def test_the_log_of_a_mission_tells_it_and_runs_again(headless: Headless, tmp_pa
     told = [event.subject for event in events if isinstance(event, MissionEvent)]
     reader.close()
     assert told == [Result.UNDER_WAY, *Goal, Result.SUCCESS]
-    again = subprocess.run(
-        [sys.executable, "-m", "simmer_tui", "rerun", str(log)],
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-        cwd=ROOT,
-    )
+    again = simmer("rerun", log)
     assert again.returncode == 0, again.stdout + again.stderr

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import subprocess
 import sys
 import textwrap
@@ -14,6 +13,7 @@ from typing import Any
 import pytest
 
 from simmer_tui.program_clock import ProgramClock, ProgramWait
+from tests.in_process import simmer
 
 FOLLOWER = """
 import time
@@ -34,29 +34,12 @@ with Robot(protocol="{protocol}") as robot:
 """
 
 
-def run(
-    tmp_path: Path, program: str, *options: str, python: str = "python"
-) -> subprocess.CompletedProcess[str]:
+def run(tmp_path: Path, program: str, *options: str, flags: str = "") -> subprocess.CompletedProcess[str]:
     """A program by its own clock, without the screen; its log is run.jsonl."""
     (tmp_path / "program.py").write_text(textwrap.dedent(program), "utf-8")
     (tmp_path / "run.jsonl").unlink(missing_ok=True)
-    words = [
-        sys.executable,
-        "-m",
-        "simmer_tui",
-        "--no-ui",
-        "--seed",
-        "3",
-        "--port",
-        "0",
-        "--clock",
-        "program",
-    ]
-    words += ["--log", "run.jsonl", *options, "--run", f"{python} program.py"]
-    variables = {**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
-    return subprocess.run(
-        words, cwd=tmp_path, env=variables, capture_output=True, text=True, timeout=300, check=False
-    )
+    words = ["--no-ui", "--seed", "3", "--port", "0", "--clock", "program", "--log", "run.jsonl"]
+    return simmer(*words, *options, "--run", f'"{sys.executable}" {flags} program.py', cwd=tmp_path)
 
 
 def log_of(tmp_path: Path) -> list[dict[str, Any]]:
@@ -67,11 +50,11 @@ def log_of(tmp_path: Path) -> list[dict[str, Any]]:
 
 
 def test_a_program_that_sleeps_has_the_same_run_every_time(tmp_path: Path) -> None:
-    program = FOLLOWER.format(seconds=1, protocol="binary")
+    program = FOLLOWER.format(seconds=0.7, protocol="binary")
     first = run(tmp_path, program)
     log = log_of(tmp_path)
     assert first.returncode == 0, first.stderr
-    assert 1.5 < float(first.stdout) < 2.1
+    assert 1.2 < float(first.stdout) < 1.8
     again = run(tmp_path, program)
     assert again.stdout == first.stdout
     assert log_of(tmp_path) == log
@@ -90,8 +73,7 @@ def test_five_runs_of_a_follower_are_the_same_and_rerun_exactly(tmp_path: Path, 
         assert ended.returncode == 0, ended.stderr
         logs.append(log_of(tmp_path))
     assert all(log == logs[0] for log in logs)
-    words = [sys.executable, "-m", "simmer_tui", "rerun", "run.jsonl"]
-    rerun = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False)
+    rerun = simmer("rerun", "run.jsonl", cwd=tmp_path)
     assert "every reply the same" in rerun.stdout
 
 
@@ -202,7 +184,7 @@ def test_a_program_out_of_reach_is_told_and_goes_by_the_real_clock(tmp_path: Pat
             robot.drive("d1", 1)
             print("there")
     """
-    ended = run(tmp_path, program, python="python -I")
+    ended = run(tmp_path, program, flags="-I")
     assert ended.stdout.strip() == "there"
     assert "the program's clock does not reach this program" in ended.stderr
 
@@ -225,8 +207,7 @@ def test_a_mission_ends_at_its_time_inside_a_sleep(tmp_path: Path) -> None:
 
 
 def test_it_needs_a_program_and_no_screen(tmp_path: Path) -> None:
-    words = [sys.executable, "-m", "simmer_tui", "--no-ui", "--clock", "program"]
-    ended = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False)
+    ended = simmer("--no-ui", "--clock", "program", cwd=tmp_path)
     assert ended.returncode == 2
     assert (
         "--clock program: follows the clock of a Python program that is run: it needs --run" in ended.stderr

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import json
 import os
-import subprocess
 import sys
 from pathlib import Path
 
@@ -20,6 +19,7 @@ from simmer_tui.runlog.index import RunLogIndex
 from simmer_tui.runlog.log_records import BrokenLine
 from simmer_tui.runlog.reader import LogReader
 from simmer_tui.takeover import TakeOver, moment_at
+from tests.in_process import simmer
 
 PROGRAM = """
 import sys
@@ -35,15 +35,10 @@ with Robot(protocol=sys.argv[1]) as robot:
 """
 
 
-def cli(*arguments: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "simmer_tui", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=100)
-
-
 def logged(folder: Path, name: str, seed: int, protocol: str = "binary") -> Path:
     program, log = folder / "program.py", folder / name
     program.write_text(PROGRAM)
-    done = cli(
+    done = simmer(
         *("--no-ui", "--config", "lidar", "--port", 0, "--listeners", "binary,packets", "--seed", seed),
         *("--log", log, "--run", f"{sys.executable} {program} {protocol}"),
     )
@@ -99,7 +94,7 @@ def test_it_is_tried_often_and_compared(tmp_path: Path, capsys: pytest.CaptureFi
     program.write_text(PROGRAM)
     command = f"{sys.executable} {program} binary"
     for name in ("one", "two"):
-        done = cli(
+        done = simmer(
             *("trials", "--run", command, "--config", "lidar", "--runs", 2, "--seed", 1),
             *("--out", tmp_path / name),
         )
@@ -124,7 +119,7 @@ def test_on_a_serial_line_a_scan_takes_the_time_of_its_bytes(tmp_path: Path) -> 
         "line.write(b'sc\\n')\n"
         "print(len(line.read(8 + 360 * 8)), round(time.monotonic() - begun, 1))\n"
     )
-    done = cli(
+    done = simmer(
         *("--no-ui", "--quiet", "--config", folder, "--port", 0, "--seed", 7, "--clock", "program"),
         *("--run", f"{sys.executable} {program}"),
     )

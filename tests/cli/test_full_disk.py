@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from tests import in_process
+
 FULL = Path("/dev/full")
 pytestmark = pytest.mark.skipif(not FULL.exists(), reason="no /dev/full")
 NO_SPACE = "No space left on device"
@@ -49,7 +51,9 @@ def test_an_answer_that_cannot_be_written_is_one_line(arguments: list[str], unbu
 
 def test_a_program_runs_on_without_its_output_and_the_reason_is_told(tmp_path: Path) -> None:
     (tmp_path / "client.py").write_text(CLIENT)
-    done = simmer("--no-ui", "--port", "0", "--run", f"{sys.executable} {tmp_path / 'client.py'}")
+    with FULL.open("w") as full:
+        program = f"{sys.executable} {tmp_path / 'client.py'}"
+        done = in_process.simmer("--no-ui", "--port", "0", "--run", program, stdout=full.fileno())
     assert done.stderr.count(f"the program's output cannot be passed on: {NO_SPACE}") == 1
     assert "disconnected after 3 commands" in done.stderr
     assert "Broken" not in done.stderr

@@ -15,6 +15,7 @@ import pytest
 from simmer_tui.cli.headless import READY, LinePrinter
 from simmer_tui.events import MovementPlanned
 from simmer_tui.sim import CommandResult, SimulationSpec, Simulator
+from tests import in_process
 
 SECONDS = 120.0
 Start = Callable[..., tuple[subprocess.Popen[str], dict[str, int]]]
@@ -74,12 +75,8 @@ def simmer(*options: str) -> subprocess.Popen[str]:
 
 def run(*options: str) -> tuple[int, str, str]:
     """Exit code and both outputs of a run that ends by itself."""
-    with simmer("--config", "simmer-python", *options) as process:
-        try:
-            out, err = process.communicate(timeout=SECONDS)
-        finally:
-            process.kill()
-    return process.returncode, out, err
+    done = in_process.simmer("--no-ui", "--config", "simmer-python", *options)
+    return done.returncode, done.stdout, done.stderr
 
 
 def python(code: str) -> str:
