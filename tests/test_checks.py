@@ -27,11 +27,9 @@ CHECKS = {
 }
 
 
-# Without its cache, as on a fresh machine, mypy takes longer than any quick test.
-@pytest.mark.parametrize(
-    "name",
-    [pytest.param(name, marks=pytest.mark.slow) if name.startswith("mypy") else name for name in CHECKS],
-)
+# Without their caches, as on a fresh machine, the others take longer than any quick test.
+@pytest.mark.quick_cases(1)
+@pytest.mark.parametrize("name", CHECKS)
 def test_the_code_passes(name: str) -> None:
     program, *arguments = CHECKS[name]
     found = shutil.which(program, path=str(BIN)) or shutil.which(program)

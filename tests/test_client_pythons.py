@@ -139,6 +139,7 @@ def test_the_client_copied_alone_runs(name: str, tmp_path: Path) -> None:
     assert received == ["u1", "d1-3", "d1-2.5", "d1-1.25", "d1-0.25", "r1--45", "q9"]
 
 
+@pytest.mark.slow
 def test_nothing_in_the_client_needs_a_python_above_3_8() -> None:
     vermin = shutil.which("vermin", path=str(Path(sys.executable).parent)) or shutil.which("vermin")
     assert vermin, "vermin is not installed; pip install '.[test]' brings it"

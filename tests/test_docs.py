@@ -137,8 +137,17 @@ def test_every_page_of_the_site_can_be_reached() -> None:
     assert {path.relative_to(DOCS).as_posix() for path in PAGES[1:]} - listed == set()
 
 
-def test_messages_of_the_reference_have_the_constants_and_words_of_the_code() -> None:
-    messages = script("make_reference").messages()
+@pytest.fixture(scope="module")
+def made_reference() -> dict[str, str]:
+    """The pages of the reference, from the code."""
+    pages: dict[str, str] = script("make_reference").pages()
+    return pages
+
+
+def test_messages_of_the_reference_have_the_constants_and_words_of_the_code(
+    made_reference: dict[str, str],
+) -> None:
+    messages = made_reference["messages.md"]
     for message in (
         "has no Main.m and no config.py: name the file to import",
         "name the config.py of simmer-python",
@@ -147,10 +156,9 @@ def test_messages_of_the_reference_have_the_constants_and_words_of_the_code() ->
         assert message in messages, message
 
 
-def test_the_reference_is_as_the_code_has_it() -> None:
-    made = script("make_reference").pages()
+def test_the_reference_is_as_the_code_has_it(made_reference: dict[str, str]) -> None:
     there = {path.name: path.read_text("utf-8") for path in (DOCS / "reference").glob("*.md")}
-    assert there == made, "run python scripts/make_reference.py"
+    assert there == made_reference, "run python scripts/make_reference.py"
 
 
 def test_a_column_that_kinds_of_sensors_allow_differently_says_so() -> None:

@@ -75,7 +75,7 @@ def asked(name: str, command: bytes, size: int) -> bytes:
     return reply
 
 
-@pytest.mark.quick_cases(1)
+@pytest.mark.slow
 @unix_only
 @pytest.mark.parametrize(
     ("options", "command", "reply"),
@@ -206,7 +206,7 @@ def test_emulator_refuses_what_cannot_be(tmp_path: Path) -> None:
         assert "Traceback" not in done.stderr
 
 
-@pytest.mark.quick_cases(1)
+@pytest.mark.slow
 @unix_only
 @pytest.mark.parametrize(
     ("robot", "simulator"),
@@ -390,7 +390,7 @@ def test_sketch_stops_a_drive_at_once(board: Board) -> None:
     assert exchange(robot, b"d1-1000\nxx\n", 8) == b"inf\ninf\n", "after far less than 100 seconds"
 
 
-@pytest.mark.quick_cases(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(("reply", "form"), [("FLOAT32", "<f"), ("FLOAT64", ">d")])
 def test_sketch_sends_numbers_in_binary(board: Board, reply: str, form: str) -> None:
     robot = board(reply)

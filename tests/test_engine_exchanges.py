@@ -256,8 +256,20 @@ def spec() -> SimulationSpec:
     )
 
 
-@pytest.mark.parametrize("mode", MODES)
-@pytest.mark.parametrize("script", SCRIPTS)
+MOST_TELLING = ("timed, fast", "instant over a link, at a pace")
+"""Modes in which the script that takes longest is quick too: between them, each option but the pauses."""
+
+
+@pytest.mark.parametrize(
+    ("script", "mode"),
+    [
+        pytest.param(
+            script, mode, marks=[pytest.mark.slow] * (script == "velocities" and mode not in MOST_TELLING)
+        )
+        for script in SCRIPTS
+        for mode in MODES
+    ],
+)
 def test_an_exchange_is_the_one_that_was_kept(
     script: str, mode: str, spec: SimulationSpec, monkeypatch: pytest.MonkeyPatch
 ) -> None:

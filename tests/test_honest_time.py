@@ -220,8 +220,9 @@ def test_a_pause_holds_up_what_is_on_its_way(clock: Clock, tmp_path: Path) -> No
     assert run.again() >= 3
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize("motion", ["instant", "timed"])
+@pytest.mark.parametrize("seed", range(4))
 def test_random_runs_come_out_the_same(tmp_path: Path, clock: Clock, motion: str, seed: int) -> None:
     import random
 

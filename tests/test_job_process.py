@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from simmer_tui.errors import ProgramError
@@ -141,6 +141,7 @@ def test_the_fake_splits_lines_as_windows_does(line: str, words: list[str]) -> N
     assert split_line(line) == words
 
 
+@settings(max_examples=20)
 @given(st.lists(st.text(st.sampled_from('ab \\"\t/:')), min_size=1))
 def test_a_line_made_of_words_is_split_into_them(words: list[str]) -> None:
     assert split_line(subprocess.list2cmdline(words)) == words

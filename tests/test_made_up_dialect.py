@@ -93,7 +93,7 @@ def test_its_port_at_its_default_makes_no_other_settings() -> None:
 PROGRAM = """
 import os, socket
 with socket.create_connection(("127.0.0.1", int(os.environ["SIMMER_SHOUT_PORT"]))) as robot:
-    for _ in range(30):
+    for _ in range(5):
         for command in (b"D1-2!", b"U1!", b"U2!", b"R1-7!"):
             robot.sendall(command)
             robot.recv(100)
@@ -129,9 +129,9 @@ def test_a_program_that_speaks_it_is_served_logged_reported_and_calibrated_from(
     assert "shouts on port" in told
     assert "commands on port" not in told
     assert main(["report", str(log)]) == 0
-    assert "120" in capsys.readouterr().out
+    assert "20" in capsys.readouterr().out
     assert main(["rerun", str(log)]) == 0
-    assert "120 commands and 0 actions repeated, every reply the same" in capsys.readouterr().out
+    assert "20 commands and 0 actions repeated, every reply the same" in capsys.readouterr().out
     assert main(["calibrate", str(log), "--out", str(tmp_path / "learned")]) == 0
     assert (tmp_path / "learned" / "drive.csv").is_file()
 

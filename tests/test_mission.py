@@ -41,7 +41,7 @@ from tests.in_process import simmer
 
 ROOT = Path(__file__).parent.parent
 calm = settings(
-    max_examples=40,
+    max_examples=10,
     deadline=None,
     derandomize=True,
     suppress_health_check=[HealthCheck.function_scoped_fixture],

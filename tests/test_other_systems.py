@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -60,7 +61,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "--log",
         str(path),
         "--run",
-        f"python {program}",
+        f'"{sys.executable}" "{program}"',
     ]
     assert main(words) == 0
     return path
@@ -77,6 +78,7 @@ def test_a_bundled_set_with_crlf_means_the_same(name: str, tmp_path: Path, crlf:
     assert replace(after, files=before.files) == before
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("dialect", ["line", "bracket", "byte", "binary"])
 def test_a_dialect_with_crlf_means_the_same(dialect: str, tmp_path: Path, crlf: Crlf) -> None:
     assert run_init([str(tmp_path / "set"), "--dialect", dialect]) == 0

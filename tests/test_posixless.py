@@ -177,7 +177,7 @@ def test_trials_run_and_go_on(call: Call, tmp_path: Path) -> None:
     assert len((tmp_path / "t" / "results.jsonl").read_bytes().splitlines()) == 3
 
 
-@pytest.mark.quick_cases(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "words", [(), ("--json",), ("--html", "a.html"), ("--csv", "a.csv"), ("--svg", "a.svg")]
 )
@@ -249,6 +249,7 @@ def test_a_log_is_replayed_on_the_screen(surroundings: dict[str, str], log: Path
 # -- what cannot be there --------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_sandbox_is_refused_in_one_line_with_the_way_out(call: Call, tmp_path: Path) -> None:
     (tmp_path / "red").mkdir()
     (tmp_path / "red" / "robot.py").write_bytes(b"")

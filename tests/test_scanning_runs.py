@@ -71,7 +71,7 @@ def test_it_repeats_exactly(tmp_path: Path, capsys: pytest.CaptureFixture[str], 
 
 def test_it_is_taken_over_at_any_moment(log: Path) -> None:
     with RunLogIndex(log) as index:
-        for elapsed in np.linspace(0.0, index.duration, 7).tolist():
+        for elapsed in np.linspace(0.0, index.duration, 3).tolist():
             TakeOver(log, moment_at(index, elapsed)).check()
 
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
@@ -150,6 +150,7 @@ def test_readings_draw_the_particles_to_the_place_where_they_would_be_read(local
     assert len(localizer.particles) == 500
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("wrong", [2.0, math.inf])
 def test_one_senseless_reading_does_not_lead_astray(localizer: Any, wrong: float) -> None:
     localizer.particles[:, :2] = localizer.particles[:, :2] % 6 + (27.0, 39.0)
@@ -200,7 +201,7 @@ def test_looking_past_a_place_rules_out_a_block_there(finder: Any) -> None:
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("block", [(10.0, 41.0), (4.0, 44.0), (20.0, 27.0)])
 def test_a_sweep_finds_the_block(finder: Any, block: tuple[float, float]) -> None:
-    for heading in range(90, 360, 6):
+    for heading in range(90, 360, 9):
         look(finder, block, (18.0, 36.0, heading))
     assert finder.place == pytest.approx(block, abs=0.8)
     assert finder.spread < 0.8
@@ -284,6 +285,7 @@ def test_there_is_a_spot_to_turn_with_the_block_in_a_bend(body: Any) -> None:
 # -- driving -----------------------------------------------------------------------------------------
 
 
+@settings(max_examples=10)
 @given(bias=st.lists(st.floats(-0.1, 0.1), min_size=6, max_size=6))
 def test_a_learned_bias_is_made_up_for(parts: dict[str, ModuleType], bias: list[float]) -> None:
     model = parts["solve_pilot"].DriveModel()
@@ -365,6 +367,7 @@ def do_mission(
     return robot.referee.state(), robot
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("seed", "heading"), [(3, Heading.QUARTER), pytest.param(4, Heading.ANY, marks=pytest.mark.slow)]
 )

@@ -200,8 +200,8 @@ def timed_log(tmp_path: Path) -> Path:
 def test_timed_motion_is_taken_over_too(timed_log: Path, tmp_path: Path) -> None:
     with RunLogIndex(timed_log) as index:
         playback = Playback(index)
-        for part in range(9):
-            moment = moment_at(index, index.duration * part / 8)
+        for part in range(5):
+            moment = moment_at(index, index.duration * part / 4)
             _, state = playback.state_at_time(moment.elapsed)
             log = tmp_path / f"{part}.jsonl"
             with taken_over(timed_log, moment, log) as server:
@@ -262,8 +262,8 @@ def test_a_long_part_of_continuous_motion_without_a_reply_is_taken_over(tmp_path
 def test_continuous_motion_is_taken_over_too(velocity_log: Path, tmp_path: Path) -> None:
     with RunLogIndex(velocity_log) as index:
         playback = Playback(index)
-        for part in range(9):
-            moment = moment_at(index, index.duration * part / 8)
+        for part in range(5):
+            moment = moment_at(index, index.duration * part / 4)
             _, state = playback.state_at_time(moment.elapsed)
             velocity_taken_over(velocity_log, tmp_path / f"{part}.jsonl", moment, state)
 
@@ -308,6 +308,7 @@ def rewrite(path: Path, line: int, **changes: Any) -> None:
     path.write_text("".join(lines))
 
 
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize(
     ("line", "changes", "message"),
     [

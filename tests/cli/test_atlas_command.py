@@ -82,6 +82,7 @@ def test_a_large_grid_is_computed_if_that_is_wanted(
     assert main([*large, "--yes"]) == 0
 
 
+@pytest.mark.slow
 def test_tables_too_large_for_an_arduino_are_written_with_a_note(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

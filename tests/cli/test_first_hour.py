@@ -39,6 +39,7 @@ Capture = pytest.CaptureFixture[str]
 # -- sets ------------------------------------------------------------------------------------------
 
 
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize("mission", [False, True])
 @pytest.mark.parametrize("name", list(bundled_sets()))
 def test_every_bundled_set_can_be_copied_with_and_without_a_mission(

@@ -32,7 +32,7 @@ def simmer(*arguments: str, unbuffered: bool = False) -> subprocess.CompletedPro
         )  # fmt: skip
 
 
-@pytest.mark.quick_cases(2)
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     ("arguments", "unbuffered"),
     [

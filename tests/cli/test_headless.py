@@ -25,6 +25,7 @@ from simmer_tui.config.sets import bundled_sets, init_set
 from simmer_tui.events import MovementEnded, Notice, NoticeKind, VelocityEnd, VelocityEnded
 from simmer_tui.report.verdict import Outcome
 from simmer_tui.sim import SimulationSpec, Simulator
+from tests.in_process import simmer
 
 SECONDS = 120.0
 posix = pytest.mark.skipif(sys.platform == "win32", reason="signals and quoting are those of POSIX")
@@ -73,6 +74,13 @@ class Run:
             self.process.send_signal(number)
         out, err = self.process.communicate(timeout=SECONDS)
         return self.process.returncode, self.head + out, err
+
+
+def ended(*options: str) -> tuple[int, str, str]:
+    """Exit code and outputs of a run that ends by itself, in this process."""
+    ports = () if "--port" in options else ("--port", "0")
+    done = simmer("--no-ui", *ports, *options)
+    return done.returncode, done.stdout, done.stderr
 
 
 @pytest.fixture
@@ -135,6 +143,7 @@ def test_a_sets_name_and_a_logs_steer_no_terminal(tmp_path: Path) -> None:
     assert not {"\x1b", "\x9b"} & set(out + err)
 
 
+@pytest.mark.slow
 def test_what_happens_is_told_in_short_lines_on_stderr(run: Callable[..., Run]) -> None:
     started = run("--seed", "7", "--no-randbias").until_ready()
     with started.client() as client:
@@ -150,6 +159,7 @@ def test_what_happens_is_told_in_short_lines_on_stderr(run: Callable[..., Run]) 
     assert re.fullmatch(r"client 127\.0\.0\.1:\d+ disconnected after 3 commands", started.error_line())
 
 
+@pytest.mark.slow
 def test_quiet_tells_nothing(run: Callable[..., Run]) -> None:
     started = run("--quiet", "--once").until_ready()
     with started.client() as client:
@@ -187,10 +197,10 @@ def test_only_other_addresses_are_warned_of(run: Callable[..., Run]) -> None:
 
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("option", ["--port", "--reply-port"])
-def test_a_port_in_use_is_one_line_and_exit_code_2(run: Callable[..., Run], option: str) -> None:
+def test_a_port_in_use_is_one_line_and_exit_code_2(option: str) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         number = taken.getsockname()[1]
-        code, out, err = run(option, str(number)).end()
+        code, out, err = ended(option, str(number))
     assert (code, out) == (2, "")
     assert len(err.splitlines()) == 1
     for part in (f"port {number}", "in use on 127.0.0.1", f"{option} N", "0 takes any free one"):
@@ -318,7 +328,7 @@ def test_outputs_that_are_closed_do_not_end_it(run: Callable[..., Run]) -> None:
     assert started.process.wait(SECONDS) == 0
 
 
-@pytest.mark.quick_cases(1)
+@pytest.mark.slow
 @posix
 @pytest.mark.parametrize("closed", ["0<&-", "1>&-", "2>&-", "0<&- 1>&- 2>&-"])
 def test_standard_streams_closed_at_the_start_are_no_fault(tmp_path: Path, closed: str) -> None:
@@ -354,20 +364,20 @@ def test_standard_streams_closed_at_the_start_are_no_fault(tmp_path: Path, close
 # -- a program beside it ---------------------------------------------------------------------
 
 
-def test_run_passes_the_exit_code_on(run: Callable[..., Run]) -> None:
+def test_run_passes_the_exit_code_on() -> None:
     asks = (
         "import os, socket, sys; "
         "there, back = (socket.create_connection((os.environ['SIMMER_HOST'], int(os.environ[port]))) "
         "for port in ('SIMMER_PORT', 'SIMMER_REPLY_PORT')); there.sendall(b'u1'); back.recv(64); "
     )
     for wanted in (0, 3):
-        assert run("--run", python(f"{asks}sys.exit({wanted})")).end()[0] == wanted
-    assert run("--run", python("raise SystemExit(3)")).end()[0] == 3
+        assert ended("--run", python(f"{asks}sys.exit({wanted})"))[0] == wanted
+    assert ended("--run", python("raise SystemExit(3)"))[0] == 3
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="a child has its parent's connections")
-def test_what_happens_after_the_program_has_ended_is_told_too(run: Callable[..., Run]) -> None:
+def test_what_happens_after_the_program_has_ended_is_told_too() -> None:
     """Its child keeps the connection open until it is ended as well."""
     code = (
         "import os, socket, time; "
@@ -375,42 +385,40 @@ def test_what_happens_after_the_program_has_ended_is_told_too(run: Callable[...,
         "c.sendall(b'u1'); c.recv(8); "
         "os.fork() or time.sleep(1e9)"
     )
-    result, _, err = run("--run", python(code)).end()
+    result, _, err = ended("--run", python(code))
     assert (result, err.splitlines()[-2][-28:]) == (0, "disconnected after 1 command"), err
 
 
-def test_run_tells_the_program_where_to_connect(run: Callable[..., Run]) -> None:
+def test_run_tells_the_program_where_to_connect() -> None:
     code = (
         "import os, socket, struct; "
         "c = socket.create_connection((os.environ['SIMMER_HOST'], int(os.environ['SIMMER_PORT']))); "
         "r = socket.create_connection((os.environ['SIMMER_HOST'], int(os.environ['SIMMER_REPLY_PORT']))); "
         "c.sendall(b'd1-1'); print(struct.unpack('>d', r.recv(8))[0])"
     )
-    result, out, err = run("--run", python(code)).end()
+    result, out, err = ended("--run", python(code))
     assert (result, out) == (0, "inf\n"), err
     assert READY in err, "the program alone has standard output"
 
 
 @pytest.mark.slow
-def test_run_with_once_ends_with_the_program_not_with_its_first_connection(run: Callable[..., Run]) -> None:
+def test_run_with_once_ends_with_the_program_not_with_its_first_connection() -> None:
     code = (
         "import os, socket, sys; "
         "socket.create_connection((os.environ['SIMMER_HOST'], int(os.environ['SIMMER_PORT']))).close(); "
         "c = socket.create_connection((os.environ['SIMMER_HOST'], int(os.environ['SIMMER_PORT']))); "
         "c.sendall(b'u1'); print(len(c.recv(8))); sys.exit(4)"
     )
-    result, out, err = run("--once", "--run", python(code)).end()
+    result, out, err = ended("--once", "--run", python(code))
     assert (result, out) == (4, "8\n"), err
 
 
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("command", ["no-such-program-anywhere", "''", ""])
 @posix
-def test_a_program_that_cannot_be_started_has_a_verdict_and_127(
-    run: Callable[..., Run], tmp_path: Path, command: str
-) -> None:
+def test_a_program_that_cannot_be_started_has_a_verdict_and_127(tmp_path: Path, command: str) -> None:
     log = tmp_path / "run.jsonl"
-    code, out, err = run("--run", command, "--log", str(log)).end()
+    code, out, err = ended("--run", command, "--log", str(log))
     assert (code, out) == (127, "")
     *_, advice, last = err.splitlines()
     assert advice == "  Fix first: the command after --run. Try it alone in a terminal."
@@ -419,24 +427,21 @@ def test_a_program_that_cannot_be_started_has_a_verdict_and_127(
     assert (found.outcome, last) == (Outcome.CRASHED, f"verdict: {found.text}")
 
 
-@pytest.mark.slow
 @posix
-def test_a_program_that_cannot_be_started_is_one_line_where_no_verdict_is_told(
-    run: Callable[..., Run],
-) -> None:
-    code, out, err = run("--quiet", "--run", "no-such-program-anywhere").end()
+def test_a_program_that_cannot_be_started_is_one_line_where_no_verdict_is_told() -> None:
+    code, out, err = ended("--quiet", "--run", "no-such-program-anywhere")
     assert (code, out) == (127, "")
     assert err == "simmer-tui: --run 'no-such-program-anywhere': No such file or directory\n"
 
 
 @pytest.mark.slow
 @posix
-def test_a_program_ended_by_a_signal_gives_128_and_its_number(run: Callable[..., Run]) -> None:
+def test_a_program_ended_by_a_signal_gives_128_and_its_number() -> None:
     code = "import os, signal; os.kill(os.getpid(), signal.SIGKILL)"
-    assert run("--run", python(code)).end()[0] == 128 + signal.SIGKILL
+    assert ended("--run", python(code))[0] == 128 + signal.SIGKILL
 
 
-@pytest.mark.quick_cases(1)
+@pytest.mark.slow
 @posix
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
 def test_a_signal_ends_the_program_too(run: Callable[..., Run], name: str) -> None:
@@ -517,11 +522,11 @@ def test_a_signal_ends_it_when_standard_error_has_filled_up(run: Callable[..., R
 
 
 @pytest.mark.slow
-def test_a_mission_in_which_nothing_was_sent_says_so(run: Callable[..., Run]) -> None:
-    code, _, err = run("--mission", "--run", python("pass")).end()
+def test_a_mission_in_which_nothing_was_sent_says_so() -> None:
+    code, _, err = ended("--mission", "--run", python("pass"))
     assert code == 1
     assert re.search(r"^mission: failed after 0.0 s, .*: nothing was sent$", err, re.MULTILINE), err
-    code, _, err = run("--mission", "--run", python("raise SystemExit(3)")).end()
+    code, _, err = ended("--mission", "--run", python("raise SystemExit(3)"))
     assert code == 1
     assert "exit code 3" in err, "which says more"
 
@@ -568,12 +573,10 @@ def test_a_mission_that_ends_after_its_program_while_nobody_reads_is_told(
         assert code == 128 + end
 
 
-def test_a_mission_that_failed_says_why_and_its_log_says_the_same(
-    run: Callable[..., Run], tmp_path: Path
-) -> None:
+def test_a_mission_that_failed_says_why_and_its_log_says_the_same(tmp_path: Path) -> None:
     log = tmp_path / "run.jsonl"
     driver = python("from simmer_tui.client import Robot; robot = Robot(); robot.drive('w1', 200)")
-    code, _, err = run("--mission", "--seed", "5", "--log", str(log), "--run", driver).end()
+    code, _, err = ended("--mission", "--seed", "5", "--log", str(log), "--run", driver)
     assert code == 1
     told = err.splitlines()[-1]
     assert re.match("verdict: Failed after .* because it drove without looking: w1-200.* led the", told), err
@@ -585,6 +588,7 @@ def test_a_mission_that_failed_says_why_and_its_log_says_the_same(
 # -- parts -----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_start_imports_nothing_of_the_screen_and_nothing_that_waits_for_commands() -> None:
     code = """
 import sys
@@ -671,14 +675,12 @@ def test_a_log_deleted_in_a_short_run_is_told_at_the_end(tmp_path: Path) -> None
     )
     (tmp_path / "program.py").write_text(lines)
     program = f"{sys.executable} {tmp_path / 'program.py'}"
-    command = [sys.executable, "-m", "simmer_tui", "--no-ui", "--port", "0", "--log", str(log)]
-    done = subprocess.run([*command, "--run", program], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert done.stderr.splitlines()[-2].endswith("has stopped: the file has been deleted")
+    code, _, err = ended("--log", str(log), "--run", program)
+    assert code == 0, err
+    assert err.splitlines()[-2].endswith("has stopped: the file has been deleted")
 
 
 def test_a_program_that_sends_nothing_has_not_succeeded() -> None:
-    command = [sys.executable, "-m", "simmer_tui", "--no-ui", "--port", "0", "--run", "true"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert (done.returncode, "simmer-tui: nothing was sent" in done.stderr.splitlines()) == (1, True)
-    assert done.stderr.splitlines()[-1].endswith("because the program sent no command at all.")
+    code, _, err = ended("--run", "true")
+    assert (code, "simmer-tui: nothing was sent" in err.splitlines()) == (1, True)
+    assert err.splitlines()[-1].endswith("because the program sent no command at all.")

@@ -27,6 +27,7 @@ def simmer(*arguments: object) -> tuple[int, str]:
     return done.returncode, done.stderr
 
 
+@pytest.mark.slow
 def test_a_set_in_a_closed_folder_is_named(tmp_path: Path) -> None:
     closed = tmp_path / "closed"
     assert main(["init", str(closed)]) == 0

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from simmer_tui.client import Robot
@@ -71,6 +71,7 @@ def test_particles_and_notes_are_bounded() -> None:
     assert len(belief.note) == 200
 
 
+@settings(max_examples=20)
 @given(st.binary(max_size=60) | st.recursive(st.none() | st.floats() | st.text(), st.lists).map(json.dumps))
 def test_any_bytes_are_a_belief_or_a_mistake(line: bytes | str) -> None:
     data = line if isinstance(line, bytes) else line.encode()

@@ -138,6 +138,7 @@ _JSON = st.recursive(
 )
 
 
+@settings(max_examples=20)
 @given(
     st.dictionaries(st.sampled_from(["p", "f32", "u8", "rows", "cols", "headings", "first", "bounds"]), _JSON)
 )
@@ -160,6 +161,7 @@ _TABLES = st.tuples(st.integers(1, 6), st.integers(1, 6), st.integers(1, 5)).fla
 )
 
 
+@settings(max_examples=20)
 @given(_TABLES, st.floats(-10, 110), st.floats(-10, 60), st.floats(-1000, 1000))
 def test_of_any_table_the_numbers_are_within_their_limits(
     table: np.ndarray[Any, np.dtype[np.float64]], x: float, y: float, heading: float
@@ -178,8 +180,8 @@ def test_of_any_table_the_numbers_are_within_their_limits(
     assert abs(grid.places().sum() - 1.0) < 1e-9
 
 
+@settings(max_examples=20)
 @given(_TABLES, st.floats(1e-3, 1e3))
-@settings(max_examples=50)
 def test_the_scale_of_a_table_does_not_matter(
     table: np.ndarray[Any, np.dtype[np.float64]], scale: float
 ) -> None:

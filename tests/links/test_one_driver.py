@@ -156,6 +156,7 @@ def test_by_the_programs_clock_only_the_started_program_is_served(tmp_path: Path
             assert answer(own) == ""
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells whose a connection is")
 def test_by_the_programs_clock_others_are_turned_away_from_tcp_too(tmp_path: Path) -> None:
     program = (

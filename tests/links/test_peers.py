@@ -125,7 +125,7 @@ def test_a_flood_on_one_port_holds_up_no_other_and_not_the_end(
         client = stack.enter_context(running.connect())
         assert math.isfinite(running.ask(client, "u1")), "its replies have their way"
         stack.enter_context(flood(running, purpose, data))
-        for _ in range(20):
+        for _ in range(4):
             assert math.isfinite(running.ask(client, "u1"))
             assert running.ask(client, "d1-0.01") == math.inf or purpose == "packets"
         with running.connect() as second:

@@ -487,17 +487,14 @@ def test_shot_save_and_copy_hand_the_screen_and_the_log_out(fly: Fly, tmp_path: 
     fly(scenario)
 
 
-def test_quit_and_ctrl_q_end_with_code_0(fly: Fly) -> None:
-    async def by_order(cockpit: Cockpit) -> None:
-        await cockpit.type(":quit")
+@pytest.mark.quick_cases(1)
+@pytest.mark.parametrize("keys", [[*":quit", "enter"], ["ctrl+q"]], ids=["order", "key"])
+def test_quit_and_ctrl_q_end_with_code_0(fly: Fly, keys: list[str]) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        await cockpit.pilot.press(*keys)
         await cockpit.until(lambda: not cockpit.app.is_running)
 
-    async def by_key(cockpit: Cockpit) -> None:
-        await cockpit.pilot.press("ctrl+q")
-        await cockpit.until(lambda: not cockpit.app.is_running)
-
-    assert fly(by_order) == 0
-    assert not fly(by_key)
+    assert not fly(scenario)
 
 
 @pytest.mark.slow
@@ -765,6 +762,7 @@ def test_every_size_draws_maze_and_status(fly: Fly, glyphs: GlyphMode) -> None:
 # -- what must not end it --------------------------------------------------------------------
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     ("broken", "place"),
     [

@@ -132,7 +132,7 @@ def test_two_commands_in_a_line_are_refused_and_neither_is_done(fly: Fly) -> Non
     fly(scenario)
 
 
-@pytest.mark.parametrize("bursts", [8, pytest.param(50, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("bursts", [3, pytest.param(50, marks=pytest.mark.slow)])
 def test_lines_typed_ahead_are_all_carried_out_whole_and_in_order(fly: Fly, bursts: int) -> None:
     lines = ["o1", "o2", "o3", "zz", "d1-1", "u1"]
 

@@ -67,7 +67,7 @@ def cells_of(screen: pyte.Screen) -> list[tuple[object, ...]]:
     return found
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(st.lists(st.lists(pieces, max_size=4), max_size=6))
 def test_a_terminal_shows_the_same_as_when_all_is_sent(
     frames: list[list[tuple[int, int, str, Style | None, bool]]],

@@ -206,7 +206,7 @@ def test_a_signal_ends_it_on_a_restored_terminal_with_a_complete_log(
 @pytest.mark.slow
 def test_a_program_beside_it_prints_into_the_log_and_its_code_is_passed_on(pane: Pane) -> None:
     code = "import time; print('hello [b]there[/b]'); raise SystemExit(5)"
-    pane.start("--run", shlex.join(["python", "-c", code]))
+    pane.start("--run", shlex.join([sys.executable, "-c", code]))
     pane.until("hello [b]there[/b]", "the program ended with exit code 5")
     pane.type(":quit", "Enter")
     pane.until("EXIT 5")
@@ -233,7 +233,7 @@ def test_r_restarts_the_run_with_its_program(pane: Pane, tmp_path: Path) -> None
 @pytest.mark.slow
 def test_a_crash_has_its_verdict_in_panel_and_list_and_asked_for(pane: Pane) -> None:
     code = "from simmer_tui.client import Robot\nrobot = Robot()\nrobot.drive('d1', 1)\n{}['u9']"
-    pane.start("--mission", "--run", shlex.join(["python", "-c", code]))
+    pane.start("--mission", "--run", shlex.join([sys.executable, "-c", code]))
     pane.until("verdict Crashed after", "KeyError: 'u9' in <string>:4.")
     pane.type(":why", "Enter")
     pane.until("Fix first: <string>:4.")
@@ -255,7 +255,7 @@ def test_a_person_who_quits_is_no_failure_of_the_program(pane: Pane, tmp_path: P
 
 @pytest.mark.slow
 def test_with_once_it_ends_with_the_program_or_the_client(pane: Pane, tmp_path: Path) -> None:
-    pane.start("--once", "--run", shlex.join(["python", "-c", "raise SystemExit(3)"]))
+    pane.start("--once", "--run", shlex.join([sys.executable, "-c", "raise SystemExit(3)"]))
     assert "show what went wrong" in pane.until("EXIT 3")
     pane.close()
     other = Pane(tmp_path / "other")
@@ -520,7 +520,7 @@ def terminal(tmp_path: Path) -> Iterator[Callable[..., Terminal]]:
         yield start
 
 
-@pytest.mark.quick_cases(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("changes", "has", "has_not"),
     [

@@ -77,6 +77,7 @@ sys.exit(main(["--no-ui", "--port", "0", "--belief-port", "0", "--web", "0"]))
 """
 
 
+@pytest.mark.slow
 def test_without_the_package_one_line_says_how_to_get_it() -> None:
     done = subprocess.run([sys.executable, "-c", WITHOUT], capture_output=True, text=True, timeout=SECONDS)
     assert done.returncode == 2
@@ -101,6 +102,7 @@ def test_a_port_in_use_is_an_error_unless_it_is_the_usual_one(monkeypatch: pytes
             assert any(f"port {taken} (page) is in use" in each for each in second.server.warnings)
 
 
+@pytest.mark.slow
 @posix
 def test_the_verdict_is_shown_when_the_client_has_left_and_the_run_goes_on() -> None:
     process, links, (commands,) = started("--seed", "3")

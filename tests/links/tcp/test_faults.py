@@ -147,6 +147,7 @@ def test_commands_beyond_a_thousand_are_answered_busy_in_their_turn(serve: Any) 
     program.close()
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("on_reply_port", [True, False])
 def test_a_client_that_never_reads_is_dropped_with_a_line(serve: Any, on_reply_port: bool) -> None:
     served = serve()

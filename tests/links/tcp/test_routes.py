@@ -73,7 +73,8 @@ def test_a_command_over_several_segments(serve: Any) -> None:
     assert program.number() == twin.execute("u1").reply
 
 
-@pytest.mark.parametrize("ending", [b"\n", b"\r\n"])
+@pytest.mark.quick_cases(1)
+@pytest.mark.parametrize("ending", [b"\r\n", b"\n"])
 def test_a_thousand_commands_in_one_segment(serve: Any, ending: bytes) -> None:
     served = serve()
     program, twin = serve.program(served).open_commands(), served.twin()

@@ -6,7 +6,7 @@ import unicodedata
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from rich.color import Color
@@ -76,6 +76,7 @@ small_cells = st.builds(
 )
 
 
+@settings(max_examples=20)
 @given(cells=small_cells)
 def test_runs_show_the_same_as_the_cells_one_by_one(cells: Cells) -> None:
     for row in range(3):
@@ -119,6 +120,7 @@ def test_blanks_join_the_run_beside_them_on_the_same_background() -> None:
     assert [segment.text for segment in strip] == [" a b ", " "]
 
 
+@settings(max_examples=20)
 @given(old=small_cells, new=small_cells)
 def test_pasting_the_changed_spans_turns_the_old_picture_into_the_new(old: Cells, new: Cells) -> None:
     names = ("characters", "foreground", "background", "attributes")

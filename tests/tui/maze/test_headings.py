@@ -88,8 +88,9 @@ def test_the_views_have_the_sizes_of_the_composition() -> None:
     assert [window(size).zoom for size in VIEWS.values()] == [8, 10, 18]
 
 
-@pytest.mark.parametrize("contact", [None, 0.0, 100.0])
+@pytest.mark.quick_cases(len(KINDS))
 @pytest.mark.parametrize(("glyphs", "depth"), KINDS)
+@pytest.mark.parametrize("contact", [0.0, None, 100.0])
 @pytest.mark.parametrize("size", SWEPT)
 def test_the_heading_is_read_off_the_cells(
     size: tuple[int, int], glyphs: GlyphMode, depth: ColorDepth, contact: float | None
@@ -109,7 +110,8 @@ def test_the_heading_is_read_off_the_cells(
     assert needles >= 12 * seen
 
 
-@pytest.mark.parametrize("zoom", [4.0, 5.0, 6.0, 7.0, 9.0, 10.0, 12.0, 13.5, 14.0, 16.0, 24.0, 40.0])
+@pytest.mark.quick_cases(4)
+@pytest.mark.parametrize("zoom", [4.0, 10.0, 6.0, 13.5, 5.0, 7.0, 9.0, 12.0, 14.0, 16.0, 24.0, 40.0])
 def test_the_heading_is_read_at_any_zoom(zoom: float) -> None:
     painter = Painter(GlyphMode.QUADRANT, ColorDepth.TRUECOLOR)
     viewport = arrange(MAZE, zoom, 2000, 2000).viewport(MAZE, 0, 0)
@@ -136,6 +138,7 @@ def test_a_robot_smaller_than_a_cell_is_its_arrow(zoom: float, glyphs: GlyphMode
         assert turned(arrow, heading) <= 22.5
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("held", [False, True])
 @pytest.mark.parametrize(
     "look",
@@ -159,6 +162,7 @@ def test_no_robot_cell_carries_another_layers_color(
             assert shown <= allowed, (heading, [hex(color) for color in shown - allowed])
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("look", list(Look))
 def test_marks_stand_out_from_the_ground_of_their_cell(look: Look) -> None:
     painter = Painter(GlyphMode.QUADRANT, ColorDepth.TRUECOLOR, look)
@@ -188,7 +192,7 @@ OUTER_WALLS: tuple[Callable[[float], tuple[Pose, tuple[float, float]]], ...] = (
     heading=st.sampled_from(HEADINGS),
     kind=st.sampled_from(KINDS),
 )
-@settings(max_examples=25, deadline=None, derandomize=True)
+@settings(max_examples=8, deadline=None, derandomize=True)
 def test_a_contact_with_the_outer_wall_is_marked_beside_the_arrow(
     size: tuple[int, int],
     at: Callable[[float], tuple[Pose, tuple[float, float]]],
