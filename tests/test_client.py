@@ -850,7 +850,7 @@ def believing() -> Iterator[tuple[Robot, Callable[[], dict[str, Any]]]]:
         binary_robot() as fake,
         Robot(HOST, fake.port, fake.reply_port, belief_port=belief_port) as robot,
     ):
-        yield robot, lambda: json.loads(lines.get(timeout=10))
+        yield robot, lambda: json.loads(lines.get(timeout=60))
 
 
 def test_a_belief_is_one_json_line_with_the_fields_that_were_given() -> None:
@@ -997,7 +997,7 @@ def test_the_belief_port_comes_from_the_environment(monkeypatch: pytest.MonkeyPa
         monkeypatch.setenv("SIMMER_BELIEF_PORT", str(belief_port))
         with binary_robot() as fake, Robot(HOST, fake.port, fake.reply_port) as robot:
             robot.believe(1, 2, 3)
-            assert json.loads(lines.get(timeout=10)) == {"x": 1, "y": 2, "heading": 3}
+            assert json.loads(lines.get(timeout=60)) == {"x": 1, "y": 2, "heading": 3}
 
 
 # --- the file on its own --------------------------------------------------------------------------

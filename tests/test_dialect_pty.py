@@ -104,7 +104,7 @@ def test_a_program_reaches_the_robot_at_the_path_with_the_bytes_of_the_hook(tmp_
     assert first.startswith(b"u1: ")
     assert second == b"ok 0\r\n"
     assert not path.is_symlink()
-    program = "import serial\nr = serial.Serial('COM6', 115200, timeout=20)\n"
+    program = "import serial\nr = serial.Serial('COM6', 115200, timeout=60)\n"
     program += "r.write(b'get\\nw 2\\n')\nprint(r.readline() + r.readline())\nr.close()\n"
     with running(configuration(tmp_path)) as run:
         variables = run.server.environment | {"PYTHONPATH": str(HOOK_FOLDER)}
@@ -152,7 +152,7 @@ def test_after_a_restart_the_line_is_free(tmp_path: Path) -> None:
         assert robot.readline() == b"ok 1\r\n"
         run.server.call(act, Action(ActionName.TIME_SCALE, (1.0,)))
         run.server.call(act, Action(ActionName.RESET))
-        robot.timeout = 20.0
+        robot.timeout = 60.0
         robot.write(b"get\n")
         assert robot.readline()
 
@@ -162,7 +162,7 @@ def test_a_stream_begins_again_at_a_restart(tmp_path: Path) -> None:
     stream = f'{DIALECT}[[stream]]\nevery = 0.05\nsend = "s {{tick}}"\n'
     with (
         running(configuration(tmp_path, stream, pty=str(path))) as run,
-        serial.Serial(str(path), 115200, timeout=20.0) as robot,
+        serial.Serial(str(path), 115200, timeout=60.0) as robot,
     ):
         assert [robot.readline() for _ in range(2)] == [b"s 0\r\n", b"s 1\r\n"]
         run.server.call(run.server.engine.perform, Action(ActionName.RESET))
@@ -310,7 +310,7 @@ def test_the_variables_of_env_lead_a_program_to_a_running_simulator(
         answer = capsys.readouterr()
         assert not answer.err
         program = (
-            "import serial\nr = serial.Serial('COM6', timeout=20)\nr.write(b'get\\n')\nprint(r.readline())"
+            "import serial\nr = serial.Serial('COM6', timeout=60)\nr.write(b'get\\n')\nprint(r.readline())"
         )
         variables = {**os.environ, **json.loads(answer.out)}
         words = [sys.executable, "-c", program]

@@ -6,6 +6,7 @@ run as they stand but for what a test cannot have: no screen, free ports, a seed
 
 from __future__ import annotations
 
+import functools
 import importlib.util
 import os
 import re
@@ -169,6 +170,7 @@ def test_a_column_that_kinds_of_sensors_allow_differently_says_so() -> None:
     assert "from 0 to 360; ir: a number from 0 to below 180" in view
 
 
+@functools.cache
 def known_options() -> set[str]:
     whole = whole_parser()
     commands = next(each.choices for each in whole._actions if isinstance(each.choices, dict) and each.nargs)

@@ -330,7 +330,9 @@ def drive_program(bench: Bench, *, timed: bool) -> None:
     for text in PROGRAM:
         bench.send(text)
         if timed:
-            bench.loop.run_until(bench.loop.now + 2.1)
+            bench.loop.run_until(bench.loop.now + 0.3)
+    if timed:
+        bench.loop.run_until(bench.loop.now + 6.0)
 
 
 @pytest.mark.parametrize(
@@ -564,19 +566,22 @@ def mission(
     return state, said
 
 
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize(
-    "commands",
+    ("commands", "looks", "limits"),
     [
-        ("vv-3;0;9", "wt-20"),
-        pytest.param(("vv-2;1;0", "wt-15"), marks=pytest.mark.slow),
-        pytest.param(("vv-6;0;0", "wt-60"), marks=pytest.mark.slow),
+        (("vv-6;0;0", "wt-12"), 7, {"contacts": 2, "time_limit": 10.0}),
+        (("vv-3;0;9", "wt-20"), 7, {"contacts": 0, "time_limit": 40.0}),
+        (("vv-3;0;9", "wt-20"), 37, {"contacts": 2, "time_limit": 40.0}),
+        (("vv-2;1;0", "wt-15"), 37, {"contacts": 2, "time_limit": 40.0}),
+        (("vv-6;0;0", "wt-60"), 37, {"contacts": 2, "time_limit": 40.0}),
     ],
 )
 def test_looked_at_or_not_the_verdict_is_the_same(
-    mission_set: Configuration, commands: tuple[str, ...]
+    mission_set: Configuration, commands: tuple[str, ...], looks: int, limits: dict[str, Any]
 ) -> None:
-    plain, said = mission(mission_set, 0, commands, contacts=2, time_limit=40.0)
-    looked, said_then = mission(mission_set, 7, commands, contacts=2, time_limit=40.0)
+    plain, said = mission(mission_set, 0, commands, **limits)
+    looked, said_then = mission(mission_set, looks, commands, **limits)
     assert said == said_then
     assert (plain.result, plain.reason) == (looked.result, looked.reason)
     if plain.over:
@@ -633,6 +638,7 @@ with Robot() as robot:
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("protocol", ["binary", pytest.param("packets", marks=pytest.mark.slow)])
 def test_the_same_program_drives_the_same_way_twice(tmp_path: Path, protocol: str) -> None:
     program = tmp_path / "follower.py"

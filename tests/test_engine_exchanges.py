@@ -256,15 +256,15 @@ def spec() -> SimulationSpec:
     )
 
 
-MOST_TELLING = ("timed, fast", "instant over a link, at a pace")
-"""Modes in which the script that takes longest is quick too: between them, each option but the pauses."""
+QUICK = ("instant", "timed", "timed on a slow computer", "timed, fast", "instant over a link, at a pace")
+"""Modes that are quick: between them, each option. The last two are for the script that takes longest too."""
 
 
 @pytest.mark.parametrize(
     ("script", "mode"),
     [
         pytest.param(
-            script, mode, marks=[pytest.mark.slow] * (script == "velocities" and mode not in MOST_TELLING)
+            script, mode, marks=[pytest.mark.slow] * (mode not in QUICK[3 * (script == "velocities") :])
         )
         for script in SCRIPTS
         for mode in MODES

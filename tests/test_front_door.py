@@ -31,6 +31,7 @@ def test_importing_it_and_the_client_takes_the_standard_library_only() -> None:
     assert imported_by("from simmer_tui import Robot") == {"simmer_tui"}
 
 
+@pytest.mark.slow
 def test_a_simulator_for_notebooks_needs_no_screen() -> None:
     assert imported_by("from simmer_tui import Simulator, load") & {"textual", "serial", "rich"} == set()
 

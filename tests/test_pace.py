@@ -235,6 +235,7 @@ def play(watched: Watched, step: float) -> None:
         finish()
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("step_time", [0.0, 0.5])
 def test_the_pace_changes_no_event_no_answer_and_no_line_of_the_log(tmp_path: Path, step_time: float) -> None:
     runs = []

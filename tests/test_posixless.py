@@ -21,6 +21,7 @@ from tests.windows_stubs import taken_away
 
 if sys.platform == "win32":
     pytest.skip("Windows has no need of it", allow_module_level=True)
+from tests.in_process import simmer
 from tests.tui.test_seen import Terminal
 
 TESTS = Path(__file__).parent
@@ -70,7 +71,7 @@ def log(call: Call, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The log of a run with a program."""
     path = tmp_path_factory.mktemp("logs") / "a.jsonl"
     done = call(
-        "--no-ui", "--port", "0", "--seed", "7", "--log", str(path), "--run", line(WANDER, "--steps", "5")
+        "--no-ui", "--port", "0", "--seed", "7", "--log", str(path), "--run", line(WANDER, "--steps", "2")
     )
     assert done.returncode == 0, done.stderr
     assert "verdict: Ended" in done.stderr
@@ -117,7 +118,14 @@ def test_the_package_alone_is_without_what_windows_does_not_have(surroundings: d
 # -- what is to work -------------------------------------------------------------------------------
 
 
-def test_a_run_with_a_program_is_the_same_as_elsewhere(call: Call, log: Path) -> None:
+def test_a_run_with_a_program_is_the_same_as_elsewhere(log: Path) -> None:
+    done = simmer("rerun", log)
+    assert done.returncode == 0, done.stderr
+    assert "every reply the same" in done.stdout
+
+
+@pytest.mark.slow
+def test_a_run_is_made_again(call: Call, log: Path) -> None:
     done = call("rerun", str(log))
     assert done.returncode == 0, done.stderr
     assert "every reply the same" in done.stdout

@@ -217,7 +217,7 @@ def test_all_ends_without_its_keeper_too(lifeline: Lifeline, number: int) -> Non
     assert heard.code() == 128 + signal.SIGTERM
 
 
-@pytest.mark.quick_cases(1)
+@pytest.mark.slow
 @linux
 @pytest.mark.parametrize(
     ("first", "starter"),

@@ -114,7 +114,7 @@ def test_on_a_serial_line_a_scan_takes_the_time_of_its_bytes(tmp_path: Path) -> 
     (folder / "dialect.toml").write_text('[frame]\nkind = "binary9000"\n')
     program.write_text(
         "import serial, time\n"
-        "line = serial.Serial('COM6', 9600, timeout=10)\n"
+        "line = serial.Serial('COM6', 9600, timeout=60)\n"
         "begun = time.monotonic()\n"
         "line.write(b'sc\\n')\n"
         "print(len(line.read(8 + 360 * 8)), round(time.monotonic() - begun, 1))\n"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import importlib
 import itertools
 import math
@@ -56,6 +57,7 @@ def localizer(parts: dict[str, ModuleType], ground: Any) -> Any:
     return made
 
 
+@functools.cache
 def mission_spec() -> SimulationSpec:
     return load(find_set("mission")).simulation
 
@@ -201,7 +203,7 @@ def test_looking_past_a_place_rules_out_a_block_there(finder: Any) -> None:
 @pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("block", [(10.0, 41.0), (4.0, 44.0), (20.0, 27.0)])
 def test_a_sweep_finds_the_block(finder: Any, block: tuple[float, float]) -> None:
-    for heading in range(90, 360, 9):
+    for heading in range(90, 360, 12):
         look(finder, block, (18.0, 36.0, heading))
     assert finder.place == pytest.approx(block, abs=0.8)
     assert finder.spread < 0.8

@@ -200,8 +200,8 @@ def timed_log(tmp_path: Path) -> Path:
 def test_timed_motion_is_taken_over_too(timed_log: Path, tmp_path: Path) -> None:
     with RunLogIndex(timed_log) as index:
         playback = Playback(index)
-        for part in range(5):
-            moment = moment_at(index, index.duration * part / 4)
+        for part in range(3):
+            moment = moment_at(index, index.duration * part / 2)
             _, state = playback.state_at_time(moment.elapsed)
             log = tmp_path / f"{part}.jsonl"
             with taken_over(timed_log, moment, log) as server:
@@ -251,19 +251,19 @@ def test_a_long_part_of_continuous_motion_without_a_reply_is_taken_over(tmp_path
     engine = Engine(simulator)
     with RunLog(path, configuration, simulator) as log:
         engine.watch(log)
-        for text in ("vr-90", "wt-200"):
+        for text in ("vr-90", "wt-40"):
             engine.session().submit(parse_command(text), lambda outcome: None)
     with RunLogIndex(path) as index:
-        moment = moment_at(index, 190.0)
+        moment = moment_at(index, 35.0)
         with taken_over(path, moment) as server:
-            assert server.simulator.time == 190.0
+            assert server.simulator.time == 35.0
 
 
 def test_continuous_motion_is_taken_over_too(velocity_log: Path, tmp_path: Path) -> None:
     with RunLogIndex(velocity_log) as index:
         playback = Playback(index)
-        for part in range(5):
-            moment = moment_at(index, index.duration * part / 4)
+        for part in range(3):
+            moment = moment_at(index, index.duration * part / 2)
             _, state = playback.state_at_time(moment.elapsed)
             velocity_taken_over(velocity_log, tmp_path / f"{part}.jsonl", moment, state)
 

@@ -238,7 +238,7 @@ def test_dead_reckoning_is_shown_at_every_step(wander: ModuleType, monkeypatch: 
     ) as robot:
         monkeypatch.setenv("SIMMER_BELIEF_PORT", str(robot.belief_port))
         assert run(wander, robot, "--steps", "3", "--start", "6,42,0") == 0
-        assert robot.all_beliefs_in.wait(10)
+        assert robot.all_beliefs_in.wait(60)
     poses = [(belief["x"], belief["y"], belief["heading"]) for belief in robot.beliefs]
     assert poses == [pytest.approx(pose) for pose in [(6, 42, 0), (8, 42, 0), (8, 44, 90)]]
     spreads = [belief["spread"] for belief in robot.beliefs]

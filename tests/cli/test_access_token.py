@@ -26,7 +26,7 @@ for path in Path("/proc").glob("[0-9]*/cmdline"):
 linux = pytest.mark.skipif(sys.platform != "linux", reason="only Linux lets a process change what ps shows")
 
 
-@pytest.mark.quick_cases(1)
+@pytest.mark.slow
 @linux
 @pytest.mark.parametrize("how", ["--token {}", "--token={}", "--token-file {}"])
 def test_no_command_line_shows_the_token(how: str, tmp_path: Path) -> None:

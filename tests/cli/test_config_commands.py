@@ -219,6 +219,7 @@ def test_summary_draws_the_courses_maze_with_robot_and_block(folder: Path) -> No
     assert "circle, diameter 6 in; centre (9.5, 42) in, heading -90 deg" in text
 
 
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize(
     ("heading", "arrow", "plain"),
     [(0, "→", ">"), (44, "↗", ">"), (90, "↑", "^"), (-179, "←", "<"), (-90, "↓", "v"), (719, "→", ">")],

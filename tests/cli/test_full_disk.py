@@ -68,6 +68,7 @@ sys.exit(main(["init", sys.argv[1]]))
 """
 
 
+@pytest.mark.slow
 def test_no_half_of_a_set_stays_behind(tmp_path: Path) -> None:
     folder = tmp_path / "set"
     done = subprocess.run(

@@ -123,6 +123,7 @@ def python(code: str) -> str:
 # -- what is printed -------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_seed_then_ready_and_both_ports_are_open(run: Callable[..., Run]) -> None:
     started = run("--seed", "7").until_ready()
     lines = started.head.splitlines()

@@ -77,7 +77,7 @@ class SketchRobot:
     def close(self) -> None:
         """End it."""
         os.close(self._wake)
-        self._thread.join(10)
+        self._thread.join(60)
         for each in (self._master, self._slave, self._ending):
             os.close(each)
 

@@ -88,7 +88,7 @@ AS_NOBODY = """
 import encodings.idna, os, socket, sys
 os.setuid(int(sys.argv[1]))
 sock = socket.socket()
-sock.settimeout(20)
+sock.settimeout(60)
 sock.connect(("127.0.0.1", int(sys.argv[2])))
 data = sys.argv[3].encode()
 try:
@@ -105,6 +105,7 @@ def as_nobody(port: int, data: str) -> str:
     return subprocess.run(command, capture_output=True, text=True, timeout=300, check=True).stdout.strip()
 
 
+@pytest.mark.quick_cases(2)
 @two_users
 @pytest.mark.parametrize("purpose", PORTS)
 def test_a_program_of_another_user_is_turned_away_with_a_line(
@@ -334,6 +335,7 @@ def test_server_and_programs_take_the_token_from_the_environment(
         assert rude.recv(8) == b""
 
 
+@pytest.mark.quick_cases(5)
 @pytest.mark.parametrize("purpose", PORTS)
 @pytest.mark.parametrize("first", [b"wrong\n[u1]", b"\n", b"x" * 5000, TOKEN.encode() + b"x\n"])
 def test_without_the_token_there_is_a_clean_end_and_a_line(

@@ -306,7 +306,7 @@ def test_peers_take_turns_and_lose_no_byte() -> None:
     async def run() -> None:
         turn, order = ReadBudget(1), []
         pairs = [socket.socketpair() for _ in range(3)]
-        data = os.urandom(10_000)
+        data = os.urandom(2_000)
         for pair in pairs:
             for each in pair:
                 each.setblocking(False)
@@ -357,7 +357,7 @@ def test_what_is_written_goes_out_whole_before_the_end_and_not_for_ever() -> Non
 
 @pytest.mark.parametrize(
     ("purpose", "sent", "count"),
-    [("commands", b"u1\nd1-1\nu2\n", 3), ("packets", b"[u1,d1-1][u2]", 3), ("packets", b"[u1]" * 3000, 3000)],
+    [("commands", b"u1\nd1-1\nu2\n", 3), ("packets", b"[u1,d1-1][u2]", 3), ("packets", b"[u1]" * 1200, 1200)],
 )
 def test_what_a_program_sends_and_ends_is_taken_in(
     served: Callable[..., Served], purpose: str, sent: bytes, count: int

@@ -40,7 +40,7 @@ def serving(folder: Path | None = None, **settings: object) -> Iterator[tuple[Se
 def robot_of(server: Server) -> Robot:
     ports = server.ports
     return Robot(
-        HOST, ports[COMMANDS.purpose], ports[REPLIES.purpose], belief_port=ports[BELIEFS.purpose], timeout=20
+        HOST, ports[COMMANDS.purpose], ports[REPLIES.purpose], belief_port=ports[BELIEFS.purpose], timeout=60
     )
 
 
@@ -52,7 +52,7 @@ def packet_robot_of(server: Server) -> Robot:
         ports[PACKET_REPLIES.purpose],
         protocol="packets",
         belief_port=ports[BELIEFS.purpose],
-        timeout=20,
+        timeout=60,
     )
 
 

@@ -156,7 +156,7 @@ def test_flood_between_two_turns_of_the_loop_is_cut_off(monkeypatch: pytest.Monk
         port, ear = Flooding(), RecordingListener()
         channel = channel_for(port, asyncio.get_running_loop(), ear.received, lambda _: None)
         assert isinstance(channel, ThreadChannel), "it has no file descriptor"
-        assert port.spent.wait(20)  # and the loop does not turn meanwhile
+        assert port.spent.wait(60)  # and the loop does not turn meanwhile
         await until(lambda: len(ear.bytes) >= 1000)
         channel.close()
         assert len(ear.bytes) == 1000

@@ -104,7 +104,7 @@ class Cockpit:
     async def until(self, condition: Callable[[], object]) -> None:
         """Let the app go on until a condition holds."""
         # By time, not by turns: on a busy machine a thread that computes an answer gets none of many.
-        most = time.monotonic() + 30.0
+        most = time.monotonic() + 60.0
         while not condition():
             if time.monotonic() > most:
                 raise AssertionError(f"it never came: {self['robot']}\n{self['hint']}\n{self['log']}")

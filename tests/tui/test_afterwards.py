@@ -204,6 +204,7 @@ def test_on_a_small_screen_the_end_stands_in_three_rows_below_the_maze(fly: Fly)
     fly(scenario, size=(80, 24), mission=True)
 
 
+@pytest.mark.slow
 def test_on_a_small_screen_the_reply_of_a_stopped_movement_says_so_beside_what_is_typed(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         await cockpit.type("w1-100")

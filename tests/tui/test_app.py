@@ -314,7 +314,7 @@ def test_bias_shows_the_bias_of_every_drive(fly: Fly) -> None:
     fly(scenario)
 
 
-@pytest.mark.quick_cases(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("size", "served"), [((80, 24), "binary"), ((120, 36), "packets")], ids=["small", "large"]
 )
@@ -487,7 +487,7 @@ def test_shot_save_and_copy_hand_the_screen_and_the_log_out(fly: Fly, tmp_path: 
     fly(scenario)
 
 
-@pytest.mark.quick_cases(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("keys", [[*":quit", "enter"], ["ctrl+q"]], ids=["order", "key"])
 def test_quit_and_ctrl_q_end_with_code_0(fly: Fly, keys: list[str]) -> None:
     async def scenario(cockpit: Cockpit) -> None:
@@ -553,6 +553,7 @@ def test_the_palette_opens_over_the_app_and_finds_an_order(fly: Fly) -> None:
 # -- what the panels say ---------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_text_from_clients_is_escaped_and_never_markup(fly: Fly) -> None:
     hostile = b"[b]x[/b]\x1b[2J\xe2\x80\xae[/x]\n"
 
@@ -608,6 +609,7 @@ def test_a_movement_in_time_is_drawn_on_its_way_and_the_trail_follows(fly: Fly) 
     fly(scenario, motion__motion="timed", randbias=False)
 
 
+@pytest.mark.slow
 def test_what_is_wrong_with_the_station_shows_in_the_app(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         await cockpit.until(lambda: "no beliefs will be shown" in cockpit["log"])
@@ -645,6 +647,7 @@ def test_resizing_keeps_zoom_page_console_and_place_in_the_log(fly: Fly) -> None
     fly(scenario)
 
 
+@pytest.mark.slow
 def test_too_small_a_terminal_says_so_and_the_robot_goes_on(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         assert "The terminal is too small:\nat least 40 x 12 please" in cockpit["small"]
@@ -659,6 +662,7 @@ def test_too_small_a_terminal_says_so_and_the_robot_goes_on(fly: Fly) -> None:
     fly(scenario, size=(39, 20))
 
 
+@pytest.mark.slow
 def test_news_of_an_earlier_layout_leaves_no_panel_blank(fly: Fly, monkeypatch: pytest.MonkeyPatch) -> None:
     """On a busy machine the app hears of a layout when the panes have other boxes already, whose layout comes
     after the next picture."""

@@ -89,6 +89,7 @@ def test_codes_and_orders_are_offered_with_their_meaning(fly: Fly) -> None:
     fly(scenario)
 
 
+@pytest.mark.slow
 def test_tab_completes_and_else_goes_to_the_next_pane(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         await cockpit.pilot.press(*":te", "tab")
@@ -132,6 +133,7 @@ def test_two_commands_in_a_line_are_refused_and_neither_is_done(fly: Fly) -> Non
     fly(scenario)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bursts", [3, pytest.param(50, marks=pytest.mark.slow)])
 def test_lines_typed_ahead_are_all_carried_out_whole_and_in_order(fly: Fly, bursts: int) -> None:
     lines = ["o1", "o2", "o3", "zz", "d1-1", "u1"]
@@ -175,6 +177,7 @@ def test_a_command_typed_ahead_from_the_maze_drives_nothing_by_keys(
     fly(scenario)
 
 
+@pytest.mark.slow
 def test_a_filter_typed_ahead_is_whole_and_its_letters_have_no_other_meaning(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         log = cockpit.app.query_one(LogPanel)

@@ -136,6 +136,7 @@ def test_stepping_shows_each_command_with_reading_truth_and_pose(run: Run) -> No
     play(run, act)
 
 
+@pytest.mark.slow
 def test_contacts_and_refused_commands_are_found(run: Run) -> None:
     async def act(app: ReplayApp, pilot: Pilot[int]) -> None:
         await pilot.press("c")

@@ -146,6 +146,7 @@ def test_a_whole_session_in_tmux(pane: Pane, tmp_path: Path) -> None:
     assert (tmp_path / "data" / "simmer-tui" / "console-history.txt").read_text() == "d1-3\n:telepot\n"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("option", "taken"), [pytest.param("--mouse", "1", marks=pytest.mark.slow), ("--no-mouse", "0")]
 )
@@ -155,6 +156,7 @@ def test_the_mouse_is_left_to_the_terminal_when_asked(pane: Pane, option: str, t
     assert pane.tmux("display", "-p", "#{mouse_any_flag}").strip() == taken
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     ("options", "line"),
     [
@@ -180,6 +182,7 @@ def test_a_failed_start_is_one_line_on_a_terminal_as_it_was(
     assert "Traceback" not in ended
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", ["TERM", *(pytest.param(each, marks=pytest.mark.slow) for each in ("HUP", "INT"))]
 )
@@ -563,6 +566,7 @@ def test_every_environment_starts_draws_and_ends(
         assert text not in written
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "missing",
     [pytest.param("stdin", marks=pytest.mark.slow), "stdout", pytest.param("stderr", marks=pytest.mark.slow)],

@@ -19,7 +19,7 @@ from simmer_tui.server import Server
 from simmer_tui.sim.command import parse_command
 from simmer_tui.web.page_server import PageServer
 
-SECONDS = 20.0
+SECONDS = 60.0
 
 
 class PageRun:

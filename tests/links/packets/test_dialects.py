@@ -67,6 +67,7 @@ def test_packets_are_answered_as_recorded(
     assert on_clock(scenario) == reply
 
 
+@pytest.mark.quick_cases(14)
 @pytest.mark.parametrize("ended_by", ["closing", "silence"])
 @pytest.mark.parametrize(("request_bytes", "numbers"), LEGACY)
 @pytest.mark.parametrize("form", ["float64", "float32", "text"])

@@ -340,6 +340,7 @@ def test_when_too_many_reads_wait_the_oldest_ends(on_clock: Any) -> None:
     on_clock(scenario)
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     ("engine", "link"),
     [({"step_time": 1.0}, {}), ({"step_time": 1.0, "timed": False}, {}), ({}, {"answer_at_end": True})],

@@ -55,6 +55,7 @@ def assert_next_is_served(serve: Any, served: Any) -> None:
     served.wait(lambda: served.clients_left > left)
 
 
+@pytest.mark.quick_cases(8)
 @pytest.mark.parametrize("line", BAD_LINES, ids=lambda line: repr(line[:12]))
 def test_a_bad_line_is_answered_nan_moves_nothing_and_is_told(serve: Any, line: bytes) -> None:
     served = serve()
@@ -68,6 +69,7 @@ def test_a_bad_line_is_answered_nan_moves_nothing_and_is_told(serve: Any, line: 
     assert_next_is_served(serve, served)
 
 
+@pytest.mark.quick_cases(8)
 @pytest.mark.parametrize("line", [line for line in BAD_LINES if line], ids=lambda line: repr(line[:12]))
 def test_a_bad_bare_command_is_answered_nan(serve: Any, line: bytes) -> None:
     served = serve()
@@ -407,6 +409,7 @@ def test_a_stopped_station_takes_no_more_clients_and_may_be_stopped_again(serve:
         serve.program(served).open_commands()
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="the limit is a Unix one")
 def test_out_of_file_descriptors_it_waits_and_goes_on() -> None:
     program = textwrap.dedent("""

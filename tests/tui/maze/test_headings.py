@@ -127,6 +127,7 @@ def test_the_heading_is_read_at_any_zoom(zoom: float) -> None:
     assert needles >= 8, "a wall close by cuts it off, a belief lies over it"
 
 
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize("zoom", [0.4, 0.8, 1.5, 3.0])
 @pytest.mark.parametrize("glyphs", [GlyphMode.QUADRANT, GlyphMode.HALF])
 def test_a_robot_smaller_than_a_cell_is_its_arrow(zoom: float, glyphs: GlyphMode) -> None:
@@ -218,6 +219,7 @@ def unpacked(color: int) -> tuple[int, int, int]:
     return color >> 16, (color >> 8) & 255, color & 255
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("glyphs", [GlyphMode.QUADRANT, GlyphMode.HALF, GlyphMode.ASCII])
 def test_a_held_block_is_ahead_of_the_robot(glyphs: GlyphMode) -> None:
     painter = Painter(glyphs, ColorDepth.TRUECOLOR)

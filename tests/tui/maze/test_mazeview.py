@@ -368,6 +368,7 @@ def test_the_look_goes_with_the_theme(course: Scene) -> None:
     in_app(steps)
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("glyphs", list(GlyphMode))
 def test_no_color_does_not_end_the_app(
     course: Scene, glyphs: GlyphMode, monkeypatch: pytest.MonkeyPatch

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
@@ -36,6 +36,7 @@ def backdrop_canvas(scene: Scene, zoom: float, glyphs: GlyphMode = GlyphMode.QUA
     return Canvas(painter.backdrop(scene, whole_maze(scene.maze, zoom), loud=False))
 
 
+@settings(max_examples=20)
 @given(
     ranges=st.lists(st.floats(0.1, 500.0), min_size=1, max_size=40),
     origin=st.tuples(st.floats(0.0, 36.0), st.floats(0.0, 24.0)),
@@ -52,6 +53,7 @@ def test_no_dot_lies_on_a_wall(
         assert not canvas.backdrop.has_wall[row, column]
 
 
+@settings(max_examples=20)
 @given(st.lists(st.floats(0.1, 2.9), min_size=1, max_size=40))
 def test_a_dot_in_the_open_is_exactly_where_its_beam_ended(plain_scene: Scene, ranges: list[float]) -> None:
     canvas = backdrop_canvas(plain_scene, 10.0)
