@@ -369,7 +369,7 @@ _ROOMS = {
 
 _CALL = re.compile("|".join(rf"{call}\(" for call in (*_PROBLEM_CALLS, _ERRORS)))
 _PART = re.compile(r"^(?=(?:class|def|async def|@)\b)", re.MULTILINE)
-"""Where a definition at the top of a module begins."""
+"""The beginning of a definition at the top of a module."""
 
 
 def _messages_of(path: Path) -> Iterator[str]:
@@ -378,9 +378,11 @@ def _messages_of(path: Path) -> Iterator[str]:
         return
     constants = _constants_of(path)
     # The modules as wholes would take three times as long.
-    parts = [part for part in _PART.split(text) if _CALL.search(part)]
-    trees = (tree for part in parts for tree in ast.walk(ast.parse(part)))
-    for function in trees:
+    try:
+        parts = [ast.parse(part) for part in _PART.split(text) if _CALL.search(part)]
+    except SyntaxError:  # a text with a definition in it
+        parts = [ast.parse(text)]
+    for function in (each for part in parts for each in ast.walk(part)):
         if not isinstance(function, ast.FunctionDef | ast.AsyncFunctionDef):
             continue
         names = _local_texts(function, constants)
