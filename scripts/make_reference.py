@@ -385,15 +385,22 @@ def _messages_of(path: Path) -> Iterator[str]:
     for function in (each for part in parts for each in ast.walk(part)):
         if not isinstance(function, ast.FunctionDef | ast.AsyncFunctionDef):
             continue
-        names = _local_texts(function, constants)
-        for node in ast.walk(function):
-            if isinstance(node, ast.Call) and node.args:
-                called = getattr(node.func, "id", "") or getattr(node.func, "attr", "")
-                # A method of another class may have the same name.
-                if len(node.args) > _PROBLEM_CALLS.get(called, math.inf):
-                    yield from _told(node.args[_PROBLEM_CALLS[called]], names, constants)
-                elif called.endswith(_ERRORS) and not called.startswith("_") and called not in _OF_PYTHON:
-                    yield from _told(node.args[0], names, constants)
+        if told := list(_messages_in(function)):
+            names = _local_texts(function, constants)
+            for node in told:
+                yield from _told(node, names, constants)
+
+
+def _messages_in(function: ast.AST) -> Iterator[ast.expr]:
+    """Arguments with the messages that a function reports."""
+    for node in ast.walk(function):
+        if isinstance(node, ast.Call) and node.args:
+            called = getattr(node.func, "id", "") or getattr(node.func, "attr", "")
+            # A method of another class may have the same name.
+            if len(node.args) > _PROBLEM_CALLS.get(called, math.inf):
+                yield node.args[_PROBLEM_CALLS[called]]
+            elif called.endswith(_ERRORS) and not called.startswith("_") and called not in _OF_PYTHON:
+                yield node.args[0]
 
 
 def _told(node: ast.expr, names: Texts, constants: Constants) -> Iterator[str]:

@@ -76,8 +76,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def pytest_collection_finish() -> None:
-    """What has been imported and collected stays: garbage collections that visited it again would take a
-    sixth of the time of all tests."""
+    """Imported modules and collected tests stay: garbage collections that visit them take a sixth of all
+    time."""
     gc.collect()
     gc.freeze()
 

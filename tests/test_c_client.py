@@ -106,7 +106,7 @@ int main(void) {
 """
 
 
-@pytest.mark.quick_cases(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_grids_in_c_arrive(language: str, tmp_path: Path) -> None:
     source, log = tmp_path / "program.c", tmp_path / "run.jsonl"

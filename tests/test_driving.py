@@ -571,7 +571,7 @@ def mission(
     ("commands", "looks", "limits"),
     [
         (("vv-6;0;0", "wt-12"), 7, {"contacts": 2, "time_limit": 10.0}),
-        (("vv-3;0;9", "wt-20"), 7, {"contacts": 0, "time_limit": 40.0}),
+        (("vv-6;0;0", "wt-12"), 7, {"contacts": 0, "time_limit": 40.0}),
         (("vv-3;0;9", "wt-20"), 37, {"contacts": 2, "time_limit": 40.0}),
         (("vv-2;1;0", "wt-15"), 37, {"contacts": 2, "time_limit": 40.0}),
         (("vv-6;0;0", "wt-60"), 37, {"contacts": 2, "time_limit": 40.0}),

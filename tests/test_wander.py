@@ -296,6 +296,7 @@ def test_an_interrupt_ends_it_with_exit_code_0(
     assert capsys.readouterr().out.endswith("stopped after 2 steps\n")
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("place", ["clone", "beside"])
 def test_it_runs_as_a_program_where_the_package_is_not_installed(place: str, tmp_path: Path) -> None:
     script = SCRIPT

@@ -200,6 +200,7 @@ def test_files_are_offered_where_a_file_is_named() -> None:
     }
 
 
+@pytest.mark.quick_cases(4)
 @pytest.mark.parametrize(
     ("words", "expected"),
     [

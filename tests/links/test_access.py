@@ -350,6 +350,7 @@ def test_without_the_token_there_is_a_clean_end_and_a_line(
         assert robot.read("u1") > 0
 
 
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize("purpose", PORTS)
 def test_one_that_says_nothing_or_leaves_holds_nobody_up(served: Callable[..., Served], purpose: str) -> None:
     running = served(server__token=TOKEN)

@@ -314,6 +314,7 @@ def test_a_robot_that_is_silent_is_not_waited_for(stage: Callable[..., Scene]) -
         assert scene.robot.lines[-1] == line
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("blocked", [False, True])
 def test_the_robots_thread_stops_it_when_keys_go_silent(stage: Callable[..., Scene], blocked: bool) -> None:
     links: list[ThreadNotingLink] = []

@@ -134,6 +134,7 @@ def test_a_flood_on_one_port_holds_up_no_other_and_not_the_end(
         assert not running.server.running
 
 
+@pytest.mark.slow
 def test_many_floods_share_one_turn_and_all_get_theirs(served: Callable[..., Served]) -> None:
     running = served()
     line = b'{"x":1,"y":2,"heading":%d}\n'

@@ -732,7 +732,7 @@ def test_a_small_screen_shows_one_page_at_a_time(fly: Fly) -> None:
     fly(scenario, size=(80, 24))
 
 
-@pytest.mark.quick_cases(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "glyphs",
     [

@@ -13,7 +13,7 @@ from simmer_tui.tui.panes import PanelKind
 Fly = Callable[..., Any]
 
 
-@pytest.mark.quick_cases(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("options", [{}, {"mission": True}], ids=["plain", "mission"])
 def test_a_made_up_panel_is_drawn(fly: Fly, monkeypatch: pytest.MonkeyPatch, options: dict[str, Any]) -> None:
     battery = PanelKind("battery", 2, lambda snapshot, room: [(("battery full", "value"),)])

@@ -42,6 +42,7 @@ def started(*options: str) -> tuple[subprocess.Popen[str], list[str], list[int]]
     return process, links, ports
 
 
+@pytest.mark.slow
 @posix
 def test_links_are_printed_and_not_logged_and_the_end_comes_soon(tmp_path: Path) -> None:
     log = tmp_path / "run.jsonl"

@@ -34,6 +34,7 @@ def lines(served: Any) -> list[str]:
     return found
 
 
+@pytest.mark.quick_cases(9)
 @pytest.mark.parametrize(
     ("sent", "reply", "line"),
     [
@@ -128,6 +129,7 @@ def test_silent_connections_on_the_reply_port_end_and_hold_nobody_up(served: Ser
         assert [running.ask(b"[m0]") for _ in range(20)] == [b"[m0:0.0]"] * 20
 
 
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize("purpose", [PACKETS.purpose, PACKET_REPLIES.purpose])
 @pytest.mark.parametrize("sent", [b"", b"[m1", b"[m1]"])
 def test_resets_on_either_port_are_harmless(served: Serve, purpose: str, sent: bytes) -> None:

@@ -107,6 +107,7 @@ def test_the_frame_around_the_maze_is_its_outer_wall(course: Scene) -> None:
     in_app(steps, glyphs=GlyphMode.ASCII, depth=ColorDepth.NONE)
 
 
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize(
     ("size", "zoom"), [((40, 12), 4), ((66, 18), 8), ((82, 22), 10), ((146, 38), 18), ((200, 60), 24)]
 )
