@@ -901,6 +901,7 @@ def test_a_grid_is_packed_from_an_array_or_from_lists(kind: str) -> None:
     assert parsed.pose == Pose(7.5, 1.5, -45.0)
 
 
+@pytest.mark.quick_cases(8)
 @pytest.mark.parametrize(
     ("arguments", "mistake"),
     [

@@ -415,8 +415,9 @@ def it_leaves(bench: Bench) -> None:
     bench.loop.run_until(bench.loop.now + 5.0)
 
 
-@pytest.mark.parametrize("timed", [False, True])
+@pytest.mark.quick_cases(4)
 @pytest.mark.parametrize("drive", [another_reads, a_person_intervenes, it_leaves])
+@pytest.mark.parametrize("timed", [False, True])
 def test_what_happens_during_a_wait_is_run_again(
     tmp_path: Path, timed: bool, drive: Callable[[Bench], None]
 ) -> None:

@@ -115,6 +115,7 @@ def test_emulator_loses_bytes_and_greets_repeatably(emulate: Emulate) -> None:
     assert b"firmware" in replies[0]
 
 
+@pytest.mark.slow
 @unix_only
 def test_emulator_is_the_robot_of_a_set(emulate: Emulate, tmp_path: Path) -> None:
     """Its readings, distances and durations are as the set says."""

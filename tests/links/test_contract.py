@@ -454,6 +454,7 @@ def test_stops_to_a_mute_robot_are_given_up_together(other_end: Any, course_spec
     check(other_end, course_spec, replace(QUICK, timeout=WAIT), steps)
 
 
+@pytest.mark.quick_cases(2)
 def test_a_stop_that_waits_for_a_closed_port_is_answered_for_but_never_given_up(
     other_end: Any, course_spec: SimulationSpec
 ) -> None:
@@ -548,6 +549,7 @@ def test_a_robots_scan_comes_in_pieces_after_a_greeting(other_end: Any, course_s
     check(other_end, with_lidar(course_spec), SLOW, steps)
 
 
+@pytest.mark.quick_cases(4)
 @pytest.mark.parametrize(
     ("form", "reply"),
     [

@@ -766,7 +766,7 @@ def test_every_size_draws_maze_and_status(fly: Fly, glyphs: GlyphMode) -> None:
 # -- what must not end it --------------------------------------------------------------------
 
 
-@pytest.mark.quick_cases(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("broken", "place"),
     [

@@ -6,6 +6,7 @@ import asyncio
 from collections.abc import Awaitable, Callable
 from dataclasses import replace
 
+import pytest
 from textual.app import App, ComposeResult
 from textual.pilot import Pilot
 
@@ -187,6 +188,7 @@ def test_a_seed_is_shown_whole() -> None:
     assert event_words(LogEntry(1, 0.0, done, first=1)).subject == "seed 310310069"
 
 
+@pytest.mark.slow
 def test_another_size_keeps_the_place() -> None:
     async def act(log: LogPanel, pilot: Pilot[None]) -> None:
         log.add(notices(1, 40, " and what there is to say of it at some length"))

@@ -59,7 +59,7 @@ def test_links_are_printed_and_not_logged_and_the_end_comes_soon(tmp_path: Path)
                 process.communicate(timeout=SECONDS)
             finally:
                 process.kill()
-        assert time.monotonic() - begun < 10  # of a busy machine; it takes 2 s at most by its own clock
+        assert time.monotonic() - begun < 30  # of a busy machine; it takes 2 s at most by its own clock
     text = log.read_text("utf-8")
     assert not any(word in text for word in words)
 

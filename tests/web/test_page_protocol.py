@@ -58,6 +58,7 @@ def test_the_page_asks_no_other_host_for_anything() -> None:
     assert not re.search(r"(src|href)=|@import|url\((?!#)", text.replace("http://www.w3.org", ""))
 
 
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize(
     "host", ["attacker.example", "localhost.attacker.example:80", "", "a b", "[::1", "x" * 300]
 )
@@ -291,6 +292,7 @@ def test_lines_and_keys_go_the_way_of_the_consoles() -> None:
         run.wait(lambda event: isinstance(event, CommandResult) and event.reading is not None)
 
 
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize(
     "line", [":quit", ":save /tmp/x", ":log auto", ":shot x.svg", ":robot /dev/ttyS0", ":report", ":web"]
 )
@@ -302,6 +304,7 @@ def test_programs_and_files_are_not_for_pages(line: str) -> None:
         assert run.server.running
 
 
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize("data", ["{", "[]", '{"line": 3}', '{"word": {"a": 1}}', "x" * 3000, b"\x00\xff"])
 def test_malformed_messages_end_only_their_sender(data: str | bytes) -> None:
     with page_run(web__control=True) as run, PageViewer(run) as other:
@@ -365,6 +368,7 @@ def join_as_a_page_does(run: PageRun) -> None:
 
 
 # A newcomer waits for 3 to 11 s in the system's queue, behind the flood.
+@pytest.mark.slow
 @pytest.mark.parametrize("newcomer", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_a_flood_on_the_port_holds_up_neither_viewers_nor_the_robot_nor_the_end(newcomer: bool) -> None:
     with page_run() as run, PageViewer(run) as watching:

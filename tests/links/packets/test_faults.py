@@ -38,6 +38,9 @@ def lines(served: Any) -> list[str]:
 @pytest.mark.parametrize(
     ("sent", "reply", "line"),
     [
+        (b"[w0:1e308]", b"[w0:False]", "beyond the limit"),
+        (b"[w0:]", b"[w0:False]", "the value is missing"),
+        (b"no brackets", struct.pack("<d", float("nan")), "no sensor or drive has the code"),
         (b"[\xff\xfeu0]", b"[??:Not Found]", "no sensor or drive has the code"),
         ("[ü0]".encode(), b"[??:Not Found]", "no sensor or drive has the code"),
         (b"[u0", b"[u0:Not Found]", "a packet ends with ]"),
@@ -49,11 +52,8 @@ def lines(served: Any) -> list[str]:
         (b"[ u0]", b"[ u:Not Found]", "no sensor or drive has the code"),
         (b"[w0:nan]", b"[w0:False]", "not a finite decimal number"),
         (b"[w0:inf]", b"[w0:False]", "not a finite decimal number"),
-        (b"[w0:1e308]", b"[w0:False]", "beyond the limit"),
         (b"[w0:abc]", b"[w0:False]", "not a finite decimal number"),
-        (b"[w0:]", b"[w0:False]", "the value is missing"),
         (b"[w0]", b"[w0:False]", "the value is missing"),
-        (b"no brackets", struct.pack("<d", float("nan")), "no sensor or drive has the code"),
         (b"\xff\xfe\x00", struct.pack("<d", float("nan")), "no sensor or drive has the code"),
     ],
 )
@@ -207,6 +207,7 @@ def test_a_hundred_connections_at_once_are_all_answered(
     assert not any("closed" in text for text in running.notices)
 
 
+@pytest.mark.slow
 def test_a_hundred_reads_at_once_all_end(served: Serve) -> None:
     running = served()
     with contextlib.ExitStack() as stack:

@@ -27,6 +27,7 @@ async def until_true(bench: Any, drive: str, pause: float) -> None:
         await bench.clock.pass_by(pause)
 
 
+@pytest.mark.slow
 def test_dead_reckoning_through_the_maze_ends_in_front_of_the_block(on_clock: Any) -> None:
     async def scenario(bench: Any) -> list[bytes]:
         bench.simulator.noise = False

@@ -18,14 +18,17 @@ from simmer_tui.events import MovementEnded
 
 BAD_LINES = [
     b"",
-    b"\r",
     b"u",
     b"zz",
+    b"d1-",
+    b"d1-nan",
+    b"\xff\xfe\xfd",
+    b"x" * 5000,
+    b"d1-\xd9\xa3",
+    b"\r",
     b"u9",
     b"d1",
-    b"d1-",
     b"d1-abc",
-    b"d1-nan",
     b"d1-inf",
     b"d1--inf",
     b"d1-1e400",
@@ -34,13 +37,10 @@ BAD_LINES = [
     b"d1-1_000",
     b"\x00",
     b"\x00\x00\x00",
-    b"\xff\xfe\xfd",
     b"d1-\x00",
-    b"d1-\xd9\xa3",
     b"\x1b[2J[/x]",
     b"x" * 256,
     b"x" * 257,
-    b"x" * 5000,
 ]
 
 

@@ -18,6 +18,7 @@ def test_replies_are_those_of_the_simulator_bit_for_bit(serve: Any) -> None:
         assert got == expected or (math.isnan(got) and math.isnan(expected)), text
 
 
+@pytest.mark.quick_cases(4)
 @pytest.mark.parametrize(
     ("reply_format", "byte_order", "layout"),
     [
@@ -73,7 +74,7 @@ def test_a_command_over_several_segments(serve: Any) -> None:
     assert program.number() == twin.execute("u1").reply
 
 
-@pytest.mark.quick_cases(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("ending", [b"\r\n", b"\n"])
 def test_a_thousand_commands_in_one_segment(serve: Any, ending: bytes) -> None:
     served = serve()

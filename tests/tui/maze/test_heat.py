@@ -131,6 +131,7 @@ def test_without_tints_small_cells_have_tenths() -> None:
 HEAT = mark(of_cells(1.0))
 
 
+@pytest.mark.quick_cases(8)
 @pytest.mark.parametrize("depth", list(ColorDepth))
 @pytest.mark.parametrize("glyphs", list(GlyphMode))
 def test_every_terminal_shows_it(glyphs: GlyphMode, depth: ColorDepth) -> None:

@@ -310,6 +310,7 @@ def test_only_changed_spans_are_refreshed(course: Scene) -> None:
     in_app(steps, (66, 18))
 
 
+@pytest.mark.slow
 def test_resizing_keeps_zoom_follow_and_scene(large: Scene) -> None:
     async def steps(pilot: Pilot[None], view: Spy) -> None:
         view.show(large)

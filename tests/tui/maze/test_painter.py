@@ -402,7 +402,7 @@ coordinates = st.floats(-60, 90) | st.sampled_from([0.0, 12.0, 24.0, 36.0, math.
 
 
 @pytest.mark.slow
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(
     x=coordinates,
     y=coordinates,
