@@ -117,6 +117,7 @@ def test_its_port_is_a_setting_that_check_and_doctor_know(
     assert "ports     0, 0 are free" in capsys.readouterr().out, "its own, and that for beliefs"
 
 
+@pytest.mark.slow
 def test_a_program_that_speaks_it_is_served_logged_reported_and_calibrated_from(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -104,6 +104,7 @@ def test_only_what_is_new_is_handed_out_and_readings_are_folded(run: Run) -> Non
     assert run.recorder.number == 3
 
 
+@pytest.mark.slow
 def test_events_readings_and_movements_are_bounded(run: Run) -> None:
     snapshot = run.give(*["u1", "r1-1"] * (EVENTS // 2 + 10))
     assert len(snapshot.entries) == EVENTS

@@ -287,6 +287,7 @@ def test_continuous_motion_is_taken_over_at_every_command(velocity_log: Path, tm
                 assert run_rerun([str(log)]) == 0
 
 
+@pytest.mark.slow
 def test_ports_that_are_taken_are_others(tmp_path: Path) -> None:
     path = tmp_path / "run.jsonl"
     mission_log(path)
