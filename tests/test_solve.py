@@ -200,10 +200,10 @@ def test_looking_past_a_place_rules_out_a_block_there(finder: Any) -> None:
     assert finder.weights[~on_the_ray].sum() == pytest.approx(1.0, abs=0.001)
 
 
-@pytest.mark.slow
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("block", [(10.0, 41.0), (4.0, 44.0), (20.0, 27.0)])
 def test_a_sweep_finds_the_block(finder: Any, block: tuple[float, float]) -> None:
-    for heading in range(90, 360, 12):
+    for heading in range(90, 360, 6):
         look(finder, block, (18.0, 36.0, heading))
     assert finder.place == pytest.approx(block, abs=0.8)
     assert finder.spread < 0.8
