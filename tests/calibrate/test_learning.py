@@ -35,7 +35,7 @@ KEPT = Path(__file__).with_name("kept_answer.json")
 
 @pytest.fixture(scope="module")
 def written(logged: Logged, found: Fit, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """What the command writes. Its estimates from the log are those of `found`, which take a second."""
+    """The files that the command writes, with the estimates of `found`, which take a second."""
 
     def known(run: MeasuredRun, *, seed: int, progress: Progress) -> Fit:
         assert (run.names, run.stops, seed) == (found.run.names, found.run.stops, 0)
