@@ -5,12 +5,13 @@ from __future__ import annotations
 import ast
 import gc
 import json
+import math
 import os
 import signal
 import sys
 import threading
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -44,6 +45,43 @@ hypothesis.settings.register_profile("suite", deadline=None, derandomize=True, m
 hypothesis.settings.load_profile("suite")
 
 GOLDEN = Path(__file__).parent / "golden"
+BEGAN = pytest.StashKey[float]()
+
+
+def cpu_seconds() -> float:
+    """CPU time of this process and of its children that have ended, seconds."""
+    return sum(os.times()[:4])
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--cpu", type=int, default=0, metavar="N", help="list the N tests that cost most CPU")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    item.stash[BEGAN] = cpu_seconds()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(
+    item: pytest.Item, call: pytest.CallInfo[None]
+) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    report = yield
+    if call.when == "teardown":  # workers hand attributes of reports over to their controller
+        vars(report)["cpu_seconds"] = cpu_seconds() - item.stash.get(BEGAN, math.inf)
+    return report
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    most = terminalreporter.config.getoption("cpu")
+    reports = [each for of_kind in terminalreporter.stats.values() for each in of_kind]
+    cost = {each.nodeid: each.cpu_seconds for each in reports if hasattr(each, "cpu_seconds")}
+    if most and cost:
+        terminalreporter.section(
+            f"{sum(cost.values()):.0f} s of CPU in {len(cost)} tests; the {most} longest"
+        )
+        for name, seconds in sorted(cost.items(), key=lambda each: -each[1])[:most]:
+            terminalreporter.line(f"{seconds:6.2f} s  {name}")
 
 
 def pytest_ignore_collect(collection_path: Path) -> bool | None:

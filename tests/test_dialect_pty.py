@@ -324,7 +324,7 @@ def test_env_writes_for_each_shell(tmp_path: Path, capsys: pytest.CaptureFixture
     assert main([*words, "--form", "sh"]) == 0
     answer = capsys.readouterr()
     shell = f"{answer.out}\necho $SIMMER_SERIAL_NAMES $SIMMER_DIALECT_PORT"
-    ended = subprocess.run(["sh", "-c", shell], capture_output=True, text=True, timeout=300, check=True)
+    ended = subprocess.run(["/bin/sh", "-c", shell], capture_output=True, text=True, timeout=300, check=True)
     assert ended.stdout == "COM6,COM8 9003\n"
     assert main([*words, "--form", "powershell"]) == 0
     assert "$env:SIMMER_SERIAL_NAMES = 'COM6,COM8'" in capsys.readouterr().out

@@ -76,7 +76,8 @@ def test_bytes_that_are_no_text_and_lines_without_an_end_are_taken() -> None:
 @posix
 def test_a_child_that_keeps_the_output_open_does_not_hold_the_exit_code_back() -> None:
     heard = Heard()
-    code = "import subprocess, sys; subprocess.Popen(['sleep', '5'], start_new_session=True); sys.exit(4)"
+    code = "import subprocess, sys; subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(5)'], "
+    code += "start_new_session=True); sys.exit(4)"
     program = heard.run(code)
     assert heard.code() == 4
     program.end()
@@ -236,9 +237,9 @@ def test_processes_without_its_environment_end_too(
         f"import os, sys, time; {first}; hold = open({lifeline.path!r}, 'w'); "
         "print('up', file=hold, flush=True); time.sleep(600)"
     )
-    bare = ["env", "-i", sys.executable, "-c", code]
+    bare = [sys.executable, "-c", code]
     program = tmp_path / "program.py"
-    program.write_text(f"import subprocess, time; subprocess.{starter}({bare!r}); time.sleep(600)")
+    program.write_text(f"import subprocess, time; subprocess.{starter}({bare!r}, env={{}}); time.sleep(600)")
     # A simulator of its own: only a process that runs one program and nothing else adopts what it leaves.
     simulator = start_simulator(program)
     lifeline.wait_for(1)
@@ -314,7 +315,7 @@ def test_signals_are_to_a_program_what_they_are_to_others() -> None:
     assert heard.line().startswith("<built-in function default_int_handler> ")
     first.end()
     heard = Heard()
-    command = shlex.join(["sh", "-c", "kill -PIPE $$; sleep 600"])
+    command = shlex.join(["/bin/sh", "-c", "kill -PIPE $$; read nothing"])
     program = Program(command, {}, heard.codes.put, heard.lines.put)
     assert heard.code() == 128 + signal.SIGPIPE
     program.end()

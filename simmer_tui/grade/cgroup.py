@@ -31,7 +31,7 @@ class ControlGroup:
     @property
     def entry(self) -> list[str]:
         """Words before a command that start it in the group."""
-        return ["sh", "-c", 'echo 0 > "$0" && exec "$@"', str(self.path / "cgroup.procs")]
+        return ["/bin/sh", "-c", 'echo 0 > "$0" && exec "$@"', str(self.path / "cgroup.procs")]
 
     def limit(self, memory: int, processes: int) -> None:
         """Set the limits: bytes of memory, number of processes and threads. Raises OSError."""

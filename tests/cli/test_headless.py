@@ -344,7 +344,7 @@ def test_standard_streams_closed_at_the_start_are_no_fault(tmp_path: Path, close
     command = [sys.executable, "-m", "simmer_tui", "--no-ui", "--port", "0", "--log", str(log)]
     command += ["--run", python(asks)]
     done = subprocess.run(
-        ["sh", "-c", f"{shlex.join(command)} {closed}"],
+        ["/bin/sh", "-c", f"{shlex.join(command)} {closed}"],
         stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,
@@ -354,7 +354,7 @@ def test_standard_streams_closed_at_the_start_are_no_fault(tmp_path: Path, close
     if "1>&-" not in closed:
         assert "verdict" not in done.stdout
     report = subprocess.run(
-        ["sh", "-c", f"{shlex.join([sys.executable, '-m', 'simmer_tui', 'report', str(log)])} {closed}"],
+        ["/bin/sh", "-c", f"{shlex.join([sys.executable, '-m', 'simmer_tui', 'report', str(log)])} {closed}"],
         capture_output=True,
         text=True,
         timeout=SECONDS,
@@ -682,6 +682,6 @@ def test_a_log_deleted_in_a_short_run_is_told_at_the_end(tmp_path: Path) -> None
 
 
 def test_a_program_that_sends_nothing_has_not_succeeded() -> None:
-    code, _, err = ended("--run", "true")
+    code, _, err = ended("--run", shlex.join([sys.executable, "-c", ""]))
     assert (code, "simmer-tui: nothing was sent" in err.splitlines()) == (1, True)
     assert err.splitlines()[-1].endswith("because the program sent no command at all.")

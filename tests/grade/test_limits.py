@@ -135,7 +135,9 @@ def test_control_group_has_the_limits_of_a_run(tmp_path: Path) -> None:
         "cpu.max": "100000 100000",
     }
     assert group.processor_time() == 2.5
-    done = subprocess.run([*group.entry, "echo", "in it"], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [*group.entry, sys.executable, "-c", "print('in it')"], capture_output=True, text=True, check=True
+    )
     assert (done.stdout, (tmp_path / "cgroup.procs").read_text()) == ("in it\n", "0\n")
 
 

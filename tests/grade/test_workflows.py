@@ -7,6 +7,7 @@ import os
 import re
 import resource
 import shlex
+import shutil
 import socket
 import subprocess
 import sys
@@ -98,6 +99,11 @@ def test_container_has_no_network_and_sees_nothing_of_the_grading(tmp_path: Path
     assert words[words.index("--pids-limit") + 1] == "64"
 
 
+without_timeout = pytest.mark.skipif(
+    shutil.which("timeout") is None, reason="a container's time limit is that of timeout, of coreutils"
+)
+
+
 def _engine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A podman that starts the command of a container here, and notes what it does not start."""
     engine = tmp_path / "bin" / "podman"
@@ -121,6 +127,7 @@ os.execvp(command[0], command)
 
 
 @pytest.mark.slow
+@without_timeout
 def test_container_ends_by_itself_when_nobody_ends_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -133,10 +140,17 @@ def test_container_ends_by_itself_when_nobody_ends_it(
     monkeypatch.setattr("simmer_tui.grade.sandbox.HOME", str(tmp_path / "home"))
     with contextlib.closing(Container("podman", "x", files, Limits(time=2.0))) as container:
         container.take("127.0.0.1", PortRequest(0, "x", "")).close()
-        container.start("sleep 600", {}, lambda code: ended.set(), lambda line: None, ProgramOutput())
+        container.start(
+            shlex.join([sys.executable, "-c", "import time; time.sleep(600)"]),
+            {},
+            lambda code: ended.set(),
+            lambda line: None,
+            ProgramOutput(),
+        )
         assert ended.wait(20)
 
 
+@without_timeout
 def test_processes_of_a_container_are_counted_by_its_engine(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
