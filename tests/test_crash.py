@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from simmer_tui.program import ProgramOutput
-from simmer_tui.program.crash import Crash, crash_of, own_frames
+from simmer_tui.program.crash import crash_of, own_frames
+from simmer_tui.program.crash_parts import Crash
 
 TRACEBACK = "Traceback (most recent call last):\n"
 OWN = '  File "/home/a/robot.py", line 12, in step\n    return seen["u9"]\n'
@@ -29,7 +30,65 @@ MATLAB = "Error using robot>step (line 3)\nNot enough input arguments.\n"
 SANITIZER = (
     "==7==ERROR: AddressSanitizer: heap-buffer-overflow on address 0x1\n    #0 0x5 in main /x/robot.c:12:3\n"
 )
+COLOURED = (
+    '  File \x1b[35m"/home/a/robot.py"\x1b[0m, line \x1b[35m12\x1b[0m, in \x1b[35mstep\x1b[0m\n'
+    "    \x1b[31mseen\x1b[0m\x1b[1;31m['u9']\x1b[0m\n\x1b[1;35mKeyError\x1b[0m: \x1b[35m'u9'\x1b[0m\n"
+)
+RICH = """\
+╭───────────────────── Traceback (most recent call last) ──────────────────────╮
+│ /home/a/a folder with a rather long name/another folder with a rather long   │
+│ name/robot.py:12 in <module>                                                 │
+│                                                                              │
+│ ❱ 12 step()                                                                  │
+│      13                                                                      │
+│ ╭───────── locals ─────────╮                                                 │
+│ │ place = "/x/other.py:99" │                                                 │
+│ ╰──────────────────────────╯                                                 │
+│                                                                              │
+│ /opt/venv/lib/python3.13/site-packages/textual/drivers/of_a_library_with_a_l │
+│ ong_name.py:393 in run                                                       │
+│                                                                              │
+│ ❱ 393 │   raise KeyError("u9")                                               │
+╰──────────────────────────────────────────────────────────────────────────────╯
+KeyError: 'u9'
+"""
+IN_ASCII = str.maketrans("╭╮╰╯─│❱", "++++-|>")
+IPYTHON = """\
+---------------------------------------------------------------------------
+KeyError                                  Traceback (most recent call last)
+File ~/robot.py:12
+      9 def step():
+---> 12     {}['u9']
+
+KeyError: 'u9'
+"""
+IPYTHON_7 = IPYTHON.replace("File ~/robot.py:12", "~/robot.py in <module>")
+PERL_CALLS = "no wall at /x/robot.pl line 3.\n\tmain::step(1) called at /x/robot.pl line 9\n"
+DOTNET = "Unhandled exception. System.Exception: no wall\n   at Robot.Main() in /x/Robot.cs:line 3\n"
+JULIA = "ERROR: LoadError: no wall\nStacktrace:\n [1] top\nin expression starting at /x/robot.jl:3\n"
+TCL = 'no wall\n    while executing\n"step"\n    (file "/x/robot.tcl" line 3)\n'
 CASES = [
+    (1, TRACEBACK + COLOURED, "KeyError: 'u9'", "robot.py:12"),
+    (1, RICH, "KeyError: 'u9'", "robot.py:12"),
+    (1, RICH.translate(IN_ASCII), "KeyError: 'u9'", "robot.py:12"),
+    (1, IPYTHON, "KeyError: 'u9'", "robot.py:12"),
+    (1, IPYTHON_7, "KeyError: 'u9'", "robot.py:12"),
+    (1, "ERROR: KeyError: 'u9' in the end\n", "KeyError: 'u9' in the end", ""),
+    (1, "/x/robot.py:12: in step\n2026-01-01 CRITICAL ValueError('u9')\n", "ValueError('u9')", "robot.py:12"),
+    (255, "no wall at robot.pl line 3.\n", "no wall", "robot.pl:3"),
+    (255, "no wall at robot.pl line 3, <STDIN> line 7.\n", "no wall", "robot.pl:3"),
+    (255, PERL_CALLS, "no wall", "robot.pl:3"),
+    (1, "robot.sh: line 4: nosuch: unbound variable\n", "nosuch: unbound variable", "robot.sh:4"),
+    (2, "./robot.sh: 4: nosuch: parameter not set\n", "nosuch: parameter not set", "robot.sh:4"),
+    (2, "t.sh: line 1: syntax error near `then'\nt.sh: line 1: `if then'\n", "near `then'", "t.sh:1"),
+    (1, "lua: robot.lua:3: no wall\n", "no wall", "robot.lua:3"),
+    (1, "robot.rb:3:in `step': no wall (RuntimeError)\n\tfrom robot.rb:9\n", "(RuntimeError)", "robot.rb:3"),
+    (255, "PHP Fatal error:  Uncaught Exception: no wall in /x/r.php:3\n", "Exception: no wall", "r.php:3"),
+    (134, DOTNET, "System.Exception: no wall", "Robot.cs:3"),
+    (1, JULIA, "no wall", "robot.jl:3"),
+    (1, TCL, "no wall", "robot.tcl:3"),
+    (1, "Error in step() : no wall\nExecution halted\n", "no wall", ""),
+    (1, "Error: File: robot.m Line: 3 Column: 5\nInvalid expression.\n", "Invalid expression.", "robot.m:3"),
     (1, TRACEBACK + OWN + "KeyError: 'u9'\n", "KeyError: 'u9'", "robot.py:12"),
     (1, TRACEBACK + OWN + LIBRARY + "json.X: bad\n", "json.X: bad", "robot.py:12"),
     (1, TRACEBACK + OWN + COPY + "client.RobotError: bad\n", "client.RobotError: bad", "robot.py:12"),
@@ -68,7 +127,8 @@ def test_error_and_line_of_a_crash(code: int, stderr: str, error: str, place: st
     found = crash_of(code, stderr.splitlines(), ())
     assert found is not None
     assert (found.error.endswith(error), found.place) == (True, place), found
-    assert found.error.startswith("could not start") == (code in (2, 127))
+    could_not_start = code == 127 or "can't open" in stderr
+    assert found.error.startswith("could not start") == could_not_start
 
 
 def test_the_calls_of_an_error_leave_out_a_copy_of_our_client() -> None:
@@ -88,6 +148,15 @@ def test_an_error_on_standard_output_is_found_too() -> None:
     assert crash_of(1, (), (TRACEBACK + OWN + "KeyError: 1").splitlines()) == Crash(
         "KeyError: 1", "robot.py:12"
     )
+
+
+def test_lines_are_kept_without_their_colours() -> None:
+    output = ProgramOutput(lambda: 0.0)
+    output.stderr.add(f"{TRACEBACK}{COLOURED}\x1b]0;title\x07\x1b[?25hend\x1b[1;3".encode())
+    ended = output.end(1)
+    assert (ended.error, ended.place) == ("KeyError: 'u9'", "robot.py:12")
+    assert not any("\x1b" in line.text for line in ended.stderr)
+    assert ended.stderr[-1].text == "end"
 
 
 def test_floods_long_lines_and_bytes_that_are_no_text_are_bounded() -> None:

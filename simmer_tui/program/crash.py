@@ -8,13 +8,26 @@ from __future__ import annotations
 
 import re
 import signal
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from itertools import pairwise
-from pathlib import PurePosixPath, PureWindowsPath
 
 from msgspec import Struct
 
 from simmer_tui.events import NOT_STARTED
+from simmer_tui.program.crash_parts import (
+    Crash,
+    PrintedFrame,
+    file_name,
+    first_said,
+    frames_of,
+    from_the_end,
+    is_foreign,
+    is_own,
+    last_own,
+    places_of,
+    without_escapes,
+)
+from simmer_tui.program.script_errors import SCRIPTS, last_line_error
 
 # The length of the sentences in reports.
 _LONGEST = 200
@@ -33,27 +46,8 @@ _SIGNALS = {
 }
 _WINDOWS = {0xC0000005: "access violation", 0xC00000FD: "stack overflow", 0xC0000409: "aborted"}
 """Exit codes of Windows (NTSTATUS) for programs that the system has ended."""
-# Libraries and our own client: code that the user cannot correct.
-_FOREIGN = re.compile(
-    r"site-packages|dist-packages|<frozen |[/\\]lib[/\\]python3|\\Lib\\|[/\\]simmer_tui[/\\]|node_modules"
-    r"|^node:|[/\\]rustc[/\\]"
-)
-# `simmer-tui examples` writes our client library beside a program, as client.py. A team may have a file of
-# that name too; errors of ours are in the name of the exception.
-_COPY = re.compile(r"(?:^|[/\\])client\.py$")
-_COPY_RAISED = "client."
 NOT_FOUND, _NOT_RUN = 127, 126
 """Exit codes of shells for a command that is not found, and for one that cannot be run."""
-
-_Frame = tuple[str, str]
-"""File and line of a call, as they are printed."""
-
-
-class Crash(Struct, frozen=True):
-    """An error, and the last line of the program's own code before it (`robot.py:12`, or empty)."""
-
-    error: str
-    place: str = ""
 
 
 def crash_of(code: int, stderr: Sequence[str], stdout: Sequence[str]) -> Crash | None:
@@ -65,12 +59,18 @@ def crash_of(code: int, stderr: Sequence[str], stdout: Sequence[str]) -> Crash |
         stdout: Last lines of its standard output, where errors are looked for if there are none on the other.
     """
     for lines in (stderr, stdout):
-        stripped = [line.rstrip() for line in lines]
+        stripped = [without_escapes(line).rstrip() for line in lines]
         for find in _LANGUAGES if code else (_thread,):
             found = find(stripped)
             if found is not None:
                 return Crash(found.error[:_LONGEST].strip(), found.place)
-    return _signalled(code) or _shell(code, stderr)
+    found = _signalled(code) or _shell(code, stderr)
+    if found is None and code:
+        said = [
+            without_escapes(line).rstrip() for line in (stderr if any(map(str.strip, stderr)) else stdout)
+        ]
+        found = last_line_error(said)
+    return found and Crash(found.error[:_LONGEST].strip(), found.place)
 
 
 def signal_name(code: int) -> str:
@@ -92,44 +92,9 @@ def _shell(code: int, stderr: Sequence[str]) -> Crash | None:
     """A command that a shell did not find, or could not run, in the shell's own words."""
     if code not in (NOT_FOUND, _NOT_RUN):
         return None
-    printed = [line.strip() for line in stderr if line.strip()]
+    printed = [line.strip() for line in map(without_escapes, stderr) if line.strip()]
     default = "command not found" if code == NOT_FOUND else "the command cannot be run"
     return Crash(f"{NOT_STARTED}{printed[-1] if printed else default}"[:_LONGEST])
-
-
-def _name(path: str) -> str:
-    return (PureWindowsPath if "\\" in path else PurePosixPath)(path).name or path
-
-
-def _frames(pattern: re.Pattern[str], lines: Iterable[str]) -> list[_Frame]:
-    """The frames, file and line, in the lines that a pattern of these two groups matches."""
-    return [(found[1], found[2]) for found in map(pattern.match, lines) if found]
-
-
-def _places(pattern: re.Pattern[str], lines: Sequence[str]) -> list[int]:
-    """The places of the lines that a pattern matches."""
-    return [place for place, line in enumerate(lines) if pattern.match(line)]
-
-
-def _from_the_end(lines: Sequence[str]) -> Iterable[tuple[int, str]]:
-    """The lines with their places, the last one first."""
-    return reversed(list(enumerate(lines)))
-
-
-def _first_said(lines: Iterable[str]) -> str:
-    """The first line that is not blank; empty if there is none."""
-    return next((line.strip() for line in lines if line.strip()), "")
-
-
-def _is_own(file: str, error: str) -> bool:
-    """True if a file in the traceback of an error is the program's own."""
-    return not (_FOREIGN.search(file) or (error.startswith(_COPY_RAISED) and _COPY.search(file)))
-
-
-def _last_own(frames: Sequence[_Frame], error: str = "") -> str:
-    """The last of the frames, file and line, in the program's own code."""
-    own = [each for each in frames if _is_own(each[0], error)] or frames
-    return f"{_name(own[-1][0])}:{own[-1][1]}" if own else ""
 
 
 # -- Python ------------------------------------------------------------------------------------------
@@ -150,7 +115,7 @@ _FATAL = "Fatal Python error: "
 
 
 def _python(lines: Sequence[str]) -> Crash | None:
-    begins = _places(_TRACEBACK, lines)
+    begins = places_of(_TRACEBACK, lines)
     # A mistake in the program's own file has no traceback.
     if not begins:
         return _python_without_traceback(lines)
@@ -160,7 +125,7 @@ def _python(lines: Sequence[str]) -> Crash | None:
 
 def _exception(lines: Sequence[str], *, nested: bool = False) -> Crash | None:
     """The exception below the head of a traceback; `nested` in an exception group, which has a margin."""
-    frames: list[_Frame] = []
+    frames: list[PrintedFrame] = []
     for line in lines:
         shown = _GROUP.sub("", line) if nested else line
         if frame := _FRAME.match(line):
@@ -168,18 +133,18 @@ def _exception(lines: Sequence[str], *, nested: bool = False) -> Crash | None:
         elif nested and line.startswith(" ") and not _RAISED.match(shown):
             continue
         elif shown and not shown.startswith((" ", "\t")):
-            return Crash(shown, _last_own(frames, shown))
+            return Crash(shown, last_own(frames, shown))
     # Only the head has come: the output was cut.
-    return Crash("Traceback", _last_own(frames)) if frames else None
+    return Crash("Traceback", last_own(frames)) if frames else None
 
 
 def _python_without_traceback(lines: Sequence[str]) -> Crash | None:
-    for place, line in _from_the_end(lines):
+    for place, line in from_the_end(lines):
         if _SYNTAX.match(line):
-            return Crash(line, _last_own(_frames(_FRAME, lines[:place])[-1:]))
+            return Crash(line, last_own(frames_of(_FRAME, lines[:place])[-1:]))
         if line.startswith(_FATAL):
             # The most recent call is first.
-            return Crash(line.removeprefix(_FATAL), _last_own(_frames(_FRAME, lines[place:])[::-1]))
+            return Crash(line.removeprefix(_FATAL), last_own(frames_of(_FRAME, lines[place:])[::-1]))
         if _CANNOT_START.search(line):
             return Crash(f"{NOT_STARTED}{_INTERPRETER.sub('', line)}")
     return None
@@ -187,7 +152,7 @@ def _python_without_traceback(lines: Sequence[str]) -> Crash | None:
 
 def _thread(lines: Sequence[str]) -> Crash | None:
     """An error that ended a thread, but not the program: nothing drives the robot any more."""
-    begins = _places(_THREAD, lines)
+    begins = places_of(_THREAD, lines)
     return _python(lines[begins[-1] :]) if begins else None
 
 
@@ -205,15 +170,16 @@ class OwnFrame(Struct, frozen=True):
 
 def own_frames(stderr: Sequence[str]) -> tuple[OwnFrame, ...]:
     """Calls in the program's own code that led to its last Python exception, the innermost first."""
-    begins = _places(_TRACEBACK, stderr)
+    stderr = [without_escapes(line) for line in stderr]
+    begins = places_of(_TRACEBACK, stderr)
     lines = stderr[begins[-1] :] if begins else ()
     error = next((line for line in lines[1:] if line[:1].strip()), "")
     found = []
     for line, after in pairwise((*lines, "")):
         call = _CALL.match(line)
-        if call is not None and _is_own(call[1], error):
+        if call is not None and is_own(call[1], error):
             is_code = after.startswith("    ") and not (_CALL.match(after) or _MARKERS.match(after))
-            place = f"{_name(call[1])}:{call[2]}"
+            place = f"{file_name(call[1])}:{call[2]}"
             found.append(OwnFrame(place, call[3], after.strip() if is_code else ""))
     return tuple(reversed(found))
 
@@ -233,7 +199,7 @@ _GO = re.compile(r"^\s+(\S+\.go):(\d+)")
 
 
 def _compiled(lines: Sequence[str]) -> Crash | None:
-    for place, line in _from_the_end(lines):
+    for place, line in from_the_end(lines):
         for pattern, crash in _COMPILED:
             if found := pattern.match(line):
                 return crash(found, lines[place + 1 :])
@@ -241,11 +207,11 @@ def _compiled(lines: Sequence[str]) -> Crash | None:
 
 
 def _asserted(found: re.Match[str], rest: Sequence[str]) -> Crash:
-    return Crash(found[3], f"{_name(found[1])}:{found[2]}")
+    return Crash(found[3], f"{file_name(found[1])}:{found[2]}")
 
 
 def _sanitized(found: re.Match[str], rest: Sequence[str]) -> Crash:
-    return Crash(found[1], _last_own(_frames(_STACK, rest)[:1]))
+    return Crash(found[1], last_own(frames_of(_STACK, rest)[:1]))
 
 
 def _thrown(found: re.Match[str], rest: Sequence[str]) -> Crash:
@@ -254,12 +220,12 @@ def _thrown(found: re.Match[str], rest: Sequence[str]) -> Crash:
 
 
 def _rust_panic(found: re.Match[str], rest: Sequence[str]) -> Crash:
-    return Crash(f"panic: {found[1] or _first_said(rest)}", f"{_name(found[2])}:{found[3]}")
+    return Crash(f"panic: {found[1] or first_said(rest)}", f"{file_name(found[2])}:{found[3]}")
 
 
 def _go_panic(found: re.Match[str], rest: Sequence[str]) -> Crash:
-    own = [each for each in _frames(_GO, rest) if "/runtime/" not in each[0]]
-    return Crash(found[0], _last_own(own[:1]))
+    own = [each for each in frames_of(_GO, rest) if "/runtime/" not in each[0]]
+    return Crash(found[0], last_own(own[:1]))
 
 
 def _aborted(found: re.Match[str], rest: Sequence[str]) -> Crash:
@@ -292,7 +258,7 @@ _NODE_VERSION = re.compile(r"^Node\.js v\d")
 
 
 def _java(lines: Sequence[str]) -> Crash | None:
-    for place, line in _from_the_end(lines):
+    for place, line in from_the_end(lines):
         if _JAVA_START.match(line):
             return Crash(f"{NOT_STARTED}{line.removeprefix('Error: ')}")
         if found := _JAVA.match(line):
@@ -305,24 +271,24 @@ def _java(lines: Sequence[str]) -> Crash | None:
 def _node(lines: Sequence[str]) -> Crash | None:
     if not any(map(_NODE_VERSION.match, lines)):
         return None
-    heads = _frames(_NODE_HEAD, lines)
-    errors = _places(_NODE_ERROR, lines)
+    heads = frames_of(_NODE_HEAD, lines)
+    errors = places_of(_NODE_ERROR, lines)
     if errors:
         return _node_error(lines[errors[-1] :], heads)
     # A value that is no Error has no stack: it is below the line of carets.
-    thrown = _places(_CARETS, lines)
+    thrown = places_of(_CARETS, lines)
     said = next((line for line in lines[thrown[-1] + 1 :] if line), "") if thrown else ""
-    return Crash(said, _last_own(heads[-1:])) if said else None
+    return Crash(said, last_own(heads[-1:])) if said else None
 
 
-def _node_error(lines: Sequence[str], heads: Sequence[_Frame]) -> Crash:
+def _node_error(lines: Sequence[str], heads: Sequence[PrintedFrame]) -> Crash:
     """The error in the first line, with its stack below; `heads` are the places printed above it."""
-    own = [each for each in _frames(_NODE_FRAME, lines) if not _FOREIGN.search(each[0])]
+    own = [each for each in frames_of(_NODE_FRAME, lines) if not is_foreign(each[0])]
     missing = _NODE_MISSING.match(lines[0])
     # Without a require stack the missing module is the program itself.
     if missing and not own and not heads:
         return Crash(f"{NOT_STARTED}Cannot find module '{missing[1]}'")
-    return Crash(lines[0], _last_own((own or heads)[:1]))
+    return Crash(lines[0], last_own((own or heads)[:1]))
 
 
 # -- Octave and MATLAB ---------------------------------------------------------------------------------
@@ -341,15 +307,15 @@ def _octave(lines: Sequence[str]) -> Crash | None:
         return None
     place, error = errors[-1]
     if found := _OCTAVE_PARSE.match(error):
-        why = _first_said(lines[place + 1 :])
-        return Crash(f"parse error: {why}" if why else "parse error", f"{_name(found[2])}:{found[1]}")
+        why = first_said(lines[place + 1 :])
+        return Crash(f"parse error: {why}" if why else "parse error", f"{file_name(found[2])}:{found[1]}")
     if _OCTAVE_MISSING.match(error):
         return Crash(f"{NOT_STARTED}{error}")
-    frames = _frames(_OCTAVE_FRAME, lines[place:])
+    frames = frames_of(_OCTAVE_FRAME, lines[place:])
     # The innermost function is first; a nested one is printed as `outer>inner`.
     if frames:
         # A script of another folder, or with a name that is no variable's, is printed with its file.
-        name = _name(frames[0][0]).partition(">")[0].removesuffix(".m")
+        name = file_name(frames[0][0]).partition(">")[0].removesuffix(".m")
         return Crash(_OCTAVE_NEAR.sub("", error), f"{name}.m:{frames[0][1]}")
     near = _OCTAVE_NEAR.search(error)
     return Crash(error, f"line {near[1]}" if near else "")
@@ -363,9 +329,9 @@ def _matlab(lines: Sequence[str]) -> Crash | None:
     # "Error using" has its message below it; "Error in" has it above.
     near = lines[place + 1 :] if found[1] == "using" else reversed(lines[:place])
     error = next((line.strip("{} ") for line in near if line.strip("{} ")), "error")
-    return Crash(error, f"{_name(found[2])}.m:{found[3]}")
+    return Crash(error, f"{file_name(found[2])}.m:{found[3]}")
 
 
 _LANGUAGES: tuple[Callable[[Sequence[str]], Crash | None], ...] = (
-    *(_python, _node, _java, _compiled, _matlab, _octave),
+    *(_python, _node, _java, _compiled, _matlab, _octave, *SCRIPTS),
 )

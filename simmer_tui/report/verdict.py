@@ -11,7 +11,14 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from simmer_tui.events import NOT_CONNECTED, Goal, NoticeKind, ProgramEnded, Result
-from simmer_tui.phrases import capitalized, contacts_text, crash_text, place_text, program_end_text
+from simmer_tui.phrases import (
+    capitalized,
+    contacts_text,
+    crash_text,
+    last_output,
+    place_text,
+    program_end_text,
+)
 from simmer_tui.report.audit import audit
 from simmer_tui.report.cause_search import causes_of
 from simmer_tui.report.causes import Cause, Kind, Sureness
@@ -300,8 +307,15 @@ class _Judge:
                 return counted(count, name)
         if attempt.is_silent:
             return "no command was sent"
+        program = self._program
+        if program is not None and program.exit_code and not program.stopped:
+            # It has failed in its own opinion, and its last line says why at best.
+            said = last_output(program)
+            return f"it printed last: {said}" if said else "it printed nothing"
         wires = history.totals.wires
         done = counted(attempt.commands, "command") if attempt.commands else counted(wires, "serial message")
+        if program is not None and program.exit_code:
+            return f"{done} until then"
         is_counted = self._program is None and self._end().endswith(f" after {done}")
         return "nothing went wrong" if is_counted else f"{done}, nothing went wrong"
 

@@ -145,6 +145,23 @@ def test_what_is_sent_until_the_robot_has_stopped_is_not_refused(
     assert verdict(run).text.endswith(f" {worst}.")
 
 
+@pytest.mark.parametrize(
+    ("ended", "worst"),
+    [
+        (ProgramEnded(9.0, 1, stderr=(OutputLine(1.0, "no wall"),)), "it printed last: no wall"),
+        (ProgramEnded(9.0, 3), "it printed nothing"),
+        (ProgramEnded(9.0, 143, stopped=True), "1 command until then"),
+    ],
+)
+def test_a_program_that_failed_is_never_told_that_nothing_went_wrong(
+    start_run: Callable[..., Any], ended: ProgramEnded, worst: str
+) -> None:
+    run = start_run()
+    run.send("u1")
+    run.engine.tell(ended)
+    assert verdict(run).text.endswith(f"; {worst}.")
+
+
 def test_a_run_without_a_mission_has_its_end_and_its_worst(start_run: Callable[..., Any]) -> None:
     run = start_run()
     run.engine.tell(Notice(NoticeKind.CONNECTED, "client a connected", "a"))
