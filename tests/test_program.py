@@ -3,23 +3,27 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import os
 import queue
 import select
 import shlex
 import signal
+import socket
 import subprocess
 import sys
 import threading
 from collections.abc import Iterator
 from pathlib import Path
+from typing import ClassVar
 
 import pytest
 
+from simmer_tui.cli.command_line import say
 from simmer_tui.errors import ProgramError
 from simmer_tui.program import Keeper, Program, ProgramOutput, keeper
 from simmer_tui.program.program_command import console_variables, is_python, words_of
-from simmer_tui.program.program_output import OutputRoute
+from simmer_tui.program.program_output import OutputRoute, OutputTail, _Stream
 
 SECONDS = 120.0
 posix = pytest.mark.skipif(sys.platform == "win32", reason="signals and quoting are those of POSIX")
@@ -367,6 +371,45 @@ def console() -> Iterator[int]:
             os.dup2(before, each)
         for each in (*saved, ours, theirs):
             os.close(each)
+
+
+@posix
+def test_a_line_and_its_end_are_passed_on_in_one_write() -> None:
+    """Python without buffering writes them apart, and our own lines come between."""
+    ours, theirs = socket.socketpair(type=socket.SOCK_DGRAM)  # one message a write
+    source, program = os.pipe()
+
+    class Ending(OutputTail):
+        def add(self, data: bytes) -> None:
+            super().add(data)
+            if data == b"one":
+                os.write(program, b"\n")
+            elif data == b"a prompt: ":
+                os.write(program, b"")
+
+    stream = _Stream(source, Ending(lambda: 0.0), theirs.fileno(), None)
+    with ours, theirs:
+        for written, read in ((b"one", b"one\n"), (b"a prompt: ", b"a prompt: "), (b"x\ny\n", b"x\ny\n")):
+            os.write(program, written)
+            assert stream.pump()
+            assert ours.recv(100) == read
+        os.write(program, b"last")
+        os.close(program)
+        assert not stream.pump()
+        assert ours.recv(100) == b"last"
+    stream.close()
+
+
+def test_our_own_line_and_its_end_are_one_write() -> None:
+    class Written(io.StringIO):
+        writes: ClassVar[list[str]] = []
+
+        def write(self, text: str) -> int:
+            self.writes.append(text)
+            return len(text)
+
+    say("a line", Written())
+    assert Written.writes == ["a line\n"]
 
 
 @posix

@@ -10,7 +10,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rich.console import Console
 from rich.progress import TaskProgressColumn
 
 from simmer_tui.cli.command_line import (
@@ -22,6 +21,7 @@ from simmer_tui.cli.command_line import (
     add_value,
     print_answer,
     subcommand,
+    window_console,
     writing,
 )
 from simmer_tui.cli.log_options import add_large_option, allow_large, configuration_of
@@ -137,7 +137,7 @@ def _guide(options: argparse.Namespace) -> int:
         raise CalibrationError(f"{shown_path(log)} is there already: name another --out, or give it as LOG")
     with writing(CalibrationError, log):
         log.parent.mkdir(parents=True, exist_ok=True)
-    hold_session(configuration, log, Console())
+    hold_session(configuration, log, window_console())
     return _learn(guided_run(read_runs([log])), options)
 
 

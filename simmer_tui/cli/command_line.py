@@ -10,10 +10,12 @@ from collections.abc import Callable, Collection, Generator, Iterable, Mapping, 
 from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import partial
 from itertools import takewhile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn, TextIO
 
+from simmer_tui import platform_has
 from simmer_tui.config.device_trust import OPTION, TRUST, DeviceTrust
 from simmer_tui.config.mission_toml import OVERRIDDEN
 from simmer_tui.config.sets import DEFAULT_SET
@@ -31,6 +33,8 @@ from simmer_tui.sim.command import counted, escape, shown_passage, shown_path, t
 from simmer_tui.sim.rules import FlagRule, Rule, did_you_mean
 
 if TYPE_CHECKING:  # a run has no documents, and must start quickly
+    from rich.console import Console
+
     from simmer_tui.config.device_file import DeviceFile
     from simmer_tui.document.model import Document
 
@@ -85,7 +89,10 @@ _CODES: dict[type[SimmerError], ExitCode] = {
 def say(line: str, stream: TextIO | None = None) -> None:
     """Print a line at once, by default on standard error; a closed stream is no fault."""
     with suppress(OSError, ValueError):
-        print(line, file=stream or sys.stderr, flush=True)
+        target = stream or sys.stderr
+        # One write: between a line and its end another process could write.
+        target.write(f"{line}\n")
+        target.flush()
 
 
 def report(error: SimmerError, program: str = "simmer-tui") -> int:
@@ -277,6 +284,19 @@ class OneLineParser(argparse.ArgumentParser):
         formatter.add_text(self.epilog)
         return formatter.format_help()
 
+    def _get_formatter(self) -> argparse.HelpFormatter:
+        """A formatter as wide as the window, without argparse's COLUMNS."""
+        window = window_of(sys.stdout)
+        if window is None:
+            return super()._get_formatter()
+        usual = self.formatter_class
+        # Two columns less, as argparse has it.
+        self.formatter_class = partial(usual, width=window[0] - 2)  # type: ignore[call-arg]
+        try:
+            return super()._get_formatter()
+        finally:
+            self.formatter_class = usual
+
     def format_settings(self) -> str:
         """Help on the setting options only."""
         formatter = self._get_formatter()
@@ -427,11 +447,28 @@ def print_answer(document: Document, *, as_json: bool = False) -> None:
         print_json(document)
         return
     # Imported here because JSON and most commands need no rich.
-    from rich.console import Console
-
     from simmer_tui.document.as_terminal import print_document
 
-    print_document(document, Console())
+    print_document(document, window_console())
+
+
+def window_of(stream: TextIO | None) -> tuple[int, int] | None:
+    """Columns and rows of the terminal that a stream goes to; None if it goes to none."""
+    try:
+        return None if stream is None else platform_has.window_size(stream.fileno())
+    except (OSError, ValueError):  # no file of the system's, or a closed one
+        return None
+
+
+def window_console(*, stderr: bool = False) -> Console:
+    """A console of rich on a standard stream, as wide as the window. COLUMNS and LINES, which may be those of
+    another window, count only where there is none."""
+    from rich.console import Console
+
+    ignored = ("COLUMNS", "LINES") if window_of(sys.stderr if stderr else sys.stdout) else ()
+    return Console(
+        stderr=stderr, _environ={name: value for name, value in os.environ.items() if name not in ignored}
+    )
 
 
 def print_json(document: Document) -> None:

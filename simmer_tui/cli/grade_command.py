@@ -10,8 +10,6 @@ import secrets
 import shutil
 from pathlib import Path
 
-from rich.console import Console
-
 from simmer_tui.cli.command_line import (
     ExitCode,
     OneLineParser,
@@ -21,6 +19,7 @@ from simmer_tui.cli.command_line import (
     print_answer,
     say,
     subcommand,
+    window_console,
 )
 from simmer_tui.cli.trials_options import add_place_options, newest_folder, run_to_end
 from simmer_tui.config.settings import CLOCKS
@@ -205,7 +204,7 @@ def _resumed(options: argparse.Namespace) -> GradeFolder:
 
 def _run_all(folder: GradeFolder, options: argparse.Namespace) -> None:
     """Do the planned runs. Raises GradeError, TrialsError, ClusterError."""
-    console = Console(stderr=True)
+    console = window_console(stderr=True)
     with contextlib.ExitStack() as stack:
         source = here(folder, options.jobs or os.cpu_count() or 1)
         if options.dask is not None:

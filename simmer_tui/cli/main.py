@@ -108,8 +108,8 @@ def build_parser() -> OneLineParser:
 class _Help(argparse.RawDescriptionHelpFormatter):
     """Help with room for long options."""
 
-    def __init__(self, prog: str) -> None:
-        super().__init__(prog, max_help_position=32)
+    def __init__(self, prog: str, width: int | None = None) -> None:
+        super().__init__(prog, max_help_position=32, width=width)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

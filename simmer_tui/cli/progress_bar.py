@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from rich.console import Console
 from rich.progress import BarColumn, Progress, ProgressColumn, TextColumn
+
+from simmer_tui.cli.command_line import window_console
 
 
 def progress_bar(text: str, *columns: ProgressColumn, stays: bool = False) -> Progress:
@@ -14,7 +15,7 @@ def progress_bar(text: str, *columns: ProgressColumn, stays: bool = False) -> Pr
         columns: What stands behind the bar.
         stays: True to leave the bar on the screen at the end.
     """
-    console = Console(stderr=True)
+    console = window_console(stderr=True)
     return Progress(
         TextColumn(text, markup=False),
         BarColumn(),

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import select
 import selectors
 import sys
 import threading
@@ -20,6 +21,7 @@ from msgspec import Struct, field
 from simmer_tui import platform_has
 from simmer_tui.errors import ProgramError, is_disk_full, reason_of
 from simmer_tui.events import NOT_STARTED, OutputLine, ProgramEnded
+from simmer_tui.program.crash_parts import without_escapes
 
 if platform_has.POSIX:
     import fcntl
@@ -39,6 +41,9 @@ _AT_ONCE = 65536
 """Bytes read at once: a pipe of Linux holds as many."""
 
 
+# An interpreter writes both within microseconds; a person does not notice that a prompt comes later.
+_LINE_END = 0.01
+"""Seconds to wait for the rest of a line before a part of it is passed on."""
 _STDOUT, _STDERR = 1, 2
 """Descriptors of the standard streams (POSIX)."""
 
@@ -70,11 +75,12 @@ class OutputTail:
             self._open = last[:_LONGEST_LINE]
 
     def lines(self) -> list[OutputLine]:
-        """The last lines. Bytes that are no UTF-8 are written as `\\xff`."""
+        """The last lines, without the sequences that colour them. Bytes that are no UTF-8 are written as
+        `\\xff`."""
         with self._lock:
             found = [*self._lines, *([(self._now(), self._open)] if self._open else ())]
         return [
-            OutputLine(moment, line.removesuffix(b"\r").decode(errors="backslashreplace"))
+            OutputLine(moment, without_escapes(line.removesuffix(b"\r").decode(errors="backslashreplace")))
             for moment, line in found
         ]
 
@@ -100,7 +106,8 @@ class ProgramOutput:
             stopped: True if the simulator ended the program.
         """
         # Imported only when a program has ended: its patterns take a hundredth of the start.
-        from simmer_tui.program.crash import Crash, crash_of, signal_name
+        from simmer_tui.program.crash import crash_of, signal_name
+        from simmer_tui.program.crash_parts import Crash
 
         stderr, stdout = self.stderr.lines(), self.stdout.lines()
         found = (
@@ -141,6 +148,38 @@ class _Stream(Struct):
 
     def pump(self) -> bool:
         """Read the bytes that have come, and wait if there are none; False at the end."""
+        data = self._read()
+        ends = not data
+        if self.on_line is None:
+            data, ends = self._with_end_of_line(data)
+        if self.on_line is not None:
+            for line in self._lines(data):
+                self.on_line(without_escapes(line.decode(errors="replace")).rstrip())
+        elif self.target is not None and data:
+            # Nobody reads any more: the program gets the same error as without us.
+            return self._pass_on(data, self.target) and not ends
+        return not ends
+
+    def _with_end_of_line(self, data: bytes) -> tuple[bytes, bool]:
+        """Data with the end of its last line, if that comes at once, and True if the stream has ended.
+
+        Python without buffering writes a line and its end apart. Between them our own lines would come.
+        """
+        # Windows can wait for sockets only.
+        if not platform_has.POSIX:
+            return data, not data
+        until = time.monotonic() + _LINE_END
+        while data and not data.endswith(b"\n") and len(data) < _AT_ONCE:
+            if not select.select([self.source], [], [], max(until - time.monotonic(), 0.0))[0]:
+                break
+            more = self._read()
+            if not more:
+                return data, True
+            data += more
+        return data, not data
+
+    def _read(self) -> bytes:
+        """Bytes that have come, kept, and waited for if there are none; empty at the end."""
         with self.lock:
             try:
                 data = os.read(self.source, _AT_ONCE)
@@ -148,13 +187,7 @@ class _Stream(Struct):
                 data = b""
             if data:
                 self.tail.add(data)
-        if self.on_line is not None:
-            for line in self._lines(data):
-                self.on_line(line.decode(errors="replace").rstrip())
-        elif self.target is not None and data:
-            # Nobody reads any more: the program gets the same error as without us.
-            return self._pass_on(data, self.target)
-        return bool(data)
+        return data
 
     def close(self) -> None:
         """Close the descriptor."""
