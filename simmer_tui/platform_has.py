@@ -10,7 +10,9 @@ it is asked for as well.
 from __future__ import annotations
 
 import contextlib
+import itertools
 import os
+import stat
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -52,10 +54,67 @@ def lock_alone(descriptor: int) -> None:
 
 
 def data_folder() -> Path:
-    """The user's data folder on this platform, which may not exist yet."""
+    """The user's data folder on this platform, which may not exist yet. A user without a home directory has
+    one in the system's temporary folder."""
+    return _user_data_folder() or _temporary_data_folder()
+
+
+def home_notice() -> str:
+    """A sentence if this user has no home directory, as in a container that runs by a user's number; else
+    empty."""
+    if _user_data_folder() is not None:
+        return ""
+    who = user_name(user_id() or 0)
+    return f"user {who} has no home directory: runs are saved in {data_folder()}; HOME=FOLDER sets another"
+
+
+def expanded(name: str | Path) -> Path:
+    """A file's path with the home directory in place of `~`, if that is known."""
+    try:
+        return Path(name).expanduser()
+    except RuntimeError:
+        return Path(name)
+
+
+def _user_data_folder() -> Path | None:
     import platformdirs  # few runs need it, and a start should not wait for it
 
-    return platformdirs.user_data_path("simmer-tui", appauthor=False)
+    try:
+        folder = platformdirs.user_data_path("simmer-tui", appauthor=False)
+    except RuntimeError:
+        return None
+    # Older versions return a path with `~`, or one below an empty HOME.
+    return folder if folder.is_absolute() else None
+
+
+def _temporary_data_folder() -> Path:
+    import tempfile
+
+    try:
+        place = Path(tempfile.gettempdir())
+    except OSError:  # none can be written; who writes there says so
+        place = Path("/tmp")
+    own = user_id()
+    for number in itertools.count(1):
+        folder = place / (f"simmer-tui-{own}" if number == 1 else f"simmer-tui-{own}-{number}")
+        try:
+            status = folder.lstat()
+        except OSError:
+            break
+        # Anyone may make a folder of that name there, and write its files.
+        if stat.S_ISDIR(status.st_mode) and own in (None, status.st_uid):
+            break
+    return folder
+
+
+def window_size(descriptor: int) -> tuple[int, int] | None:
+    """Columns and rows of the terminal at a descriptor. None if there is no terminal, or if its size is not
+    known, as on a serial line."""
+    try:
+        columns, rows = os.get_terminal_size(descriptor)
+    except (OSError, ValueError):
+        return None
+    return (columns, rows) if columns > 0 and rows > 0 else None
 
 
 def user_id() -> int | None:

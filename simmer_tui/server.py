@@ -372,7 +372,9 @@ class Server:
         """
         from simmer_tui.runlog.writer import AUTO, auto_path
 
-        path = auto_path() if file == AUTO else Path(file).expanduser()
+        path = auto_path() if file == AUTO else platform_has.expanded(file)
+        if file == AUTO:
+            self._warn_of_home()
         log = self._log_to(path)
         # The new log is open: if that had failed, the earlier one would continue.
         self.stop_log()
@@ -410,6 +412,12 @@ class Server:
             self.warnings.append(f"this run is not saved: {error}")
         else:
             self.engine.watch(self.saved_run)
+            self._warn_of_home()
+
+    def _warn_of_home(self) -> None:
+        notice = platform_has.home_notice()
+        if notice and notice not in self.warnings:
+            self.warnings.append(notice)
 
     def _log_to(self, path: Path, file: Callable[[Path], LineFile] | None = None) -> RunLog:
         """A log of this run. Raises RunLogError."""

@@ -75,11 +75,11 @@ class Screen(FrontEnd):
         self._server.tell(Notice(NoticeKind.HINT, "browsers show this run: :web has the link"))
 
     def show(self) -> int:
-        from simmer_tui.tui.textual_internals import delta_updates
+        from simmer_tui.tui.textual_internals import delta_updates, run_app
 
         server, app = self._server, self._app
         with delta_updates():
-            code = app.run(mouse=self._settings.mouse)
+            code = run_app(app, mouse=self._settings.mouse)
         if app.fault:
             # A program that drives the robot must not lose its run with the screen.
             say(f"simmer-tui: the screen has failed: {app.fault}")

@@ -7,6 +7,7 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
 
+from simmer_tui import platform_has
 from simmer_tui.cli.command_line import OptionGroup, add_flag, add_trust_option, say
 from simmer_tui.errors import ConfigurationError, RunLogError
 from simmer_tui.runlog.reader import MOST_PACKED, MOST_UNPACKED, READS_LARGE
@@ -45,6 +46,8 @@ def log_of(options: argparse.Namespace) -> Path:
     if options.file is not None:
         named: Path = options.file
         return named
+    if notice := platform_has.home_notice():
+        say(notice)
     path = last_run()
     # On standard error: scripts read the answer on standard output.
     say(f"the last run: {shown_path(path)}")

@@ -13,7 +13,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from simmer_tui import platform_has
-from simmer_tui.cli.command_line import ExitCode, add_json_option, print_json, subcommand
+from simmer_tui.cli.command_line import ExitCode, add_json_option, print_json, subcommand, window_of
 from simmer_tui.config.device_trust import DeviceUse
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.sets import find_set
@@ -91,7 +91,19 @@ def _terminal(environment: Mapping[str, str]) -> Check:
     kind = f"TERM={escape_word(environment.get('TERM', '')) or '(not set)'}{inside}"
     if not (sys.stdin.isatty() and sys.stdout.isatty() and sys.stderr.isatty()):
         return True, f"none to draw on here, {kind}: run with --no-ui"
-    columns, rows = os.get_terminal_size()
+    columns, rows = window_of(sys.stderr) or shutil.get_terminal_size()
+    told = {name: environment.get(name) for name in ("COLUMNS", "LINES")}
+    wrong = [
+        f"{name}={escape_word(value)}"
+        for (name, value), true in zip(told.items(), (columns, rows), strict=True)
+        if value and value != str(true)
+    ]
+    if wrong:
+        names = " ".join(told)
+        return False, (
+            f"{columns} x {rows}, {kind}; {' and '.join(wrong)} in the environment "
+            f"{'is' if len(wrong) == 1 else 'are'} wrong, and not used here: unset {names}"
+        )
     if columns < SMALLEST_COLUMNS or rows < SMALLEST_ROWS:
         least = f"{SMALLEST_COLUMNS} x {SMALLEST_ROWS}"
         return False, f"{columns} x {rows}, {kind}: too small, make it {least} at least"
@@ -148,10 +160,21 @@ def _serial() -> str:
 
 
 def _runs() -> Check:
+    if notice := platform_has.home_notice():
+        return False, notice
     folder = saved_runs_folder()
-    # The first run makes the folder: until then its nearest parent is checked.
-    existing = next(path for path in (folder, *folder.parents) if path.exists())
-    fine = os.access(existing, os.W_OK)
+    # The first run makes the folder: until then its nearest parent is checked. In a folder of another user
+    # it may not even be asked for.
+    fine = True
+    for path in (folder, *folder.parents):
+        try:
+            path.lstat()
+        except FileNotFoundError:
+            continue
+        except OSError:
+            fine = False
+        fine = fine and os.access(path, os.W_OK)
+        break
     lack = "" if fine else ", which cannot be written"
     return fine, f"the last {BEFORE + 1} are saved in {folder}{lack}"
 

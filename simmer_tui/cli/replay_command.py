@@ -15,6 +15,7 @@ from simmer_tui.cli.command_line import (
     add_value,
     asking_nobody,
     has_terminal,
+    say,
     subcommand,
 )
 from simmer_tui.cli.log_options import add_device_options, add_log_argument, configuration_of, log_of
@@ -61,14 +62,16 @@ def run_replay(options: argparse.Namespace) -> int:
     choice = apply_choice(options.color, options.glyphs)
     # Imported here: Textual reads the environment variables that the choice has set.
     from simmer_tui.tui.replay import ReplayApp
-    from simmer_tui.tui.textual_internals import delta_updates
+    from simmer_tui.tui.textual_internals import delta_updates, run_app
 
     with log, delta_updates(), asking_nobody():
         app = ReplayApp(run, choice, follow=options.follow, devices=options.config)
-        app.run(mouse=run.configuration.settings.screen.mouse)
+        run_app(app, mouse=run.configuration.settings.screen.mouse)
+    if app.fault:
+        say(f"simmer-tui replay: the screen has failed: {app.fault}")
     if app.taken_over is not None:
         return _go_on(app.taken_over, options)
-    return app.return_code or 0
+    return ExitCode.PROBLEM if app.fault else app.return_code or 0
 
 
 def _take_over_at(path: Path, options: argparse.Namespace) -> int:

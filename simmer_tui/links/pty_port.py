@@ -10,7 +10,6 @@ import struct
 import sys
 from collections import deque
 from functools import cache
-from pathlib import Path
 
 from simmer_tui import platform_has
 from simmer_tui.errors import PortError, reason_of
@@ -38,7 +37,7 @@ class PtyDevice:
 
     def __init__(self, path: str) -> None:
         """Make one, and the link to it. Raises PortError."""
-        self.path = Path(path).expanduser().absolute()
+        self.path = platform_has.expanded(path).absolute()
         self._make()
         try:
             self._link()

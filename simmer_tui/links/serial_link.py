@@ -12,9 +12,9 @@ import json
 import threading
 import time
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Protocol
 
+from simmer_tui import platform_has
 from simmer_tui.config.settings import USUAL_BAUD
 from simmer_tui.links.port_list import close_port, explain, open_port
 from simmer_tui.links.serial_channel import SerialChannel, channel_for
@@ -156,7 +156,7 @@ class RecordedLink:
         self.name = link.name
         self._begun = time.monotonic()
         # Written line by line: the record is complete even if the run is killed.
-        self._file = Path(path).expanduser().open("w", encoding="utf-8", buffering=1)
+        self._file = platform_has.expanded(path).open("w", encoding="utf-8", buffering=1)
         self._file.write(json.dumps({"baud": baud}) + "\n")
         self._listener: LinkListener
 

@@ -12,6 +12,7 @@ from textual.events import Event, Key
 from textual.screen import Screen
 from textual.widget import Widget
 
+from simmer_tui import platform_has
 from simmer_tui.config.dialects import COMMANDS
 from simmer_tui.config.examples import EXAMPLE, example_command
 from simmer_tui.config.settings import ScreenSettings
@@ -308,7 +309,7 @@ class SimmerApp(Shell):
         self._write(name, screen_picture(rows_of(self.screen), dark=dark), "picture")
 
     def _write(self, name: str, text: str, what: str) -> None:
-        file = Path(name).expanduser()
+        file = platform_has.expanded(name)
         try:
             if file.is_file() and file.stat().st_size and file.resolve() not in self._written:
                 raise FileExistsError(0, f"{NOT_OVERWRITTEN}; name another file")

@@ -24,6 +24,9 @@ from simmer_tui.whole_file import write_whole
 # A file of a few KB, which is written again with every line.
 KEPT = 500
 """Lines kept in the history."""
+# As long as the longest path of a file on Linux. Each key draws the whole line again.
+_LONGEST_LINE = 4096
+"""Characters that the line holds."""
 
 
 def default_history_file() -> Path:
@@ -112,7 +115,7 @@ class _ConsoleInput(Input):
         if is_free and self._owner.again():
             return True
         if event.is_printable and event.character is not None:
-            self.replace(event.character, *self.selection)
+            self._type(event.character)
             return True
         action = _ACTIONS.get(event.key)
         return action is not None and await self.app.run_action(action, self)
@@ -122,13 +125,18 @@ class _ConsoleInput(Input):
         *lines, rest = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
         refusals = []
         for line in lines:
-            self.replace(line, *self.selection)
+            self._type(line)
             refusals.append(self._submit())
         if rest:
-            self.replace(rest, *self.selection)
+            self._type(rest)
         refused = [each for each in refusals if each]
         if len(refused) > 1 or (refused and not refusals[-1]):
             self._owner.show_error(f"{len(refused)} of {len(lines)} lines refused; first {refused[0]}")
+
+    def _type(self, text: str) -> None:
+        """Put text in place of the marked one, as far as there is room."""
+        begin, end = sorted(self.selection)
+        self.replace(text[: max(_LONGEST_LINE - len(self.value) + end - begin, 0)], begin, end)
 
     def on_mouse_up(self) -> None:
         """Copy marked text, as everywhere."""

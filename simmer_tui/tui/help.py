@@ -29,6 +29,7 @@ from simmer_tui.tui import key_table
 from simmer_tui.tui.key_table import KeyGroup, MazePane
 from simmer_tui.tui.sizes import PAGES
 from simmer_tui.tui.terminal_app import ALLOWING
+from simmer_tui.tui.textual_internals import as_plain
 
 # Textual would show these keys as arrows, which not every terminal has.
 _WORDS = ("up", "down", "left", "right")
@@ -131,7 +132,7 @@ class HelpScreen(ModalScreen[None]):
 
     def compose(self) -> ComposeResult:
         with VerticalScroll(id=self.FRAME) as frame:
-            frame.border_title, frame.border_subtitle = self._title, self._note
+            frame.border_title, frame.border_subtitle = map(as_plain, (self._title, self._note))
             yield Static(id=f"{self.FRAME}-text")
 
     def on_mount(self) -> None:
@@ -206,7 +207,7 @@ class CommandProvider(Provider):
 
     async def discover(self) -> Hits:
         for title, meaning, run, _ in self._choices():
-            yield DiscoveryHit(Content(title), run, text=title, help=meaning)
+            yield DiscoveryHit(Content(title), run, text=title, help=as_plain(meaning))
 
     async def search(self, query: str) -> Hits:
         matcher = self.matcher(query)
@@ -214,7 +215,7 @@ class CommandProvider(Provider):
             score = max(matcher.match(title), matcher.match(f"{title} {meaning}"))
             if score > 0:
                 ahead = _AHEAD if title.startswith(":") else 0.0
-                yield Hit(score + ahead, Content(title), run, text=title, help=meaning)
+                yield Hit(score + ahead, Content(title), run, text=title, help=as_plain(meaning))
 
     def _runner(self, action: str) -> IgnoreReturnCallbackType:
         return partial(self.app.run_action, action, self.app.screen_stack[0].query_one(MazePane))

@@ -36,7 +36,7 @@ from simmer_tui.tui.sizes import (
 )
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode, TerminalChoice
 from simmer_tui.tui.terminal_app import AsciiFilter, TerminalApp
-from simmer_tui.tui.textual_internals import FaultReporting, draw_at_once, forget_traceback
+from simmer_tui.tui.textual_internals import FaultReporting, draw_at_once
 from simmer_tui.tui.themes import THEMES, theme_name, themes, variables
 
 
@@ -193,8 +193,9 @@ class Shell(FaultReporting, TerminalApp):
         """Called when a snapshot is on the screen; its entries are those after the event `since`."""
 
     def fault_met(self, error: Exception) -> None:
-        """Keep a fault as one line, without a traceback: the server continues after the app's end."""
-        forget_traceback(self)
+        """Keep the first fault as one line: the server continues after the app's end."""
+        if self.fault:
+            return
         where = traceback.extract_tb(error.__traceback__)[-1:]
         place = "".join(f" ({Path(frame.filename).name}:{frame.lineno})" for frame in where)
         self.fault = f"{type(error).__name__}: {escape_passage(str(error))}{place}"

@@ -17,10 +17,11 @@ from rich.segment import Segment
 from textual import events
 from textual.app import App
 from textual.color import Color
+from textual.driver import Driver
 from textual.filter import LineFilter
 
 from simmer_tui.sim.command import counted
-from simmer_tui.tui.textual_internals import write_sequence
+from simmer_tui.tui.textual_internals import steady_driver, write_sequence
 
 # The bytes of base64 that xterm accepts, and many other terminals after it.
 _COMMON_LIMIT = 74_994
@@ -74,6 +75,10 @@ class TerminalApp(App[int]):
 
     paste_target: LineEditor | None = None
     """Receiver of pasted text, wherever the focus is."""
+
+    def get_driver_class(self) -> type[Driver]:
+        """The driver that no input of the terminal ends."""
+        return steady_driver(super().get_driver_class())
 
     async def on_event(self, event: events.Event) -> None:
         """Take keys and pastes for a line editor, and keys for a page, here, in the app's own queue."""

@@ -9,21 +9,36 @@ connection that saves two thirds of the bytes. The spans can go once Textual cro
 (Textualize/textual#5625), the styles cannot.
 """
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-from typing import Any
+import asyncio
+import os
+import select
+import signal
+import sys
+import threading
+import time
+from codecs import getincrementaldecoder
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
+from functools import partial
+from typing import IO, Any, cast
 
 import textual
 from rich.color import ColorSystem
 from rich.console import Console
 from textual._compositor import ChopsUpdate, LayoutUpdate
+from textual._xterm_parser import BRACKETED_PASTE_END, BRACKETED_PASTE_START, XTermParser
 from textual.app import App
+from textual.content import Content
+from textual.driver import Driver
+from textual.drivers._writer_thread import WriterThread
+from textual.events import Resize
 from textual.geometry import Size
 from textual.message import Message
 from textual.screen import Screen
 from textual.scroll_view import ScrollView
 from textual.strip import Strip
 
+from simmer_tui import platform_has
 from simmer_tui.tui.delta_writer import DeltaWriter
 
 # pyproject.toml pins it; a newer one needs a review of each function here.
@@ -120,12 +135,6 @@ def rows_of(screen: Screen[Any]) -> list[Strip]:
 # -- what is done ----------------------------------------------------------------------------------
 
 
-def forget_traceback(app: App[Any]) -> None:
-    """Print nothing after the app has ended by a fault; its caller reports it."""
-    # Textual would print them with the traceback when its screen is closed.
-    app._exit_renderables.clear()
-
-
 def write_sequence(app: App[Any], sequence: str) -> None:
     """Send a control sequence of our own to the terminal, between Textual's own."""
     if app._driver is not None:
@@ -140,14 +149,54 @@ def set_virtual_size(view: ScrollView, size: Size) -> None:
 
 
 class FaultReporting:
-    """Mixin for an app with a method for exceptions that Textual cannot continue from."""
+    """Mixin for an app with a method for exceptions that Textual cannot continue from.
+
+    They end the app with one line. Textual would first draw a traceback with all local variables, which can
+    fail in its turn, and `panic` would keep the exit code 0.
+    """
 
     def fault_met(self, error: Exception) -> None:
         """Called after Textual has stored it."""
 
     def _handle_exception(self, error: Exception) -> None:
-        super()._handle_exception(error)  # type: ignore[misc]
         self.fault_met(error)
+        super()._handle_exception(error)  # type: ignore[misc]
+
+    def _fatal_error(self) -> None:
+        self._close_messages_no_wait()  # type: ignore[attr-defined]
+
+    def panic(self, *renderables: object) -> None:
+        app = cast(App[Any], self)
+        error = sys.exc_info()[1]
+        # `_handle_exception` has called `fault_met`; other parts of Textual have not.
+        if app._exception is None:
+            app._exception = error if isinstance(error, Exception) else RuntimeError("Textual has given up")
+            app._return_code = 1
+            self.fault_met(app._exception)
+        app._close_messages_no_wait()
+
+
+def run_app(app: App[int], *, mouse: bool) -> int | None:
+    """Run an app that reports its faults. Returns the value it ended with; None after a fault.
+
+    Faults of the event loop and of the start are its own, too. The terminal is restored in any case.
+    """
+    try:
+        return app.run(mouse=mouse)
+    except Exception as error:  # noqa: BLE001 (any: the robot is served after it)
+        app._handle_exception(error)
+        driver = app._driver
+        if driver is not None:
+            with suppress(Exception):
+                driver.stop_application_mode()
+                driver.close()
+    return None
+
+
+def as_plain(text: str) -> str:
+    """Text for a parameter of Textual that would take it for markup. Its `escape` leaves `[/` unchanged
+    (Textualize/textual#6155); it can go with that."""
+    return cast(str, Content(text))
 
 
 class StillWhenClamped:
@@ -160,3 +209,217 @@ class StillWhenClamped:
         placing, self.placing = self.placing, True
         super()._scroll_update(virtual_size)  # type: ignore[misc]
         self.placing = placing
+
+
+# -- the terminal ------------------------------------------------------------------------------------
+
+# A key takes the app about 1 ms (measured), so these are worked off in a tenth of a second.
+_AHEAD = 100
+"""Messages of the terminal that may wait for the app. With more the terminal is not read for a moment."""
+# The longest sequence that Textual's parser waits for.
+_LONGEST_SEQUENCE = 32
+_SOON = 0.01
+"""Seconds until a full queue or a full terminal is tried again."""
+# As Textual's own. It also ends a lone Escape.
+_TICK = 0.1
+"""Seconds of silence after which the parser is asked again."""
+# Judged: a link pauses for less. Without an end every key, ctrl+Q too, would belong to the paste.
+_PASTE_ENDS = 3.0
+"""Seconds of silence after which a paste without an end has ended."""
+_READ = 1024
+"""Bytes of input that are read at once; the rest waits in the kernel."""
+_AT_ONCE = 8192
+"""Characters that are collected for one write, as the streams of Python do."""
+# Judged: more cells than the largest monitor shows with the smallest font. Each costs memory.
+_LARGEST = Size(1000, 500)
+
+
+def steady_driver(usual: type[Driver]) -> type[Driver]:
+    """The driver to use in place of Textual's usual one for this system: the same if it needs no mend."""
+    if sys.platform == "win32" or not (platform_has.POSIX and is_known_version(textual.__version__)):
+        return usual
+    from textual.drivers.linux_driver import LinuxDriver
+
+    return SteadyDriver if usual is LinuxDriver else usual
+
+
+if sys.platform != "win32" and platform_has.POSIX:
+    from textual.drivers import linux_driver
+    from textual.drivers.linux_driver import LinuxDriver
+
+    class SteadyDriver(LinuxDriver):
+        """Linux driver that no input ends, and that reports faults of the terminal to the app.
+
+        - Bytes that are no UTF-8 are replaced (Textualize/textual#6456). Sequences that the parser raises
+          errors for are left out.
+        - The window's size is the kernel's, not that of COLUMNS and LINES (Textualize/textual#6153).
+        - A terminal that does not take bytes at once is waited for (Textualize/rich#2492).
+        - Input that comes faster than the app works it off is read later.
+
+        The class can go once Textual does all of this; no version up to 8.2 does.
+        """
+
+        def __init__(self, app: App[Any], **options: Any) -> None:
+            super().__init__(app, **options)
+            self._output = sys.__stderr__.fileno() if sys.__stderr__ is not None else self.fileno
+            # Until the first event the app would ask rich, which asks COLUMNS and LINES.
+            self._size = self._size or self._get_terminal_size()
+            self._scale: tuple[Size | None, Size | None] = (None, None)
+            """Size of the window in cells and pixels, if the terminal has sent both."""
+            self._last_read = ""
+            """The last characters read; a mark of a paste may be cut in two."""
+            self._is_pasting = False
+            self._read_at = 0.0
+            self._sent = 0
+
+        def _get_terminal_size(self) -> tuple[int, int]:
+            return self._window(*super()._get_terminal_size())
+
+        def _window(self, columns: int, rows: int) -> tuple[int, int]:
+            """Size of the window, by default these columns and rows."""
+            size = platform_has.window_size(self._output) or platform_has.window_size(self.fileno)
+            columns, rows = size or (columns, rows)
+            return min(max(columns, 1), _LARGEST.width), min(max(rows, 1), _LARGEST.height)
+
+        def start_application_mode(self) -> None:
+            names = vars(linux_driver)
+            usual = names["WriterThread"]
+            names["WriterThread"] = partial(_SteadyWriter, failed=self._fail)
+            try:
+                super().start_application_mode()  # type: ignore[no-untyped-call]
+            finally:
+                names["WriterThread"] = usual
+            loop = self._loop
+            # Textual's own does nothing for a terminal that sends its size, too: see `_is_true_size`.
+            signal.signal(
+                signal.SIGWINCH, lambda *_: loop.is_closed() or loop.call_soon_threadsafe(self._tell_size)
+            )
+
+        def _tell_size(self) -> None:
+            size = Size(*self._get_terminal_size())
+            self.send_message(Resize(size, size))
+
+        def _fail(self, error: Exception) -> None:
+            """End the app by a fault of a thread."""
+            with suppress(RuntimeError):  # the app's loop has ended
+                self._loop.call_soon_threadsafe(self._app._handle_exception, error)
+
+        def _run_input_thread(self) -> None:
+            try:
+                self.run_input_thread()
+            except Exception as error:  # noqa: BLE001 (any: it ends the thread)
+                self._fail(error)
+
+        def run_input_thread(self) -> None:
+            decode = getincrementaldecoder("utf-8")("replace").decode
+            self._begin_parsing()
+            while not self.exit_event.is_set():
+                if select.select([self.fileno], [], [], _TICK)[0]:
+                    with suppress(BlockingIOError):  # another process has read it
+                        data = os.read(self.fileno, _READ)
+                        self._feed(decode(data))
+                        if not data:
+                            # Another process has made ctrl+D an end of input. A closed terminal is noticed
+                            # elsewhere.
+                            self.exit_event.wait(_TICK)
+                elif self._is_pasting and time.monotonic() - self._read_at > _PASTE_ENDS:
+                    self._feed(BRACKETED_PASTE_END)
+                self._process(lambda: self._parser.tick())
+
+        def _begin_parsing(self) -> None:
+            """Make a parser. One that has raised an error cannot continue."""
+            self._parser = XTermParser(self._debug)
+            self._set_scale()
+
+        def _set_scale(self) -> None:
+            self._parser.terminal_size, self._parser.terminal_pixel_size = self._scale
+            self._parser.mouse_pixels = None not in self._scale
+
+        def _feed(self, text: str) -> None:
+            self._read_at = time.monotonic()
+            seen = self._last_read + text
+            self._last_read = seen[1 - len(BRACKETED_PASTE_START) :]
+            begun, ended = seen.rfind(BRACKETED_PASTE_START), seen.rfind(BRACKETED_PASTE_END)
+            if begun != ended:
+                self._is_pasting = begun > ended
+            for piece in _pieces(text):
+                self._process(lambda piece=piece: self._parser.feed(piece))  # type: ignore[misc]
+
+        def _process(self, parse: Callable[[], Iterable[Message]]) -> None:
+            try:
+                messages = list(parse())
+            except Exception:  # noqa: BLE001 (any: the parser is not ours)
+                self._begin_parsing()
+                return
+            for message in messages:
+                self.process_message(message)
+
+        def process_message(self, message: Message) -> None:
+            if isinstance(message, Resize):
+                if not self._is_true_size(message):
+                    self._set_scale()
+                    return
+                self._scale = message.size, message.pixel_size
+            super().process_message(message)
+
+        def _is_true_size(self, resize: Resize) -> bool:
+            """False for a size that the window does not have: it is noise, or SIGWINCH follows."""
+            (columns, rows), pixels = resize.size, resize.pixel_size
+            has_pixels = pixels is not None and pixels.width >= columns > 0 and pixels.height >= rows > 0
+            is_size = (columns, rows) == self._window(columns, rows)
+            return self._in_band_window_resize and has_pixels and is_size
+
+        def send_message(self, message: Message) -> None:
+            future = asyncio.run_coroutine_threadsafe(self._app._post_message(message), self._loop)
+            if threading.current_thread() is not self._key_thread:
+                return
+            self._sent += 1
+            if self._sent % _AHEAD == 0:
+                posted = threading.Event()
+                future.add_done_callback(lambda _: posted.set())
+                # The loop may wait for this thread: it does when the app ends.
+                while not (posted.wait(_SOON) or self.exit_event.is_set()):
+                    pass
+            while self._app._message_queue.qsize() >= _AHEAD and not self.exit_event.wait(_SOON):
+                pass
+
+
+def _pieces(text: str) -> Iterator[str]:
+    """Pieces of input for a parser, so that an error in a sequence costs no text behind it."""
+    for number, part in enumerate(text.split("\x1b")):
+        piece = f"\x1b{part}" if number else part
+        # A sequence may have begun before.
+        yield from piece[:_LONGEST_SEQUENCE]
+        if len(piece) > _LONGEST_SEQUENCE:
+            yield piece[_LONGEST_SEQUENCE:]
+
+
+class _SteadyWriter(WriterThread):
+    """Writes to the terminal, and waits if it does not take bytes at once. After another error it writes no
+    more, and reports the error once."""
+
+    def __init__(self, file: IO[str], failed: Callable[[Exception], None]) -> None:
+        super().__init__(file)
+        self._failed = failed
+
+    def run(self) -> None:
+        waiting, is_lost = "", False
+        while (text := self._queue.get()) is not None:
+            waiting += text
+            if self._queue.qsize() == 0 or len(waiting) > _AT_ONCE:
+                is_lost, waiting = is_lost or not self._write(waiting), ""
+        if not is_lost:
+            self._write(waiting)
+
+    def _write(self, text: str) -> bool:
+        # Signs that its encoding lacks are as wide as before.
+        data = memoryview(text.encode(getattr(self._file, "encoding", None) or "utf-8", "replace"))
+        while data:
+            try:
+                data = data[os.write(self._file.fileno(), data) :]
+            except BlockingIOError:  # another process has set it so
+                time.sleep(_SOON)
+            except OSError as error:
+                self._failed(error)
+                return False
+        return True

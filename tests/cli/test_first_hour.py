@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import shutil
 import socket
 import subprocess
 import tomllib
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import jsonschema
 import pytest
 import shtab
 from msgspec.structs import replace
 
+from simmer_tui import platform_has
 from simmer_tui.cli.config_commands import run_check, run_init
 from simmer_tui.cli.help_command import SHELLS, run_completion, whole_parser
 from simmer_tui.cli.log_commands import run_report
@@ -29,6 +31,7 @@ from simmer_tui.config.settings import all_settings
 from simmer_tui.config.settings_file import Override
 from simmer_tui.notebook import configuration_from_environment
 from simmer_tui.runlog.saved_runs import BEFORE, make_room, saved_runs_folder
+from simmer_tui.runlog.writer import auto_path
 from simmer_tui.server import Server
 from simmer_tui.sim import Simulator
 from simmer_tui.sim.sensors import KINDS
@@ -301,6 +304,49 @@ def test_doctor_names_as_many_saved_runs_as_there_are(
         (saved_runs_folder() / f"{number}.jsonl").write_text("a run")
     run_doctor([])
     assert f"the last {len(list(saved_runs_folder().glob('*')))} are saved in" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("columns", "told"), [("300", "!!"), ("90", "ok"), ("", "ok")])
+def test_doctor_says_that_the_size_in_the_environment_is_wrong(
+    columns: str, told: str, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    for stream in ("stdin", "stdout", "stderr"):
+        monkeypatch.setattr(f"sys.{stream}.isatty", lambda: True)
+    monkeypatch.setattr("simmer_tui.cli.machine_commands.window_of", lambda _: (90, 30))
+    monkeypatch.setenv("COLUMNS", columns)
+    monkeypatch.delenv("LINES", raising=False)
+    run_doctor([])
+    (line,) = [line for line in capsys.readouterr().out.splitlines() if " terminal " in line]
+    assert line.startswith(f"{told}  terminal  90 x 30, TERM=")
+    assert ("COLUMNS=300 in the environment is wrong, and not used here: unset" in line) == (told == "!!")
+
+
+@pytest.mark.parametrize("home", [None, "", "relative"])
+def test_a_user_without_a_home_directory_has_a_place_for_runs(
+    home: str | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    def unknown(_: int) -> NoReturn:
+        raise KeyError("no entry")
+
+    for name in ("HOME", "XDG_DATA_HOME", "USERPROFILE", "LOCALAPPDATA"):
+        monkeypatch.delenv(name, raising=False)
+    if home is not None:
+        monkeypatch.setenv("HOME", home)
+    monkeypatch.setattr("pwd.getpwuid", unknown)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    place = tmp_path / f"simmer-tui-{os.geteuid()}"
+    # Anyone may make that name a link to a folder of somebody else.
+    place.symlink_to(tmp_path)
+    place = place.with_name(f"{place.name}-2")
+    assert auto_path().parent == place / "logs"
+    run_doctor([])
+    (line,) = [line for line in capsys.readouterr().out.splitlines() if line[4:].startswith("runs ")]
+    assert line.startswith("!!  runs      user ")
+    assert f"has no home directory: runs are saved in {place}; HOME=FOLDER sets another" in line
+    if home is None:
+        assert platform_has.expanded("~/run.jsonl") == Path("~/run.jsonl")
+    assert platform_has.expanded("~nobody-at-all/x") == Path("~nobody-at-all/x")
 
 
 def test_doctor_says_which_extras_of_the_package_are_missing(

@@ -8,6 +8,7 @@ import pytest
 from msgspec.structs import replace
 
 from simmer_tui.config.settings import KeySettings, all_settings
+from simmer_tui.links.port_list import SerialPort
 from simmer_tui.operating.orders import CONSOLE_COMMANDS
 from simmer_tui.sim.specs import GripperSpec, SimulationSpec
 from simmer_tui.tui.app import SimmerApp
@@ -80,3 +81,33 @@ def test_the_help_has_whole_lines_at_80_columns_and_after_a_change_of_size(fly: 
         await cockpit.until(lambda: frame.virtual_size.height < high)
 
     fly(scenario, size=(80, 24))
+
+
+def test_any_typed_text_is_shown_as_it_is_in_titles(fly: Any) -> None:
+    async def scenario(cockpit: Any) -> None:
+        for typed in ("[/", "[u0]", "[b]x[/b]", "\\[", "[@click=app.quit]x"):
+            await cockpit.type(f":help {typed}")
+            await cockpit.until(lambda: cockpit.app.screen.query("#help-text"))
+            title = cockpit.app.screen.query_one("#help")._border_title
+            assert title.plain == f"Help: {typed}"
+            await cockpit.pilot.press("escape")
+            await cockpit.until(lambda: len(cockpit.app.screen_stack) == 1)
+
+    fly(scenario)
+
+
+@pytest.mark.slow
+def test_the_palette_shows_names_of_ports_as_they_are(fly: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    described = "[/] a robot [of ours"
+    monkeypatch.setattr("simmer_tui.tui.help.list_ports", lambda: [SerialPort("/dev/[/x", described, "")])
+
+    async def scenario(cockpit: Any) -> None:
+        await cockpit.pilot.press("ctrl+p", *"robot")
+
+        def shown() -> str:
+            options = cockpit.app.screen.query("OptionList").first().options
+            return "\n".join(str(option.prompt) for option in options)
+
+        await cockpit.until(lambda: described in shown() and ":robot /dev/[/x" in shown())
+
+    fly(scenario)
