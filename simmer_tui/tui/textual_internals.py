@@ -11,6 +11,7 @@ connection that saves two thirds of the bytes. The spans can go once Textual cro
 
 import asyncio
 import os
+import re
 import select
 import signal
 import sys
@@ -228,6 +229,17 @@ _PASTE_ENDS = 3.0
 """Seconds of silence after which a paste without an end has ended."""
 _READ = 1024
 """Bytes of input that are read at once; the rest waits in the kernel."""
+# ECMA-48: strings of OSC, DCS and APC up to their end, and reports with a private sign or of a status.
+# Textual itself asks for modes (`$y`). Alt+] and Alt+P begin as the strings do, but no digit or sign follows.
+_REPLY = re.compile(
+    r"\x1b(?:\]\d[^\x07\x1b]*(?:\x07|\x1b\\)|(?:P[\d$>!+|?]|_G)[^\x1b]*\x1b\\"
+    r"|\[[?>=][\d;:]*(?:\$[a-xz]|[A-Za-z~])|\[\d[\d;]*[cn])"
+)
+_REPLY_BEGUN = re.compile(
+    r"\x1b(?:\]\d[^\x07\x1b]*|(?:P[\d$>!+|?]|_G)[^\x1b]*|\[[?>=]?[\d;:]*)\x1b?$", re.ASCII
+)
+_LONGEST_REPLY = 1024
+"""Characters of a reply, more than a terminal's name or colours have; a longer one is no reply."""
 _AT_ONCE = 8192
 """Characters that are collected for one write, as the streams of Python do."""
 # Judged: more cells than the largest monitor shows with the smallest font. Each costs memory.
@@ -254,6 +266,9 @@ if sys.platform != "win32" and platform_has.POSIX:
           errors for are left out.
         - The window's size is the kernel's, not that of COLUMNS and LINES (Textualize/textual#6153).
         - A terminal that does not take bytes at once is waited for (Textualize/rich#2492).
+        - Replies to questions that an earlier program asked are left out (tmux/tmux#4846). Textual takes what
+          it does not know for keys: the `r` and `b` of `rgb:` would restart the run and pause it.
+        - A paste without an end ends after some seconds (irssi/irssi#942).
         - Input that comes faster than the app works it off is read later.
 
         The class can go once Textual does all of this; no version up to 8.2 does.
@@ -268,6 +283,8 @@ if sys.platform != "win32" and platform_has.POSIX:
             """Size of the window in cells and pixels, if the terminal has sent both."""
             self._last_read = ""
             """The last characters read; a mark of a paste may be cut in two."""
+            self._held = ""
+            """The begin of a reply whose end may still come."""
             self._is_pasting = False
             self._read_at = 0.0
             self._sent = 0
@@ -322,8 +339,11 @@ if sys.platform != "win32" and platform_has.POSIX:
                             # Another process has made ctrl+D an end of input. A closed terminal is noticed
                             # elsewhere.
                             self.exit_event.wait(_TICK)
+                elif self._held:
+                    held, self._held = self._held, ""
+                    self._take(held)
                 elif self._is_pasting and time.monotonic() - self._read_at > _PASTE_ENDS:
-                    self._feed(BRACKETED_PASTE_END)
+                    self._take(BRACKETED_PASTE_END)
                 self._process(lambda: self._parser.tick())
 
         def _begin_parsing(self) -> None:
@@ -336,6 +356,13 @@ if sys.platform != "win32" and platform_has.POSIX:
             self._parser.mouse_pixels = None not in self._scale
 
         def _feed(self, text: str) -> None:
+            """Take text that was read, without replies to questions of other programs."""
+            text = _REPLY.sub("", self._held + text)
+            begun = _REPLY_BEGUN.search(text)
+            self._held = begun[0] if begun is not None and len(begun[0]) <= _LONGEST_REPLY else ""
+            self._take(text.removesuffix(self._held))
+
+        def _take(self, text: str) -> None:
             self._read_at = time.monotonic()
             seen = self._last_read + text
             self._last_read = seen[1 - len(BRACKETED_PASTE_START) :]

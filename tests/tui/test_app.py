@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import queue
 import shlex
@@ -935,3 +936,41 @@ def test_every_picture_shows_one_moment(fly: Fly) -> None:
         await cockpit.until(lambda: f"commands {count:,} " in cockpit["run"] and "r1-37" in cockpit["log"])
 
     fly(scenario, screen__pace=0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("where", ["timer", "worker", "callback", "panic", "driver"])
+def test_a_fault_anywhere_on_the_screen_is_one_line_and_leaves_the_robot(fly: Fly, where: str) -> None:
+    apps: list[Any] = []
+    readings: list[float] = []
+
+    def fail() -> None:
+        raise RuntimeError("cannot\ngo on")
+
+    async def work() -> None:
+        fail()
+
+    async def scenario(cockpit: Cockpit) -> None:
+        app = cockpit.app
+        apps.append(app)
+        client = cockpit.client()
+        begin: dict[str, Callable[[], object]] = {
+            "timer": lambda: app.set_timer(0.001, fail),
+            "worker": lambda: app.run_worker(work()),
+            "callback": lambda: app.call_later(fail),
+            "panic": lambda: app.call_later(app.panic, "a fault of Textual's"),
+            "driver": lambda: asyncio.get_running_loop().call_soon(app._handle_exception, RuntimeError("x")),
+        }
+        begin[where]()
+        for _ in range(2000):
+            with contextlib.suppress(Exception):
+                await cockpit.pilot.pause()
+            if app.fault:
+                break
+        readings.append(await asyncio.to_thread(client.read, "u1"))
+
+    with contextlib.suppress(Exception):  # a pilot raises what the app has met
+        fly(scenario)
+    assert readings
+    assert apps[0].fault
+    assert "\n" not in apps[0].fault

@@ -123,6 +123,31 @@ def test_text_behind_any_input_is_read(noise: bytes, reading: Line) -> None:
     assert not [each for each in reading.app.got if isinstance(each, events.Resize)]
 
 
+@pytest.mark.parametrize(
+    "reply",
+    [
+        "\x1b]11;rgb:1e1e/1e1e/1e1e\x1b\\",
+        "\x1b]10;rgb:b/b/b\x07",
+        "\x1bP>|tmux 3.4\x1b\\",
+        "\x1bP1+r524742\x1b\\",
+        "\x1b_Gi=31;OK\x1b\\",
+        "\x1b[?62;4;22c",
+        "\x1b[>0;276;0c",
+        "\x1b[0n",
+    ],
+)
+def test_replies_to_earlier_programs_are_no_keys(reply: str, line: Line) -> None:
+    driver = line.driver()
+    driver._begin_parsing()
+    for cut in (len(reply), len(reply) - 1, 4):
+        driver._feed(f"a{reply[:cut]}")
+        driver._feed(f"{reply[cut:]}b")
+    driver._feed("\x1b[A\x1b[1;5Ac")
+    keys = ["a", "b", "a", "b", "a", "b", "up", "ctrl+up", "c"]
+    line.app.until(lambda: len(line.app.got) >= len(keys))
+    assert [each.key for each in line.app.got if isinstance(each, events.Key)] == keys
+
+
 def test_a_paste_without_an_end_ends_by_itself(reading: Line, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(textual_internals, "_PASTE_ENDS", 0.0)
     os.write(reading.ours, b"\x1b[200~d1-3")
