@@ -210,7 +210,7 @@ def allow(amount: int) -> None:
         faulthandler.cancel_dump_traceback_later()
 
 
-AMOUNTS = (3_000, pytest.param(ALL, marks=pytest.mark.slow))
+AMOUNTS = (2_000, pytest.param(ALL, marks=pytest.mark.slow))
 CASES = [SIZES[0], *(pytest.param(size, marks=pytest.mark.slow) for size in SIZES[1:])]
 
 
