@@ -24,6 +24,16 @@ _DECIMAL_COMMA = re.compile(r"[+-]?[0-9]*,[0-9]+(?:[eE][+-]?[0-9]+)?")
 # A row added at the end: it is read back unchanged only if every quote before it is closed.
 _END = "end of the file"
 _NOTES = "a column of notes has a blank header"
+# Excel reads this line and does not show it; other programs keep it as a first row.
+_SEPARATOR = re.compile(r'"?sep=(?P<delimiter>[,;\t|:])"?(?P=delimiter)*[ \t]*(?=[\r\n]|$)', re.IGNORECASE)
+# Python's csv ends rows with \r\n, and on Windows a file opened without newline='' makes \r\r\n of it.
+_WINDOWS_END = re.compile("\r+\n")
+# Excel's way to keep a code such as 01 a text.
+_FORMULA_TEXT = re.compile(r'="([^"]*)"')
+# The minus sign of Excel in Sweden, Norway and others, where a program expects a hyphen.
+_MINUS = re.compile("\u2212(?=[0-9.,])")
+_DOS_END = "\x1a"
+"""The last character of a file by older Windows programs."""
 COMMENT = "#"
 """The first character of a row that is a comment."""
 
@@ -106,12 +116,14 @@ def read_csv(path: Path, problems: list[Problem]) -> CsvTable | None:
     """Read a CSV file: UTF-8 with or without mark, any line ends, quotes, spaces around values.
 
     Semicolons or tabs may replace the commas, as in spreadsheets of many countries. Then a comma inside a
-    number is its decimal point. Rows whose first cell begins with # are comments.
+    number is its decimal point. Excel's first line `sep=;` names the character. Rows whose first cell begins
+    with # are comments.
     """
     text = read_text(path, problems)
     if text is None:
         return None
-    delimiter = delimiter_of(text)
+    text, delimiter = _as_sheet(text)
+    is_doubled = _has_doubled_ends(text)
     # The reader accepts a quote that is never closed, with the rest of the file inside it. The row after the
     # last line is then not read back unchanged.
     lines = [*io.StringIO(text, newline=""), "\n", _END]
@@ -120,7 +132,7 @@ def read_csv(path: Path, problems: list[Problem]) -> CsvTable | None:
     begin, begin_of_last, last = 1, 1, [_END]
     try:
         for last in reader:
-            if not last or not last[0].lstrip().startswith(COMMENT):
+            if not (last and last[0].lstrip().startswith(COMMENT)) and (last or not is_doubled):
                 rows.append(CsvRow(begin, _clean(last, delimiter), len(last)))
             begin_of_last, begin = begin, reader.line_num + 1
     except csv.Error as error:
@@ -140,18 +152,43 @@ def read_csv(path: Path, problems: list[Problem]) -> CsvTable | None:
 
 def delimiter_of(text: str) -> str:
     """The character between the cells of a CSV text."""
+    return _as_sheet(text)[1]
+
+
+def first_row(text: str) -> list[str]:
+    """The cells of the first row of a CSV text, which may have mistakes further on."""
+    text, delimiter = _as_sheet(text)
+    line = next((line for line in text.splitlines() if line.strip() and not line.startswith(COMMENT)), "")
+    return [cell.strip() for cell in line.split(delimiter)]
+
+
+def _as_sheet(text: str) -> tuple[str, str]:
+    """A CSV text with one line end a row and without what spreadsheets add, and the character between its
+    cells. Every row keeps its line."""
+    text = _WINDOWS_END.sub("\n", text.lstrip("\ufeff")).rstrip(_DOS_END)
+    named = _SEPARATOR.match(text)
+    if named is not None:
+        # A comment in its place keeps the numbers of the lines.
+        return COMMENT + text[named.end() :], named["delimiter"]
     lines = [line for line in text.splitlines() if line.strip() and not line.lstrip(' "').startswith(COMMENT)]
     # A comma in every line means that commas separate cells: notes may contain semicolons.
     for other in (";", "\t"):
         if lines and all(other in line for line in lines) and not all("," in line for line in lines):
-            return other
-    return ","
+            return text, other
+    return text, ","
+
+
+def _has_doubled_ends(text: str) -> bool:
+    """True if an empty line follows every row, as after a conversion of line ends that were doubled."""
+    lines = text.rstrip().splitlines()
+    return len(lines) > 1 and all(bool(line) != index % 2 for index, line in enumerate(lines))
 
 
 def plain_rows(text: str) -> list[list[str]]:
     """The rows of a valid CSV text, without spaces around cells, blank rows and comments."""
-    rows = csv.reader(io.StringIO(text), delimiter=delimiter_of(text), skipinitialspace=True)
-    cells = ([cell.strip() for cell in row] for row in rows)
+    text, delimiter = _as_sheet(text)
+    rows = csv.reader(io.StringIO(text), delimiter=delimiter, skipinitialspace=True)
+    cells = ([_clean_cell(cell) for cell in row] for row in rows)
     return [row for row in cells if any(row) and not row[0].startswith(COMMENT)]
 
 
@@ -169,13 +206,21 @@ def csv_text(rows: Iterable[Iterable[object]], delimiter: str = ",") -> str:
 
 
 def _clean(cells: Sequence[str], delimiter: str) -> tuple[str, ...]:
-    cleaned = [cell.strip() for cell in cells]
+    cleaned = [_clean_cell(cell) for cell in cells]
     # A comma inside a cell is certainly a decimal point only if something else separates cells.
     if delimiter != ",":
         cleaned = [cell.replace(",", ".") if _DECIMAL_COMMA.fullmatch(cell) else cell for cell in cleaned]
     while cleaned and not cleaned[-1]:
         cleaned.pop()
     return tuple(cleaned)
+
+
+def _clean_cell(cell: str) -> str:
+    cell = cell.strip().strip("\ufeff")
+    kept = _FORMULA_TEXT.fullmatch(cell)
+    if kept is not None:
+        return kept[1]
+    return "-" + cell[1:] if _MINUS.match(cell) else cell
 
 
 def read_grid(table: CsvTable, rule: IntegerRule) -> tuple[tuple[int, ...], ...] | None:

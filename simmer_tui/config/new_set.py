@@ -28,6 +28,7 @@ from simmer_tui.config.csv_table import (
     POLL_CHARACTER,
     csv_text,
     delimiter_of,
+    first_row,
     plain_rows,
     rows_by_header,
 )
@@ -207,7 +208,7 @@ def _comments(name: str, text: str) -> Iterable[str]:
     elif name in (sensors_csv.FILE, drive_csv.FILE):
         drives = {each.name: each.help for each in drive_csv.COLUMNS}
         meanings = sensors_csv.meanings() if name == sensors_csv.FILE else drives
-        present = [cell.strip() for cell in text.partition("\n")[0].split(delimiter_of(text))]
+        present = first_row(text)
         yield "One row each. In brackets what a blank cell means. docs/sensors.md has more columns."
         yield from (f"{column}: {meanings[column]}" for column in present if column in meanings)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 import shutil
 import tempfile
 from collections.abc import Callable
@@ -16,7 +17,8 @@ from hypothesis import strategies as st
 from simmer_tui.config.csv_table import column_letters, read_csv
 from simmer_tui.config.loader import load
 from simmer_tui.config.maze_csv import load_maze
-from simmer_tui.config.sets import bundled_folder
+from simmer_tui.config.new_set import with_comments, with_mission
+from simmer_tui.config.sets import bundled_folder, read_files
 from simmer_tui.errors import ConfigurationError, Problem
 
 Edit = Callable[[str, str, str], None]
@@ -31,6 +33,19 @@ NAMES = ("maze.csv", "robot.csv", "sensors.csv", "drive.csv")
         pytest.param(lambda data: b"\xef\xbb\xbf" + data, id="byte-order mark"),
         pytest.param(lambda data: data.replace(b"\n", b"\r\n"), id="CRLF"),
         pytest.param(lambda data: data.replace(b"\n", b"\r"), id="CR alone"),
+        pytest.param(lambda data: data.replace(b"\n", b"\r\r\n"), id="CRLF in a text file of Windows"),
+        pytest.param(lambda data: data.replace(b"\n", b"\r\n\r\n"), id="doubled CRLF"),
+        pytest.param(lambda data: data.replace(b"\n", b"\n\n"), id="doubled LF"),
+        pytest.param(lambda data: data + b"\x1a", id="the end of a DOS file"),
+        pytest.param(
+            lambda data: b"\xef\xbb\xbfsep=;\r\n" + data.replace(b",", b";").replace(b".", b","), id="sep=;"
+        ),
+        pytest.param(lambda data: b'"sep=,",,,\n' + data, id="sep=, saved again"),
+        pytest.param(lambda data: b"sep=\t\r\r\n" + data.replace(b",", b"\t"), id="sep= with a tab"),
+        pytest.param(lambda data: b"sep=|\n" + data.replace(b",", b"|"), id="sep=|"),
+        pytest.param(lambda data: re.sub(rb"\b([a-z]\d)\b", rb'="\1"', data), id="codes kept as text"),
+        pytest.param(lambda data: re.sub(rb",-(\d)", ",\u2212\\1".encode(), data), id="minus signs"),
+        pytest.param(lambda data: b"\xef\xbb\xbf\xef\xbb\xbf" + data, id="two byte-order marks"),
         pytest.param(lambda data: data.replace(b"\n", b",,,\n"), id="blank trailing columns"),
         pytest.param(lambda data: data + b"\n,,,\n \t\n\n", id="blank trailing rows"),
         pytest.param(lambda data: data.replace(b",", b" ,  "), id="spaces around values"),
@@ -55,6 +70,31 @@ def test_files_as_spreadsheets_write_them_mean_the_same(
     for name in NAMES:
         (folder / name).write_bytes(change((folder / name).read_bytes()))
     assert load(folder).simulation == expected
+
+
+@pytest.mark.parametrize("end", ["\r\r\n", "\r\n", "\r", "\n"])
+def test_a_mistake_is_named_at_its_line_under_any_line_ends(
+    folder: Path, problems: Problems, end: str
+) -> None:
+    data = (folder / "maze.csv").read_text("utf-8").splitlines()
+    data[2] = data[2].replace("1", "x", 1)
+    (folder / "maze.csv").write_bytes(end.join(["sep=,", *data, ""]).encode())
+    [problem] = problems()
+    assert problem.startswith("maze.csv:4:")
+
+
+def test_the_tables_of_a_set_are_added_to_under_any_line_ends(folder: Path) -> None:
+    files = read_files(folder)
+    marked = {
+        name: b"sep=;\r\r\n" + data.replace(b",", b";").replace(b"\n", b"\r\r\n") if name in NAMES else data
+        for name, data in files.items()
+    }
+    goal = folder.parent / "more"
+    goal.mkdir()
+    for name, data in with_comments(with_mission(marked)).items():
+        if "/" not in name:
+            (goal / name).write_bytes(data)
+    assert load(goal).simulation.maze == load(folder).simulation.maze
 
 
 def test_a_decimal_comma_among_commas_is_named(edit: Edit, problems: Problems) -> None:
