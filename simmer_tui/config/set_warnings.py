@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.settings import BITS_OF_A_BYTE, USUAL_BAUD
+from simmer_tui.sim.maze import looks_inverted
 from simmer_tui.sim.sensors import Lidar
 
 # SLAMTEC's data sheet of the RPLIDAR A1M8: 8000 samples a second.
@@ -21,7 +22,15 @@ _SIZES = {"float32": 4, "float64": 8}
 
 def set_warnings(configuration: Configuration) -> tuple[str, ...]:
     """The warnings about a set, each a line."""
-    return tuple(_lidars(configuration))
+    return (*_inverted(configuration), *_lidars(configuration))
+
+
+def _inverted(configuration: Configuration) -> Iterator[str]:
+    if looks_inverted(configuration.simulation.maze):
+        yield (
+            "maze.csv seems to have 1 for a wall, as those of other courses; here 0 is a wall and 1 is free. "
+            "If so, exchange them: sed -i.old y/01/10/ maze.csv"
+        )
 
 
 def _lidars(configuration: Configuration) -> Iterator[str]:

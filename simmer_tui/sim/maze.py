@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from simmer_tui.sim.arrays import BoolArray, FloatArray, NDArray
-from simmer_tui.sim.specs import CELL_SIZE, TILE_SIZE, TILES_PER_CELL, WALL, MazeSpec
+from simmer_tui.sim.specs import CELL_SIZE, EMPTY, TILE_SIZE, TILES_PER_CELL, WALL, MazeSpec
 
 Rays = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 """Many rays: X and Y of their origins (inches), and of their directions as unit vectors, (n,) each."""
@@ -22,6 +22,9 @@ _FROM_LINE = 2e-6
 _TO_LINE = CELL_SIZE - _FROM_LINE
 # Twice `ON_WALL`, so that rounding in the cell's number cannot skip the exact test.
 _FROM_MIDDLE = CELL_SIZE / 2 - _FROM_LINE
+# Judged: an entrance and an exit. Smaller mazes have too few cells to know.
+_OPENINGS, _LEAST_SIDE = 2, 4
+"""Most openings in the outer wall of another course's maze, and its least cells a side."""
 # Rays that are cast at once: some ten arrays of 64 KB stay in a processor's cache.
 _CHUNK = 8192
 
@@ -42,6 +45,26 @@ def chosen_rays(rays: Rays, chosen: slice | NDArray[Any]) -> Rays:
     """Some of many rays: those of a slice, a mask, or numbers."""
     x, y, dx, dy = rays
     return x[chosen], y[chosen], dx[chosen], dy[chosen]
+
+
+def looks_inverted(spec: MazeSpec) -> bool:
+    """True if a maze seems to have 1 for a wall, as files of other courses do: its outer cells are 1, and
+    those of other values inside are one area of a third of the inner cells or more."""
+    cells = np.array(spec.cells)
+    if min(cells.shape) < _LEAST_SIDE:
+        return False
+    inner = cells[1:-1, 1:-1] != EMPTY
+    openings = np.count_nonzero(cells != EMPTY) - np.count_nonzero(inner)
+    if openings > _OPENINGS or 3 * np.count_nonzero(inner) < inner.size or not (cells == WALL).any():
+        return False
+    corridors = {(int(row), int(column)) for row, column in zip(*inner.nonzero(), strict=True)}
+    edge = [corridors.pop()]
+    while edge:
+        row, column = edge.pop()
+        around = ((row - 1, column), (row + 1, column), (row, column - 1), (row, column + 1))
+        edge += corridors.intersection(around)
+        corridors.difference_update(around)
+    return not corridors
 
 
 class Maze:

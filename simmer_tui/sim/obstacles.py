@@ -16,7 +16,7 @@ from simmer_tui.sim.angles import cos_sin_array, turned
 from simmer_tui.sim.arrays import BoolArray, FloatArray, NDArray
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.footprint import Edges, Footprint, Part
-from simmer_tui.sim.maze import Maze
+from simmer_tui.sim.maze import Maze, looks_inverted
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import CELL_SIZE, SimulationSpec
 
@@ -283,7 +283,9 @@ def _outside(maze: Maze, x: float, y: float) -> str:
 
 
 def _free_places(maze: Maze, footprint: Footprint) -> str:
-    """The middle of a free cell, as advice."""
+    """The middle of a free cell, as advice. Where walls may be free and free cells walls, there is none."""
+    if looks_inverted(maze.spec):
+        return "the maze seems to have 1 for a wall, but here 0 is a wall and 1 is free: exchange them"
     free = [
         ((column - 0.5) * CELL_SIZE, (row - 0.5) * CELL_SIZE)
         for row, column in zip(*(~maze.walls).nonzero(), strict=True)
