@@ -10,6 +10,7 @@ from simmer_tui.config import drive_csv, maze_csv, mission_toml, robot_csv, sens
 from simmer_tui.config.device_file import DEVICE_FOLDER as DEVICES
 from simmer_tui.config.device_file import read_devices
 from simmer_tui.config.given_path import drive_hint, given_path
+from simmer_tui.config.leftovers import is_leftover
 from simmer_tui.errors import ConfigurationError, Problem, reason_of
 from simmer_tui.sim.command import first_of, shown_path
 from simmer_tui.sim.rules import did_you_mean
@@ -132,15 +133,15 @@ def init_set(destination: Path, source: Path) -> tuple[Path, ...]:
 def read_files(source: Path) -> dict[str, bytes]:
     """The files of a set by name, its own device files by their paths in it. Raises ConfigurationError
     if there are none, or if one cannot be copied."""
-    paths = sorted(
-        path for path in source.iterdir() if path.suffix.lower() in (".csv", ".toml") and path.is_file()
-    )
+    found = (path for path in source.iterdir() if not is_leftover(path.name) and path.is_file())
+    paths = sorted(path for path in found if path.suffix.lower() in (".csv", ".toml"))
     if not paths:
         raise ConfigurationError([Problem(shown_path(source), "holds no files of a set to copy")])
     # Windows finds Sensors.CSV as sensors.csv, and other systems do not: a copy has the usual names.
     files = {_usual_name(name): data for name, data in read_all(paths, source).items()}
     problems: list[Problem] = []
-    own = [f"{DEVICES}/{path.name}" for path in sorted((source / DEVICES).glob("*.py"))]
+    devices = sorted(path.name for path in (source / DEVICES).glob("*.py") if not is_leftover(path.name))
+    own = [f"{DEVICES}/{name}" for name in devices]
     files |= {device.path: device.data for device in read_devices(source, own, DEVICES, problems)}
     if problems:
         raise ConfigurationError(problems)

@@ -13,6 +13,7 @@ from typing import Any
 
 from simmer_tui.config import drive_csv, robot_csv, sensors_csv
 from simmer_tui.config.given_path import given_path
+from simmer_tui.config.leftovers import has_environment_name, is_leftover, is_leftover_folder
 from simmer_tui.config.sets import MISSION_SET, find_set
 from simmer_tui.config.toml_file import TomlFile
 from simmer_tui.errors import ConfigurationError, Problem
@@ -240,11 +241,13 @@ def _rules(file: TomlFile, top: Mapping[str, Any]) -> Rules:
 
 
 def _below(folder: Path, directory: Path, command: str, problems: list[Problem]) -> list[Team]:
-    """The teams with a folder each in a folder: all folders but the course's own set and gradings."""
+    """The teams with a folder each in a folder: all folders but leftovers, the course's
+    own set and gradings."""
     if not folder.is_dir():
         problems.append(Problem(shown_name(str(folder), LONG), "is not a folder"))
         return []
     paths = sorted(path for path in folder.iterdir() if path.is_dir() and not path.is_symlink())
+    paths = [path for path in paths if not _is_no_team(path.name)]
     others = (directory.resolve(), *(path for path in paths if _is_grading(path)))
     return [
         Team(path.name, path, command)
@@ -253,13 +256,20 @@ def _below(folder: Path, directory: Path, command: str, problems: list[Problem])
     ]
 
 
+def _is_no_team(name: str) -> bool:
+    """True for the name of a folder beside those of teams, left by a system, a packer or a tool. A team's own
+    folder may be an environment as well, if it was made there."""
+    return is_leftover_folder(name) or has_environment_name(name)
+
+
 def not_teams(course: Course) -> list[str]:
     """Names of links to folders and of archives among the folders of teams: each may be a submission."""
     return [
         path.name
         for folder in course.team_folders
         for path in sorted(folder.iterdir())
-        if (path.is_symlink() if path.is_dir() else path.name.lower().endswith(_ARCHIVES))
+        if not is_leftover(path.name)
+        and (path.is_symlink() if path.is_dir() else path.name.lower().endswith(_ARCHIVES))
     ]
 
 

@@ -10,11 +10,13 @@ from __future__ import annotations
 
 import os
 import stat
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
+from simmer_tui.config.leftovers import is_environment, is_leftover, is_leftover_folder
 from simmer_tui.errors import GradeError, reason_of
 from simmer_tui.grade.limits import Limits
 from simmer_tui.sim.command import escape_passage, shown_path
@@ -29,7 +31,8 @@ _MOST_ENTRIES = 20_000
 moment."""
 _DEEPEST = 40
 """Folders within each other: each takes an open descriptor, of 256 on some systems."""
-_CACHES = ("__pycache__", "node_modules")
+ENVIRONMENT = "is a virtual environment"
+"""The reason why a folder of installed packages is not copied."""
 _AT_ONCE = 1 << 20
 """Bytes read at once: the time of a call is then small beside that of the disk."""
 _BY_DESCRIPTOR = os.open in os.supports_dir_fd and os.scandir in os.supports_fd
@@ -48,7 +51,8 @@ _WRITE = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_CLOEXEC", 0) | ge
 
 
 def copy_submission(source: Path, goal: Path, most_bytes: int) -> dict[str, str]:
-    """Copy the plain files of a folder to a new one. Links, pipes, devices, caches and version control stay.
+    """Copy the plain files of a folder to a new one. Links, pipes and devices stay, and so do leftovers and
+    environments (`config/leftovers.py`).
 
     Returns:
         By path, the reason why an entry was not copied: `is a pipe`.
@@ -95,6 +99,9 @@ class _Copy:
         self._owner = owner
         self._most = self._left = most_bytes
         self._files = self._entries = 0
+        self._in_folders: Counter[PurePosixPath] = Counter()
+        self._bytes_in_folders: Counter[PurePosixPath] = Counter()
+        """The files so far, and their bytes, by each folder that they are below."""
         self.left_out: dict[str, str] = {}
 
     def take(self, source: _Folder, goal: Path, shown: PurePosixPath) -> None:
@@ -106,10 +113,14 @@ class _Copy:
             here = shown / entry.name
             try:
                 if entry.is_dir(follow_symlinks=False):
-                    if entry.name not in _CACHES and not entry.name.startswith(".git"):
+                    if is_environment(source.path / entry.name):
+                        self.left_out[str(here)] = ENVIRONMENT
+                    elif not is_leftover_folder(entry.name):
                         with _opened_folder(source.path / entry.name, source.descriptor) as folder:
                             self.take(folder, goal / entry.name, here)
-                elif reason := self._not_copied(source, entry, goal):
+                elif is_leftover(entry.name):
+                    continue
+                elif reason := self._not_copied(source, entry, goal, shown):
                     self.left_out[str(here)] = reason
             except OSError as error:
                 raise GradeError(f"{shown_path(here)}: {reason_of(error)}") from None
@@ -128,17 +139,17 @@ class _Copy:
             raise GradeError(f"{shown_path(shown)}: {reason_of(error)}") from None
         return sorted(found, key=lambda entry: entry.name)
 
-    def _not_copied(self, source: _Folder, entry: os.DirEntry[str], goal: Path) -> str:
+    def _not_copied(self, source: _Folder, entry: os.DirEntry[str], goal: Path, shown: PurePosixPath) -> str:
         """Copy an entry that is a plain file; the reason if it is none. Raises GradeError, OSError."""
         if entry.is_symlink():
             return "is a symbolic link"
         if entry.is_file(follow_symlinks=False):
-            mine = self._copy_file(source, entry.name, goal / entry.name)
+            mine = self._copy_file(source, entry.name, goal / entry.name, shown)
             return "" if mine else "is another user's file under a second name"
         is_pipe = stat.S_ISFIFO(entry.stat(follow_symlinks=False).st_mode)
         return "is a pipe" if is_pipe else "is no file"
 
-    def _copy_file(self, source: _Folder, name: str, goal: Path) -> bool:
+    def _copy_file(self, source: _Folder, name: str, goal: Path, shown: PurePosixPath) -> bool:
         """Copy a plain file; False for a hard link to another user's. Raises GradeError, OSError."""
         given = name if source.descriptor is not None else source.path / name
         read = os.open(given, _READ, dir_fd=source.descriptor)
@@ -149,6 +160,8 @@ class _Copy:
             if found.st_nlink > 1 and found.st_uid != self._owner:
                 return False  # it is a link as well
             self._files += 1
+            self._in_folders += Counter(dict.fromkeys((shown, *shown.parents), 1))
+            self._bytes_in_folders += Counter(dict.fromkeys((shown, *shown.parents), found.st_size))
             self._check(found.st_size)
             mode = 0o755 if found.st_mode & 0o111 else 0o644
             written = os.open(goal, _WRITE, 0o600)
@@ -166,7 +179,17 @@ class _Copy:
 
     def _check(self, more: int) -> None:
         if more > self._left or self._left < 0 or self._files > MOST_FILES:
-            raise GradeError(f"are more than {self._most / 1e6:g} MB or {MOST_FILES} files")
+            inside = self._in_folders if self._files > MOST_FILES else self._bytes_in_folders
+            raise GradeError(f"are more than {self._most / 1e6:g} MB or {MOST_FILES} files{_largest(inside)}")
+
+
+def _largest(inside: Counter[PurePosixPath]) -> str:
+    """The innermost folder with more than half of all, and the next step; empty if that is the whole."""
+    whole = inside[PurePosixPath()]
+    found = max(
+        (path for path, count in inside.items() if 2 * count > whole), key=lambda path: len(path.parts)
+    )
+    return f", most of them in {shown_path(found)}: leave it out" if found.parts else ""
 
 
 def _write_all(descriptor: int, data: bytes) -> None:

@@ -13,6 +13,7 @@ from pathlib import Path
 from msgspec import Struct
 
 from simmer_tui.config.device_outline import python_tree
+from simmer_tui.config.leftovers import is_leftover
 from simmer_tui.errors import ConfigurationError
 from simmer_tui.importer.literal import read_module
 from simmer_tui.importer.python_values import Located
@@ -73,7 +74,8 @@ def read_device_classes(folder: Path) -> Mapping[str, ClassNumbers]:
 
 def _files(folder: Path) -> list[Path]:
     try:
-        return sorted(each for each in folder.glob("*.py") if each.is_file())[:_MOST_FILES]
+        found = (each for each in folder.glob("*.py") if each.is_file() and not is_leftover(each.name))
+        return sorted(found)[:_MOST_FILES]
     except OSError:
         return []
 

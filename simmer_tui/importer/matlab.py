@@ -11,6 +11,7 @@ from pathlib import Path
 
 from simmer_tui.config import drive_csv, maze_csv, robot_csv, sensors_csv
 from simmer_tui.config.drive_csv import load_drives
+from simmer_tui.config.leftovers import is_leftover
 from simmer_tui.config.maze_csv import load_maze
 from simmer_tui.config.robot_csv import load_robot
 from simmer_tui.config.sensors_csv import load_sensors
@@ -190,7 +191,7 @@ def _replies(folder: Path, notes: Notes) -> dict[str, SettingValue]:
     reads: Counter[str] = Counter()
     writes: Counter[str] = Counter()
     streams, little = False, False
-    for path in sorted(folder.glob("*.m")):
+    for path in sorted(path for path in folder.glob("*.m") if not is_leftover(path.name)):
         for _, line in _code(path):
             for call, precision in _PRECISION.findall(line):
                 (reads if call.lower() == "fread" else writes)[_WIDTH[precision.lower()]] += 1

@@ -19,6 +19,7 @@ from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from simmer_tui import platform_has
+from simmer_tui.config.leftovers import is_environment, is_leftover, is_leftover_folder
 from simmer_tui.errors import ClusterError, SimmerError, TrialsError, reason_of
 from simmer_tui.program.program_command import is_python
 from simmer_tui.sim.command import escape_passage, shown_path
@@ -37,7 +38,6 @@ _ELSEWHERE = "elsewhere"
 """Folder of files from outside the working directory."""
 _PYTHON = "python"
 """Python in a packed command: each machine uses its own."""
-_CACHES = ("__pycache__", "node_modules", "site-packages")
 _OWN_RESULTS = "trials.json"
 
 
@@ -61,9 +61,9 @@ def pack(command: str, folder: Path) -> ProgramBundle:
     """A command as it would be started in `folder`, with the files that it needs.
 
     The program is the first word that names a file, or a module after `-m`. Its whole folder (of a module,
-    `folder`) is packed, without hidden files, caches and results of trials. Of other words that name a file,
-    only the file is packed. An absolute first word is an installed program, which other machines have
-    themselves. Raises TrialsError if a file cannot be read or there is too much.
+    `folder`) is packed, without hidden files, leftovers, environments and results of trials. Of other words
+    that name a file, only the file is packed. An absolute first word is an installed program, which other
+    machines have themselves. Raises TrialsError if a file cannot be read or there is too much.
     """
     words = _split(command)
     if words and is_python(words[0]):
@@ -138,11 +138,12 @@ def _below(folder: Path) -> Iterator[Path]:
             name
             for name in sorted(folders)
             if not name.startswith(".")
-            and name not in _CACHES
+            and not is_leftover_folder(name)
+            and not is_environment(Path(place, name))
             and not Path(place, name, _OWN_RESULTS).exists()
-            and not Path(place, name, "pyvenv.cfg").exists()
         ]
-        yield from (Path(place, name) for name in sorted(names) if not name.startswith("."))
+        kept = (name for name in sorted(names) if not (name.startswith(".") or is_leftover(name)))
+        yield from (Path(place, name) for name in kept)
 
 
 def _add_below(files: dict[str, PackedFile], home: Path, goal: str) -> None:

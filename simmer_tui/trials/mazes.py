@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from simmer_tui.config.leftovers import is_leftover
 from simmer_tui.config.maze_csv import read_cells
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim.command import shown_path
@@ -112,7 +113,8 @@ def read_mazes(folder: Path) -> dict[str, MazeSpec]:
     shown = shown_path(folder)
     if not folder.is_dir():
         raise ConfigurationError([Problem("--mazes", f"{shown} is not a folder")])
-    paths = sorted(path for path in folder.iterdir() if path.suffix.lower() == ".csv" and path.is_file())
+    found = (path for path in folder.iterdir() if path.suffix.lower() == ".csv" and path.is_file())
+    paths = sorted(path for path in found if not is_leftover(path.name))
     if not paths:
         raise ConfigurationError([Problem("--mazes", f"{shown} holds no .csv files")])
     problems: list[Problem] = []

@@ -6,7 +6,7 @@ import json
 import os
 import shutil
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import pytest
@@ -15,12 +15,13 @@ from simmer_tui.cli.grade_command import run_grade
 from simmer_tui.document.as_data import json_text
 from simmer_tui.errors import GradeError
 from simmer_tui.grade import submission_copy
-from simmer_tui.grade.course import read_course
+from simmer_tui.grade.course import not_teams, read_course
 from simmer_tui.grade.grade_folder import GradeFolder
 from simmer_tui.grade.sandbox import Isolation
 from simmer_tui.grade.site import grades_document, site
 from simmer_tui.grade.submission_copy import copy_submission
 from simmer_tui.grade.team_result import team_results
+from simmer_tui.trials.cluster import pack
 from tests.grade.conftest import read_grades
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="links are a privilege there")
@@ -242,3 +243,57 @@ def test_file_that_takes_for_ever_is_its_teams_mistake(
     rows = read_grades(tmp_path / "out")
     assert {name: row["status"] for name, row in rows.items()} == {"bad": "refused", "good": "failed"}
     assert "files" in rows["bad"]["problem"]
+
+
+LEFTOVERS = (
+    "__MACOSX/._main.py",
+    ".DS_Store",
+    "._main.py",
+    "src/__pycache__/x.pyc",
+    "Thumbs.db",
+    "desktop.ini",
+    "main.py~",
+    ".main.py.swp",
+    "#main.py#",
+    "~$report.docx",
+    ".idea/x.xml",
+    ".git/config",
+    "$RECYCLE.BIN/x",
+)
+
+
+def write_files(folder: Path, names: Iterable[str]) -> None:
+    for name in names:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text("x")
+
+
+def test_leftovers_are_neither_copied_nor_packed(tmp_path: Path) -> None:
+    environments = ("venv/bin/python", ".venv/x", "node_modules/a.js", "mine/pyvenv.cfg", "mine/lib/a.py")
+    write_files(tmp_path / "in", ["main.py", "src/a.py", *LEFTOVERS, *environments])
+    left_out = copy_submission(tmp_path / "in", tmp_path / "copy", 100)
+    assert content(tmp_path / "copy").keys() == {"main.py", "src/a.py"}
+    assert left_out == dict.fromkeys((".venv", "mine", "node_modules", "venv"), "is a virtual environment")
+    assert pack("python main.py", tmp_path / "in").files.keys() == {"main.py", "src/a.py"}
+
+
+def test_leftovers_beside_the_teams_are_no_teams(make_course: Callable[..., Path], tmp_path: Path) -> None:
+    file = make_course({"a": "", "b": ""})
+    beside = ("Thumbs.db", "._a.zip", "~$a.zip", "venv/x", "node_modules/x", "System Volume Information/x")
+    write_files(
+        tmp_path / "teams", [*LEFTOVERS[:3], *beside, "__pycache__/x", "lost+found/x", "a/pyvenv.cfg"]
+    )
+    course = read_course(file)
+    assert [team.name for team in course.teams] == ["a", "b"]
+    assert not_teams(course) == []
+
+
+def test_the_folder_that_is_too_large_is_named(tmp_path: Path) -> None:
+    names = [f"data/runs/{number}.txt" for number in range(MOST_FILES)]
+    write_files(tmp_path / "many", ["main.py", *names])
+    with pytest.raises(GradeError, match=r"2000 files, most of them in data/runs: leave it out$"):
+        copy_submission(tmp_path / "many", tmp_path / "copy", 10_000)
+    write_files(tmp_path / "big", ["main.py", "data/a/1", "data/b/1"])
+    (tmp_path / "big" / "data" / "b" / "1").write_text("x" * 99)
+    with pytest.raises(GradeError, match=r"2000 files, most of them in data/b: leave it out$"):
+        copy_submission(tmp_path / "big", tmp_path / "goal", 50)
