@@ -38,6 +38,7 @@ from simmer_tui.document.as_data import table_csv
 from simmer_tui.document.as_html import html_page
 from simmer_tui.document.formats import ESTIMATE
 from simmer_tui.errors import ConfigurationError, Problem, TrialsError
+from simmer_tui.program.program_command import check_no_shell
 from simmer_tui.runlog.writer import moment_name
 from simmer_tui.sim.command import counted, escape, shown_path, typed_path
 from simmer_tui.trials.cluster import check_package, pack
@@ -104,9 +105,10 @@ def _continuation(folder: TrialFolder, options: argparse.Namespace) -> str:
 
 
 def _begun(options: argparse.Namespace) -> TrialFolder:
-    """A new set of trials. Raises TrialsError, ConfigurationError."""
+    """A new set of trials. Raises TrialsError, ProgramError, ConfigurationError."""
     if options.run is None:
         raise TrialsError('--run is missing: give the program, such as --run "python my_robot.py"')
+    check_no_shell(options.run)
     directory = find_mission_set(options.config)
     overrides = overrides_from(options)
     configuration = load(directory, overrides)

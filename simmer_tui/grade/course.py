@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import re
 import shutil
 from collections import Counter
@@ -18,6 +19,7 @@ from simmer_tui.config.sets import MISSION_SET, find_set
 from simmer_tui.config.toml_file import TomlFile
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.grade.limits import LIMITS, Limits
+from simmer_tui.program.shell_syntax import shell_command, shell_syntax
 from simmer_tui.sim.command import printable, shown_path
 from simmer_tui.sim.rules import FlagRule, IntegerRule, NamesRule, NumberRule, Rule, TextRule
 from simmer_tui.sim.values import Value
@@ -104,19 +106,31 @@ class Course:
     """In these, each folder is a team's."""
 
 
+class CommandRule(TextRule, frozen=True):
+    """A program's command, which no shell reads."""
+
+    def check(self, value: object) -> str:
+        """The command. Raises ValueError if it is not allowed."""
+        command = super().check(value)
+        if found := shell_syntax(command):
+            typed = json.dumps(shell_command(command), ensure_ascii=False)
+            raise ValueError(f"has {found}, but no shell is used: write command = {typed}")
+        return command
+
+
 def _key(name: str, rule: Rule[Any], meaning: str, default: object = None) -> Value:
     return Value(rule, meaning, name=name, default=default)
 
 
 _RISK = NumberRule(0, 0.5, low_open=True, high_open=True)
 _NAME = _key("name", TextRule(), "name; by default that of the folder")
-_COMMAND = _key("command", TextRule(), "its command, in place of the course's")
+_COMMAND = _key("command", CommandRule(), "its command, in place of the course's")
 _CONFIG = _key("config", TextRule(), "the team's robot: a set, a config.py or a Main.m, by path")
 KEYS: dict[str, tuple[Value, ...]] = {
     "": (
         _NAME,
         _key("set", TextRule(), "the configuration set: a path, or the name of a bundled one", MISSION_SET),
-        _key("command", TextRule(), "command of teams that name no other", "python main.py"),
+        _key("command", CommandRule(), "command of teams that name no other", "python main.py"),
         _key("teams", TextRule(), "a folder with one folder a team"),
         _key("image", TextRule(), "the container's image, for docker and podman"),
         _key("read_only", NamesRule(), "more folders that programs may read"),

@@ -10,6 +10,7 @@ from pathlib import Path, PureWindowsPath
 
 from simmer_tui import platform_has
 from simmer_tui.errors import ProgramError
+from simmer_tui.program.shell_syntax import shell_problem
 
 HOOK_FOLDER = Path(__file__).resolve().parent / "hook"
 """The folder with our sitecustomize.py. First on the path of a Python program, it replaces the program's
@@ -84,6 +85,7 @@ def words_of(command: str) -> list[str]:
         raise ProgramError(f"--run {command!r}: {error}") from None
     if not words:
         raise _no_program()
+    check_no_shell(command, windows=False)
     if _is_ours(words[0]):
         words[0] = sys.executable
     return words
@@ -95,9 +97,16 @@ def command_line_of(command: str) -> str:
     line = command.strip()
     if not line:
         raise _no_program()
+    check_no_shell(line, windows=True)
     first = _first_word(line)
     quotes = 2 if line.startswith('"') else 0
     return f'"{sys.executable}"{line[len(first) + quotes :]}' if _is_ours(first) else line
+
+
+def check_no_shell(command: str, *, windows: bool = not platform_has.POSIX) -> None:
+    """Raises ProgramError, with the option to type, if a command has a shell's syntax."""
+    if problem := shell_problem(command, windows=windows):
+        raise ProgramError(f"--run {command!r}: {problem}")
 
 
 def _no_program() -> ProgramError:

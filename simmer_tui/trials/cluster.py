@@ -22,6 +22,7 @@ from simmer_tui import platform_has
 from simmer_tui.config.leftovers import is_environment, is_leftover, is_leftover_folder
 from simmer_tui.errors import ClusterError, SimmerError, TrialsError, reason_of
 from simmer_tui.program.program_command import is_python
+from simmer_tui.program.shell_syntax import shell_problem
 from simmer_tui.sim.command import escape_passage, shown_path
 from simmer_tui.trials.run import TrialRun, fault_result
 from simmer_tui.trials.trial import Trial, TrialResult
@@ -114,6 +115,8 @@ def _split(command: str) -> list[str]:
         words = shlex.split(command, posix=platform_has.POSIX)
     except ValueError as error:
         raise TrialsError(f"--run {command!r}: {error}") from None
+    if problem := shell_problem(command):
+        raise TrialsError(f"--run {command!r}: {problem}")
     return words if platform_has.POSIX else [word.strip('"') for word in words]
 
 
