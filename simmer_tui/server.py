@@ -171,6 +171,7 @@ class Server:
         # A daemon: a driver that hangs must not keep the process alive.
         self._thread = threading.Thread(target=self._run, name="robot", daemon=True)
         self._client_left: Callable[[], None] = lambda: None
+        self._probe_left: Callable[[], None] | None = None
         self._verdict: LiveVerdict | None = None
 
     def _take_ports(self, server: ServerSettings) -> None:
@@ -266,11 +267,12 @@ class Server:
         self,
         watcher: Callable[[Event], None] | None = None,
         client_left: Callable[[], None] = lambda: None,
+        probe_left: Callable[[], None] | None = None,
     ) -> None:
-        """Begin to serve. `client_left` is called in the robot's thread after each client."""
+        """Begin to serve. `client_left` and `probe_left` are called in the robot's thread (`LinkContext`)."""
         if watcher is not None:
             self.engine.watch(watcher)
-        self._client_left = client_left
+        self._client_left, self._probe_left = client_left, probe_left
         self._thread.start()
 
     def call(self, function: Callable[..., object], *arguments: Any) -> None:
@@ -607,6 +609,7 @@ class Server:
             self.configuration.dialect,
             self.terminal,
             DriverLock(self.clock, self._processes) if SERIAL.purpose in self._listeners else None,
+            probe_left=self._probe_left,
         )
         self._links += open_links(context)
         if self.clock is not None:

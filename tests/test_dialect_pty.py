@@ -22,6 +22,7 @@ from simmer_tui.config.settings import with_any_ports
 from simmer_tui.config.settings_file import Override
 from simmer_tui.errors import ConfigurationError, PortError
 from simmer_tui.events import Action, ActionName, Event, Notice, ProgramEnded, WireMessage
+from simmer_tui.links.pty_port import PtyDevice
 from simmer_tui.program.program_command import HOOK_FOLDER, out_of_reach
 from simmer_tui.server import Server
 from tests.in_process import simmer
@@ -348,3 +349,34 @@ def test_a_taken_serial_port_is_replaced_by_a_free_one(tmp_path: Path) -> None:
     finally:
         first.stop()
         second.stop()
+
+
+def test_the_link_of_a_killed_simulator_is_replaced(tmp_path: Path) -> None:
+    """The next pseudo-terminal gets the number of the dead one, so that the link seems to lead to it."""
+    killed = PtyDevice(str(tmp_path / "COM6"))
+    os.close(killed.descriptor)
+    assert killed.path.is_symlink()
+    device = PtyDevice(str(tmp_path / "COM6"))
+    try:
+        assert str(device.path.readlink()) == device.name
+    finally:
+        device.close()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere the devices are there before any terminal")
+def test_the_link_of_a_killed_simulator_is_replaced_while_another_terminal_has_its_number(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "COM6"
+    robot, terminal = os.openpty()
+    try:
+        path.symlink_to(os.ttyname(terminal))
+        os.utime(path, ns=(0, 0), follow_symlinks=False)
+        device = PtyDevice(str(path))
+        assert str(path.readlink()) == device.name
+        with pytest.raises(PortError, match="it leads to"):
+            PtyDevice(str(path))
+        device.close()
+    finally:
+        os.close(robot)
+        os.close(terminal)

@@ -167,7 +167,8 @@ class RunLife:
         front.prepare(self.prefix)
         # A program may send more after a client has left, and has an exit code of its own.
         ends_with_client = self.once and self.command is None
-        server.start(self._watch, (lambda: front.finish(0)) if ends_with_client else (lambda: None))
+        client_left = (lambda: front.finish(0)) if ends_with_client else (lambda: None)
+        server.start(self._watch, client_left, probe_left=lambda: None)
         if self.page is not None:
             self.page.start()
         if self.command is not None:  # before any output: if it fails, its error is the only line

@@ -17,6 +17,7 @@ from simmer_tui.events import Event, Notice, NoticeKind
 from simmer_tui.links.owners import OwnerLookup, is_reset
 from simmer_tui.links.peer import CLOSING, host_of
 from simmer_tui.program_clock import clock_of
+from simmer_tui.protocol.line_marks import without_marks
 from simmer_tui.sim.command import escape_word
 
 # The length of the longest command: a program without a token sends a command first.
@@ -157,7 +158,7 @@ class TokenCheck:
             self._decide(False)
             return
         if end:
-            self._decide(self.access.is_token(self._line.removesuffix(b"\n")))
+            self._decide(self.access.is_token(without_marks(self._line.removesuffix(b"\n"))))
         # The other end has closed, or has sent as many bytes as a line may have, without a line end.
         elif not seen or len(self._line) > LONGEST_TOKEN:
             self._decide(False)

@@ -14,6 +14,7 @@ from simmer_tui.errors import UnknownSensorError
 from simmer_tui.events import EventHandler
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.peer import MOST_WAITING, Peer, ReadBudget
+from simmer_tui.protocol.line_marks import without_marks
 from simmer_tui.sim.command import parse_command
 from simmer_tui.sim.records import REFUSALS, CommandResult
 
@@ -141,7 +142,7 @@ class _BeliefPeer(Peer):
             self._budget.spend(LINE + len(line))
             if len(line) > LONGEST_LINE:
                 self._report(_TOO_LONG)
-            elif line.strip():
+            elif (line := without_marks(line)).strip():
                 self._take(line)
         if not self._held:
             self.hold(True)

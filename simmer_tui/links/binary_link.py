@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import math
 import socket
 from collections.abc import Sequence
@@ -19,6 +18,8 @@ from simmer_tui.links.link import LinkContext
 from simmer_tui.links.peer import MOST_WAITING, PIECE, UNREAD_LIMIT, Peer, ReadBudget, host_of
 from simmer_tui.links.processes import children
 from simmer_tui.protocol.binary import CommandReader, NumberEncoder
+from simmer_tui.protocol.diagnosis import is_http
+from simmer_tui.protocol.line_marks import without_marks
 from simmer_tui.sessions import LoopTimer
 from simmer_tui.sim.command import Command, counted
 from simmer_tui.sim.records import CommandResult
@@ -30,9 +31,6 @@ RETRY_DELAY = 0.05
 # More than `CLOSING`, within which the present client must be gone.
 _LONGEST_WAIT = 1.5
 """Seconds after which a newcomer is refused even if the present client is about to leave."""
-# 30 s of silence, then three probes 10 s apart: a dead peer is found within a minute. TCP_KEEPALIVE is macOS'
-# name.
-_PROBES = (("TCP_KEEPIDLE", 30), ("TCP_KEEPALIVE", 30), ("TCP_KEEPINTVL", 10), ("TCP_KEEPCNT", 3))
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,6 +89,8 @@ class Client(Peer):
         """True if the system reports that it has closed entirely."""
         self._waiting = 0
         self._watch = ClientWatch(link.doctor, self, link.encoder.form, link.encoder.size)
+        self.is_http = False
+        """True if its first line is a request of HTTP."""
         self.replies: Peer | None = None
         """Connection for replies, once the first has been routed."""
         self.commands = 0
@@ -148,9 +148,13 @@ class Client(Peer):
         self._submit(commands)
 
     def _submit(self, commands: list[Command]) -> None:
+        if commands and not self.has_sent:
+            self.is_http = is_http(commands[0].text)
         self._waiting += len(commands)
         for command, sent in zip(commands, self._reader.sent, strict=True):
-            self._session.submit(Message(sent, (command,), self._link.encoder.form), self._answer)
+            self._session.submit(
+                Message(without_marks(sent), (command,), self._link.encoder.form), self._answer
+            )
         if self._command_budget.is_exceeded:
             self._link.drop(self)
 
@@ -247,7 +251,6 @@ class BinaryLink:
         if refused := self._lock.acquire(self, f"client {peer}"):
             self._refuse(sock, peer, refused)
             return
-        _probe_silent_peer(sock)
         self.client = Client(sock, peer, self)
         self.engine.tell(Notice(NoticeKind.CONNECTED, f"client {peer} connected", peer))
 
@@ -370,7 +373,10 @@ class BinaryLink:
             client.replies.close()
         text = f"client {client.peer} disconnected after {counted(client.commands, 'command')}"
         self.engine.tell(Notice(NoticeKind.LEFT, text, client.peer))
-        self.context.client_left()
+        if client.is_http and self.context.probe_left is not None:
+            self.context.probe_left()
+        elif client.has_sent:
+            self.context.client_left()
         if self._newcomers:
             sock = next(iter(self._newcomers))
             self._admit(sock, self._newcomers.pop(sock).peer)
@@ -381,13 +387,3 @@ class BinaryLink:
             self._waiting_replies.remove(reply)
         elif self.client is not None and self.client.replies is reply:
             self.client.close()
-
-
-def _probe_silent_peer(sock: socket.socket) -> None:
-    """Have the system find within a minute that a client's machine is gone (a laptop closed, a cable pulled).
-    Otherwise it would block the robot for hours."""
-    for name, value in _PROBES:
-        option = getattr(socket, name, None)
-        if option is not None:
-            with contextlib.suppress(OSError):  # Python has the name, but an older system does not support it
-                sock.setsockopt(socket.IPPROTO_TCP, option, value)

@@ -211,6 +211,8 @@ class DialectLink:
         self._device: DialectDevice | CourseDevice = DialectDevice(rules, self._host)
         if rules.protocol is not None:
             self._device = CourseDevice(rules.protocol, context, lambda data: self._reply(data, False))
+        self._has_exchanged = False
+        """True once bytes have passed between the robot and the program that has the port open."""
         self._reached = False
         """True once a program is known to find the port."""
         self.engine.watch(self._watch)
@@ -278,7 +280,7 @@ class DialectLink:
             endpoint.answer(f"could not open port '{name}': Access is denied.")
             return
         self._driver = endpoint
-        self._reached = True
+        self._reached, self._has_exchanged = True, False
         rate = ""
         if baud is not None:
             self.set_baud(endpoint, baud)
@@ -307,6 +309,7 @@ class DialectLink:
         robot = self._context.backend.byte_robot
         if endpoint is not self._driver:
             return
+        self._has_exchanged = True
         if robot is not None:
             robot.wrote(data)
         else:
@@ -345,7 +348,9 @@ class DialectLink:
         self._host.close(runs_on=self._runs_on)
         text = f"the program closed {escape_word(endpoint.port)}"
         self.engine.tell(Notice(NoticeKind.LEFT, text, endpoint.peer))
-        self._context.client_left()
+        # One that only looks which ports there are is no client.
+        if self._has_exchanged:
+            self._context.client_left()
 
     def _reply(self, data: bytes, droppable: bool) -> None:
         """Send bytes of the robot to the program; without a program they are dropped."""
@@ -357,6 +362,7 @@ class DialectLink:
             if self._wire.left_out == 1:
                 self.engine.tell_fault("dialect: the line is slower than the stream: messages are left out")
             return
+        self._has_exchanged = True
         self._sent_by_itself += droppable
         self._since_reply = self._since_reply + len(data) if droppable else 0
         if not droppable or self._sent_by_itself <= LOGGED_OF_STREAM:
@@ -367,6 +373,7 @@ class DialectLink:
     def _pass_on(self, data: bytes) -> None:
         """Send bytes of a real robot to the program, as they come."""
         if self._driver is not None:
+            self._has_exchanged = True
             self._driver.deliver(self._loop.time(), 0.0, data)
 
     def waits(self, endpoint: SerialEndpoint, place: str) -> None:

@@ -40,7 +40,8 @@ class LinkContext(Struct, frozen=True):
 
     `listeners` are the taken ports of all dialects, by purpose. `backend` is the robot that clients drive.
     `reply` is the setting for when a timed drive is answered. Without `access` everybody may connect. Without
-    `processes` the programs behind connections are not known. `client_left` is called after each client.
+    `processes` the programs behind connections are not known. `client_left` is called after each client
+    that has sent something, and `probe_left` in its place after a request of HTTP, as health checks send.
     `clock` is the program's, if that is in force. `dialect` is the team's own, and `terminal` a
     pseudo-terminal for its programs. With a `driver_lock` one program at a time drives, over all links.
     """
@@ -57,6 +58,7 @@ class LinkContext(Struct, frozen=True):
     dialect: DialectRules | None = None
     terminal: PtyDevice | None = None
     driver_lock: DriverLock | None = None
+    probe_left: Callable[[], None] | None = None
 
     def answers_at_end(self, *, in_packets: bool) -> bool:
         """True if a drive is answered when it has ended, not at once."""

@@ -17,6 +17,7 @@ from simmer_tui.links.link import LinkContext
 from simmer_tui.links.packet_presence import PacketDriver, Presence
 from simmer_tui.links.packet_replies import EMPTY_DELAY, LONGEST_WAIT, ReplyPort
 from simmer_tui.links.peer import MOST_CONNECTIONS, Peer, ReadBudget, host_of
+from simmer_tui.protocol.diagnosis import is_http
 from simmer_tui.protocol.packets import (
     Mailbox,
     Reply,
@@ -65,6 +66,8 @@ class _Sender(Peer):
         """True if replies go back on this connection: its client reads them here."""
         self.spoken = False
         """True if anything has come."""
+        self.is_probe = False
+        """True if it sends a request of HTTP, which only looks for the port."""
         self.last_received = self._loop.time()
         """Time of the last received bytes, at first of the connection, by the loop's clock."""
         self._watch = LoopTimer(self._look_after, self._loop)
@@ -85,6 +88,7 @@ class _Sender(Peer):
     def data_received(self, data: bytes) -> None:
         if not self.spoken:
             self._link.doctor.packet_came(data)
+            self.is_probe = is_http(data.decode("latin-1"))
         self.last_received, self.spoken = self._loop.time(), True
         self._submit(self._reader.receive(data))
         self._silence.set_in(None if self._closing else self._reader.idle_timeout)
@@ -285,7 +289,7 @@ class PacketLink:
 
     def note_request(self, sender: _Sender, request: Request) -> PacketDriver:
         """Take a complete request. Returns the owner of the velocities that it sets."""
-        driver = self._presence.asked(sender.peer)
+        driver = self._presence.asked(sender.peer, counts=not sender.is_probe)
         if not request.commands:
             self.engine.tell_fault(f"client {sender.peer}: an empty request, [], gets no reply")
         self.unanswered += len(request.commands)
@@ -312,9 +316,12 @@ class PacketLink:
             sender.spoken and host_of(sender.peer) == address for sender in self.senders
         )
 
-    def _client_left(self, address: str) -> None:
+    def _client_left(self, address: str, has_asked: bool) -> None:
         self._release_lock()
-        self.context.client_left()
+        if has_asked or self.context.probe_left is None:
+            self.context.client_left()
+        else:
+            self.context.probe_left()
 
     def _release_lock(self) -> None:
         if not self._presence.any and not self.senders:

@@ -57,13 +57,14 @@ class Presence:
         context: The processes of connections, and the engine that tells.
         mailbox: Replies that wait.
         is_connected: True for a silent address that is there all the same.
-        on_left: Called with the address of a client that has left.
+        on_left: Called with the address of a client that has left, and True if it has sent a request that
+            counts.
     """
 
     context: LinkContext
     mailbox: Mailbox
     is_connected: Callable[[str], bool]
-    on_left: Callable[[str], None]
+    on_left: Callable[[str, bool], None]
 
     def __post_init__(self) -> None:
         self._engine = self.context.engine
@@ -116,9 +117,9 @@ class Presence:
             if self.mailbox.has(address, began):
                 self._drop(address, "the program that reads was not there yet", began)
 
-    def asked(self, peer: str) -> PacketDriver:
+    def asked(self, peer: str, *, counts: bool = True) -> PacketDriver:
         """Take a request: replies that wait for another process, or from long before, are dropped. Returns
-        the request's owner."""
+        the request's owner. A probe of the port has no request that `counts`."""
         address, now = host_of(peer), self._loop.time()
         process = self._connecting.pop(peer, None)
         client = self._clients.get(address)
@@ -129,7 +130,7 @@ class Presence:
         elif now - client.last_request > SAME_PROGRAM:
             self._ask_again(client, address, process, now)
         client.last = client.last_request = now
-        client.requests += 1
+        client.requests += counts
         return PacketDriver(address, client.process)
 
     def _ask_again(self, client: _Client, address: str, process: Process | None, now: float) -> None:
@@ -187,7 +188,7 @@ class Presence:
         self._engine.tell(Notice(NoticeKind.LEFT, text, address))
         # The next program's first read is its own.
         self._drop(address, f"client {address} left without reading them")
-        self.on_left(address)
+        self.on_left(address, client.requests > 0)
 
     def _is_kept(self, client: _Client, address: str) -> bool:
         """True if replies wait for a process that lives."""

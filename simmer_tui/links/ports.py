@@ -140,6 +140,30 @@ ACCEPTED = 16
 """Connections accepted in one turn of the event loop, so that a flood leaves time for others."""
 
 
+GONE_AFTER = 60
+"""Seconds after which a connection ends whose other machine is gone (a laptop closed).
+Otherwise it would block the robot for hours."""
+# 30 s of silence, then three probes 10 s apart. TCP_KEEPALIVE is macOS' name. While bytes are unacknowledged
+# the system sends those again, for 15 minutes, and no probes. Linux limits that in milliseconds. macOS'
+# TCP_RXT_CONNDROPTIME (0x80 in its tcp.h) and Windows' TCP_MAXRT (5) are seconds without a name in Python.
+_LIMITS: list[tuple[int | None, int]] = [
+    (getattr(socket, "TCP_KEEPIDLE", None), 30),
+    (getattr(socket, "TCP_KEEPALIVE", None), 30),
+    (getattr(socket, "TCP_KEEPINTVL", None), 10),
+    (getattr(socket, "TCP_KEEPCNT", None), 3),
+    (getattr(socket, "TCP_USER_TIMEOUT", None), GONE_AFTER * 1000),
+    ({"darwin": 0x80, "win32": 5}.get(sys.platform), GONE_AFTER),
+]
+
+
+def end_with_machine(sock: socket.socket) -> None:
+    """Have the system end a connection within a minute after the other machine is gone, if it can."""
+    for option, value in _LIMITS:
+        if option is not None:
+            with contextlib.suppress(OSError):  # Python has the name, but an older system does not support it
+                sock.setsockopt(socket.IPPROTO_TCP, option, value)
+
+
 @dataclass(eq=False)
 class Acceptor:
     """Passes each admitted connection to a port to `welcome(socket, peer)`.
@@ -217,6 +241,7 @@ class Acceptor:
                 # Replies are a few bytes: Nagle's algorithm would delay them.
                 sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
                 sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+            end_with_machine(sock)
             self._let_in(sock, address[:2])
 
     def _let_in(self, sock: socket.socket, there: tuple[str, int]) -> None:

@@ -6,8 +6,10 @@ import asyncio
 import contextlib
 import math
 import os
+import stat
 import struct
 import sys
+import time
 from collections import deque
 from functools import cache
 
@@ -38,10 +40,15 @@ class PtyDevice:
     def __init__(self, path: str) -> None:
         """Make one, and the link to it. Raises PortError."""
         self.path = platform_has.expanded(path).absolute()
-        self._make()
+        try:
+            # Before a pseudo-terminal is made, which may get the number of the one that the link led to.
+            self._clear()
+            self._make()
+        except OSError as error:
+            raise PortError(f"--pty {path}: {reason_of(error)}") from None
         try:
             self._link()
-        except (OSError, PortError) as error:
+        except OSError as error:
             os.close(self.descriptor)
             raise PortError(f"--pty {path}: {reason_of(error)}") from None
 
@@ -65,16 +72,23 @@ class PtyDevice:
         os.close(end)
         os.set_blocking(self.descriptor, False)
 
-    def _link(self) -> None:
-        """Set the link at the path. Raises OSError, PortError."""
-        if self.path.is_symlink() and not self.path.exists():
-            self.path.unlink()  # of an earlier run that was killed
-        elif self.path.is_symlink():
+    def _clear(self) -> None:
+        """Remove the link of an earlier run that was killed. Raises OSError, PortError."""
+        if not self.path.is_symlink():
+            return
+        if not _is_dead(self.path):
             raise PortError(
-                f"it leads to {self.path.readlink()} already: end the simmer-tui that made it, remove it, "
-                "or name another path"
+                f"--pty {self.path}: it leads to {self.path.readlink()} already: end the simmer-tui that "
+                "made it, remove it, or name another path"
             )
+        self.path.unlink()
+
+    def _link(self) -> None:
+        """Set the link at the path. Raises OSError."""
         self.path.symlink_to(self.name)
+        with contextlib.suppress(OSError, NotImplementedError):
+            # By this machine's clock, which may differ from a file server's (see `_is_dead`).
+            os.utime(self.path, ns=(time.time_ns(),) * 2, follow_symlinks=False)
 
     def hang_up(self) -> None:
         """Disconnect the program that has it open: its next read or write fails. The path leads to a new
@@ -82,7 +96,7 @@ class PtyDevice:
         old = self.descriptor
         self._unlink()
         self._make()
-        with contextlib.suppress(OSError, PortError):  # another program has taken the path meanwhile
+        with contextlib.suppress(OSError):  # another program has taken the path meanwhile
             self._link()
         os.close(old)
 
@@ -138,6 +152,18 @@ class PtyDevice:
         finally:
             os.close(end)
         return int(count)
+
+
+def _is_dead(path: Path) -> bool:
+    """True if a link leads to no pseudo-terminal, or to one that was made after the link: it has the number
+    of an earlier one. Raises OSError."""
+    made = path.lstat().st_mtime_ns
+    try:
+        target = path.stat()
+    except FileNotFoundError:
+        return True
+    # Linux makes the device with its pseudo-terminal; elsewhere it is older than any.
+    return platform_has.LINUX and stat.S_ISCHR(target.st_mode) and target.st_ctime_ns > made
 
 
 @cache

@@ -4,6 +4,7 @@ The reply to a lidar's code is a count and so many numbers. A refusal is one NaN
 """
 
 from simmer_tui.config.settings import ServerSettings
+from simmer_tui.protocol.line_marks import has_marks_alone, without_marks
 from simmer_tui.protocol.replies import NUMBER_STRUCTS, ReplyForm, ReplyFormat, pack_reply
 from simmer_tui.sim.command import Command, parse_command
 from simmer_tui.sim.records import CommandResult
@@ -145,6 +146,8 @@ class CommandReader:
         """The command that ends because nothing has come for `idle_timeout` seconds."""
         if self.idle_timeout is None:
             return []
+        if has_marks_alone(self._buffer):  # the command follows
+            return []
         self._just_taken = True
         return self.end()
 
@@ -154,7 +157,7 @@ class CommandReader:
         if self._skipping:
             return self._skipped()
         rest, self._buffer = self._buffer, b""
-        if not rest:
+        if not rest or has_marks_alone(rest):
             return []
         self.sent.append(rest)
         return [self._command(rest)]
@@ -173,7 +176,7 @@ class CommandReader:
         return [overlong]
 
     def _command(self, line: bytes) -> Command:
-        return parse_command(line.removesuffix(b"\r").decode("latin-1"))
+        return parse_command(without_marks(line).removesuffix(b"\r").decode("latin-1"))
 
     def _refused(self, line: bytes) -> Command:
         problem = f"a command has at most {LONGEST_COMMAND} bytes; the rest up to the next newline is skipped"

@@ -17,6 +17,11 @@ _JSON = re.compile(r'\s*\{\s*"')
 _TINY = 1e-30
 
 
+def is_http(text: str) -> bool:
+    """True if a text is a request of HTTP: a health check may ask so whether the port is served."""
+    return _HTTP.match(text) is not None
+
+
 class Diagnosis(Struct, frozen=True):
     """A mistake that was recognised. `name` identifies it: each is reported once."""
 
@@ -32,7 +37,7 @@ def wrong_protocol(text: str, port: int, others: Mapping[str, int]) -> Diagnosis
         port: the port it came to.
         others: the ports of "packets" and "beliefs", those that are served.
     """
-    if _HTTP.match(text):
+    if is_http(text):
         return http(port)
     if text.startswith("["):
         where = others.get("packets")
@@ -51,7 +56,7 @@ def wrong_protocol(text: str, port: int, others: Mapping[str, int]) -> Diagnosis
 def wrong_packet(data: bytes, port: int, line_port: int | None) -> Diagnosis | None:
     """The mistake in the first bytes of a connection on a packet port. `line_port` takes lines, if served."""
     text = data.decode("latin-1")
-    if _HTTP.match(text):
+    if is_http(text):
         return http(port)
     if data.endswith(b"\n") and b"[" not in data:
         first = escape_word(text.splitlines()[0])

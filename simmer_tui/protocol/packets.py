@@ -27,6 +27,7 @@ from msgspec import Struct
 
 from simmer_tui.config.settings import ServerSettings
 from simmer_tui.protocol.binary import GRACE, LONGEST_COMMAND
+from simmer_tui.protocol.line_marks import has_marks_alone, without_marks
 from simmer_tui.protocol.replies import NUMBER_STRUCTS, ReplyForm, ReplyFormat, pack_reply
 from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.command import Command, code_problem
@@ -143,6 +144,8 @@ class RequestReader:
         if self._open:
             self._refuse_unclosed(requests)
         else:
+            if has_marks_alone(bytes(self._pending)):
+                self._pending.clear()
             requests += self._end_legacy()
         self._reset()
         self._open = True
@@ -162,12 +165,13 @@ class RequestReader:
             requests.append(_refusal(RequestStyle.FRAMED, self._pending, "a packet ends with ]"))
 
     def _end_legacy(self) -> list[Request]:
-        text = bytes(self._pending.strip(_BLANK))
+        text = without_marks(bytes(self._pending)).strip(_BLANK)
         self._reset()
         return [_request(RequestStyle.LEGACY, text)] if text else []
 
 
 def _request(dialect: RequestStyle, text: bytes) -> Request:
+    text = without_marks(text)
     if not text:
         return Request(dialect)
     pieces = text.split(b",")

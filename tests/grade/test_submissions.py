@@ -289,7 +289,7 @@ def test_leftovers_beside_the_teams_are_no_teams(make_course: Callable[..., Path
 
 
 def test_the_folder_that_is_too_large_is_named(tmp_path: Path) -> None:
-    names = [f"data/runs/{number}.txt" for number in range(MOST_FILES)]
+    names = [f"data/runs/{number}.txt" for number in range(submission_copy.MOST_FILES)]
     write_files(tmp_path / "many", ["main.py", *names])
     with pytest.raises(GradeError, match=r"2000 files, most of them in data/runs: leave it out$"):
         copy_submission(tmp_path / "many", tmp_path / "copy", 10_000)
