@@ -103,7 +103,7 @@ class Localizer:
         places = (self._random.uniform() + np.arange(SAMPLE)) / SAMPLE
         sample = self.particles[self._chosen(places)] + (0.0, 0.0, turn)
         bits = []
-        for code, expected in zip(self.ranges, self._expected(sample, self.ranges).T, strict=True):
+        for code, expected in zip(self.ranges, self._expected(sample, self.ranges).T):
             heard = expected[np.isfinite(expected)]
             if len(heard) < 2:
                 bits.append(0.0)
@@ -116,7 +116,7 @@ class Localizer:
         """Weigh the particles by a reading of each of some range sensors."""
         expected = self._expected(self.particles, codes)
         deviations = np.column_stack(
-            [self._deviation(code, column) for code, column in zip(codes, expected.T, strict=True)]
+            [self._deviation(code, column) for code, column in zip(codes, expected.T)]
         )
         foreseen, heard = np.isfinite(expected), np.isfinite(readings)
         off = np.where(foreseen & heard, readings, 0.0) - np.where(foreseen & heard, expected, 0.0)
@@ -241,7 +241,7 @@ class BlockFinder:
         x, y = (origin - guesses).T
         every = np.ones(len(x))
         nearest = np.full(len(x), np.inf)
-        for bearing, wall in zip(np.radians(bearings), walls, strict=True):
+        for bearing, wall in zip(np.radians(bearings), walls):
             ray = x, y, np.cos(bearing) * every, np.sin(bearing) * every
             distances = self._block.cast_many(*ray)
             seen = distances < wall

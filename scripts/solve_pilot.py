@@ -59,12 +59,10 @@ class DriveModel:
     """
 
     def __init__(self) -> None:
-        self._weights = dict(zip(DRIVES, PRIOR, strict=True))
+        self._weights = dict(zip(DRIVES, PRIOR))
         self._sums = {
             drive: weight * motion
-            for (drive, weight), motion in zip(
-                self._weights.items(), np.eye(3)[list(AXES.values())], strict=True
-            )
+            for (drive, weight), motion in zip(self._weights.items(), np.eye(3)[list(AXES.values())])
         }
 
     def learn(self, drive: str, value: float, motion: FloatArray) -> None:

@@ -86,7 +86,7 @@ class Wanderer:
 
 def step(robot: Robot, position: DeadReckoning, wanderer: Wanderer) -> tuple[dict[str, float], str]:
     """Read, decide and move once; returns the readings by code and the move made, as text."""
-    readings = dict(zip(SENSORS, robot.read(*SENSORS), strict=True))  # in one round trip
+    readings = dict(zip(SENSORS, robot.read(*SENSORS)))  # in one round trip
     position.update(readings["g1"], readings["o3"])
     robot.believe(position.x, position.y, position.heading, position.spread)
     code, value = wanderer.decide(readings)

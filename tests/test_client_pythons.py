@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 
+from simmer_tui.config.examples import example_files, examples_folder
 from tests.listening import listening
 
 CLIENT = Path(__file__).parents[1] / "simmer_tui" / "client.py"
@@ -140,9 +141,12 @@ def test_the_client_copied_alone_runs(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_nothing_in_the_client_needs_a_python_above_3_8() -> None:
+def test_no_program_that_users_copy_needs_a_python_above_3_8() -> None:
     vermin = shutil.which("vermin", path=str(Path(sys.executable).parent)) or shutil.which("vermin")
     assert vermin, "vermin is not installed; pip install '.[test]' brings it"
-    command = [vermin, "--no-tips", "--violations", "--target=3.8-", str(CLIENT)]
+    programs = [str(examples_folder() / name) for name in example_files() if name.endswith(".py")]
+    assert len(programs) > 10
+    files = sorted(path for path in programs if Path(path).exists())
+    command = [vermin, "--no-tips", "--violations", "--target=3.8-", str(CLIENT), *files]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr

@@ -43,7 +43,7 @@ class Odometry:
         """Motion since the last call. The wheels of a pair are on opposite sides: a turn adds to one as much
         as it takes from the other, so their mean is the distance driven."""
         now = self._robot.read(*COUNTERS)
-        a, b, c, d, turn = (new - old for new, old in zip(now, self._before, strict=True))
+        a, b, c, d, turn = (new - old for new, old in zip(now, self._before))
         self._before = now
         return Motion((a + b) / 2, (c + d) / 2, turn)
 

@@ -93,7 +93,7 @@ class Pilot:
             if (distance := float(np.hypot(*offset))) < close:
                 return
             stride = turned(*(offset * min(STRIDE / distance, 1)), -self.pose[2])
-            for code, value in zip(("d1", "w1"), stride, strict=True):
+            for code, value in zip(("d1", "w1"), stride):
                 if abs(value) > 0.15:
                     self.move(code, value)
             for _ in range(3):  # one bad reading is no reason to be lost

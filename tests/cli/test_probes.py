@@ -19,10 +19,10 @@ _WAIT = 60
 def once(*options: str) -> Iterator[tuple[subprocess.Popen[str], int]]:
     """A simulator with --once, and the first port of its first line."""
     command = [sys.executable, "-m", "simmer_tui", "--no-ui", "--once", "--port", "0", *options]
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
-        assert process.stderr is not None
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
+        assert process.stdout is not None
         try:
-            found = re.search(r"on port (\d+)", process.stderr.readline())
+            found = re.search(r"on port (\d+)", process.stdout.readline())
             assert found is not None
             yield process, int(found[1])
         finally:
