@@ -48,7 +48,7 @@ WHEEL_RADIUS = 3.0  # in, from the robot's centre to its wheels, as in the defau
 LONGEST = 256  # bytes of a command; a real microcontroller has even less memory
 GREETING = b"\xf8\x00SimMeR robot, firmware 1.0\r\nready\r\n"
 FLOATS = {("float64", "big"): ">d", ("float64", "little"): "<d"}
-FLOATS |= {("float32", "big"): ">f", ("float32", "little"): "<f"}
+FLOATS.update({("float32", "big"): ">f", ("float32", "little"): "<f"})
 
 
 @dataclass(frozen=True)

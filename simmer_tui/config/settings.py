@@ -336,6 +336,13 @@ class WebSettings(Struct, frozen=True, kw_only=True):
             "ADDRESS",
         ),
     ] = ""
+    names: Annotated[
+        _Names,
+        Setting(
+            NamesRule(),
+            "names under which a port forwarder shows the page; the link then ends in a secret word",
+        ),
+    ] = ()
     control: Annotated[bool, _flag("let the page drive, as console and keys do")] = False
 
 

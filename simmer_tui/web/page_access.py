@@ -7,6 +7,7 @@ import hmac
 import re
 import secrets
 import socket
+from collections.abc import Sequence
 from enum import StrEnum
 from ipaddress import ip_address
 
@@ -36,12 +37,14 @@ class PageAccess:
     """Rights on the page. With `words` they depend on the word in the link; without, all admitted people have
     the same."""
 
-    def __init__(self, *, words: bool, control: bool, host: str = "") -> None:
-        """`host` is the address by which other machines reach the page, as given."""
+    def __init__(self, *, words: bool, control: bool, host: str = "", names: Sequence[str] = ()) -> None:
+        """`host` is the address by which other machines reach the page, as given. A forwarder shows it under
+        `names`; anybody may reach the forwarder, so that they need `words`."""
         roles = (PageRole.LOOK, PageRole.DRIVE) if control else (PageRole.LOOK,)
         self._words = {role: secrets.token_urlsafe(_WORD_BYTES) for role in roles} if words else {}
         self._free = None if words else roles[-1]
-        self._names = {"localhost", host.lower(), socket.gethostname().lower()} - {""}
+        self._forwarded = {name.lower() for name in names}
+        self._names = {"localhost", host.lower(), socket.gethostname().lower(), *self._forwarded} - {""}
 
     def role_of(self, word: str) -> PageRole | None:
         """The role of a viewer with this word; None for a wrong word."""
@@ -69,17 +72,23 @@ class PageAccess:
             return name in self._names or name.removesuffix(".local") in self._names
         return True
 
-    @staticmethod
-    def is_origin(origin: str, host: str) -> bool:
-        """True if a page with this origin, requested at this host, is ours."""
-        return origin in (f"http://{host}", f"https://{host}")
+    def is_origin(self, origin: str, host: str) -> bool:
+        """True if a page with this origin, requested at this host, is ours. A forwarder may ask for another
+        host than the browser did, but only a name that was given."""
+        if origin in (f"http://{host}", f"https://{host}"):
+            return True
+        found = _HOST.fullmatch(origin.removeprefix("https://"))
+        return found is not None and found["name"].lower() in self._forwarded
 
     def links(self, host: str, port: int) -> tuple[PageLink, ...]:
         """The links to print."""
         place = f"http://{f'[{host}]' if ':' in host else host}:{port}/"
         if self._free is not None:
             return (PageLink(self._free, place),)
-        return tuple(PageLink(role, f"{place}#{word}") for role, word in self._words.items())
+        places = [place, *(f"https://{name}/" for name in sorted(self._forwarded))]
+        return tuple(
+            PageLink(role, f"{place}#{word}") for place in places for role, word in self._words.items()
+        )
 
 
 def shown_host(host: str) -> str:

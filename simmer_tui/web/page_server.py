@@ -79,9 +79,10 @@ class PageServer:
         for sock in self._listener.sockets if self._owners is not None else ():
             self._owners.hold_ends(sock)  # type: ignore[union-attr]
         # If the system does not report owners, other users of this machine need a word as well.
-        words = self._owners is None or not self._owners.is_possible
+        names = self._settings.names
+        words = self._owners is None or not self._owners.is_possible or bool(names)
         host = self._settings.host
-        self._access = PageAccess(words=words, control=self._settings.control, host=host)
+        self._access = PageAccess(words=words, control=self._settings.control, host=host, names=names)
         self.links: tuple[PageLink, ...] = self._access.links(
             shown_host(host) if host else _LOCAL, self._listener.port
         )
@@ -276,7 +277,9 @@ class PageServer:
             return refused(HTTPStatus.BAD_REQUEST, "a header stands there twice")
         if not self._access.is_host(host):
             return refused(
-                HTTPStatus.FORBIDDEN, "this is no name of the simulator's machine: use its address"
+                HTTPStatus.FORBIDDEN,
+                "this is no name of the simulator's machine: use its address, or start it with --web-names "
+                "and the name of your port forwarder",
             )
         if getattr(request, "method", "GET") != "GET":  # older versions allow no other request to reach this
             return refused(HTTPStatus.METHOD_NOT_ALLOWED, "nothing but GET is answered here")

@@ -12,7 +12,7 @@ import pytest
 
 from simmer_tui.errors import PortError
 from simmer_tui.links import ports
-from simmer_tui.links.ports import Listener, PortRequest, take_port
+from simmer_tui.links.ports import Listener, PortRequest, end_with_machine, take_port
 
 ANY = PortRequest(0, "commands", "--port")
 
@@ -157,3 +157,11 @@ def test_hundreds_of_programs_may_connect_before_one_is_accepted(taken: Listener
         for each in opened:
             each.close()
     assert len(opened) == 300
+
+
+@pytest.mark.skipif(not hasattr(socket, "TCP_USER_TIMEOUT"), reason="this system has no such option")
+def test_a_connection_whose_machine_is_gone_ends_in_a_minute_while_a_reply_is_under_way() -> None:
+    with socket.socket() as sock:
+        end_with_machine(sock)
+        assert sock.getsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT) == 60_000
+        assert sock.getsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPIDLE) == 30
