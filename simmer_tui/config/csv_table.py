@@ -32,6 +32,8 @@ _WINDOWS_END = re.compile("\r+\n")
 _FORMULA_TEXT = re.compile(r'="([^"]*)"')
 # The minus sign of Excel in Sweden, Norway and others, where a program expects a hyphen.
 _MINUS = re.compile("\u2212(?=[0-9.,])")
+# Zero-width spaces and marks, which spreadsheets and web pages leave inside cells.
+_INVISIBLE = re.compile("[\u200b\u200e\u200f\u2060\ufeff]")
 _DOS_END = "\x1a"
 """The last character of a file by older Windows programs."""
 COMMENT = "#"
@@ -216,7 +218,7 @@ def _clean(cells: Sequence[str], delimiter: str) -> tuple[str, ...]:
 
 
 def _clean_cell(cell: str) -> str:
-    cell = cell.strip().strip("\ufeff")
+    cell = _INVISIBLE.sub("", cell).strip()
     kept = _FORMULA_TEXT.fullmatch(cell)
     if kept is not None:
         return kept[1]
