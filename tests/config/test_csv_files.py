@@ -47,9 +47,7 @@ NAMES = ("maze.csv", "robot.csv", "sensors.csv", "drive.csv")
         pytest.param(lambda data: re.sub(rb",-(\d)", ",\u2212\\1".encode(), data), id="minus signs"),
         pytest.param(lambda data: b"\xef\xbb\xbf\xef\xbb\xbf" + data, id="two byte-order marks"),
         pytest.param(lambda data: data.replace(b",", "\u200b,\u3000\xa0".encode()), id="invisible spaces"),
-        pytest.param(
-            lambda data: re.sub(rb",-(\d)", ",-\ufeff\\1".encode(), data), id="a mark inside a number"
-        ),
+        pytest.param(lambda data: re.sub(rb",-(\d)", ",-\ufeff\\1".encode(), data), id="mark in a number"),
         pytest.param(lambda data: data.replace(b"\n", b",,,\n"), id="blank trailing columns"),
         pytest.param(lambda data: data + b"\n,,,\n \t\n\n", id="blank trailing rows"),
         pytest.param(lambda data: data.replace(b",", b" ,  "), id="spaces around values"),
