@@ -12,6 +12,7 @@ import sys
 import time
 from collections import deque
 from functools import cache
+from pathlib import Path
 
 from simmer_tui import platform_has
 from simmer_tui.errors import PortError, reason_of
