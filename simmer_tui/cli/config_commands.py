@@ -40,6 +40,7 @@ from simmer_tui.document.model import Document
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.importer.device_skeletons import with_skeletons
 from simmer_tui.importer.files import read_path
+from simmer_tui.importer.imported import check_mission
 from simmer_tui.importer.set_writer import set_files
 from simmer_tui.sim.command import counted, escape, shown_path, typed_path
 
@@ -192,6 +193,8 @@ def run_import(options: argparse.Namespace) -> int:
     executed."""
     # Exit code 0: the set can be used. 1: it was written, but must be edited first.
     imported, skeletons = with_skeletons(read_path(options.file))
+    if options.mission:
+        check_mission(imported)
     files = {**set_files(imported), **skeletons}
     files = with_comments(with_mission(files) if options.mission else files)
     sys.stdout.write(f"{_write(options.directory, files)}\n")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import pickle
 from collections.abc import Mapping
 from pathlib import Path
@@ -118,7 +119,8 @@ def load(
         # Without their kinds every row of theirs would seem wrong, so the sensors are not read.
         raise ConfigurationError([*problems, *later, *error.problems]) from None
     kinds = own.kinds
-    sensors = own.load_sensors(directory, codes, problems)
+    longest = math.inf if maze is None else math.hypot(maze.width, maze.height)
+    sensors = own.load_sensors(directory, codes, problems, longest)
     rows = load_drives(directory, codes, problems)
     problems += later
     mission, mission_file = load_mission(directory, problems)

@@ -1,5 +1,6 @@
 """sensors.csv: a header row, then one sensor a row."""
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -20,7 +21,7 @@ from simmer_tui.config.csv_table import (
     read_table,
 )
 from simmer_tui.errors import Problem
-from simmer_tui.sim.columns import BASE, COMMON, CsvColumn
+from simmer_tui.sim.columns import BASE, COMMON, MIN_RANGE, CsvColumn
 from simmer_tui.sim.rules import NumberRule, describe, did_you_mean, listed
 from simmer_tui.sim.sensors import KINDS, SensorKinds
 from simmer_tui.sim.specs import SensorKind, SensorSpec
@@ -73,11 +74,16 @@ def optional_headers(kinds: SensorKinds = KINDS) -> tuple[str, ...]:
 
 
 def load_sensors(
-    directory: Path, codes: dict[str, str], problems: list[Problem], kinds: SensorKinds = KINDS
+    directory: Path,
+    codes: dict[str, str],
+    problems: list[Problem],
+    kinds: SensorKinds = KINDS,
+    longest: float = math.inf,
 ) -> tuple[SensorSpec, ...]:
     """Read sensors.csv. Rows with mistakes are left out, with a problem each.
 
-    `codes` maps codes in use to their places, and is added to.
+    `codes` maps codes in use to their places, and is added to. `longest` is the longest distance in the maze,
+    inches: a sensor that reads nothing below it is a mistake.
     """
     table = read_csv(directory / FILE, problems)
     if table is None:
@@ -99,7 +105,7 @@ def load_sensors(
             cells[kind] = _cells_of(kind, owners, optional)
         values |= cells[kind].read(row)
         if identity and row.has((CODE, ENABLED)) and len(problems) == before:
-            specs.append(_spec(*identity, row, values))
+            specs.append(_spec(*identity, row, values, longest))
     return tuple(specs)
 
 
@@ -147,7 +153,9 @@ def _owners(kinds: SensorKinds) -> dict[str, list[str]]:
     return owners
 
 
-def _spec(kind: type[SensorKind], number: int, row: TableRow, values: dict[str, Any]) -> SensorSpec:
+def _spec(
+    kind: type[SensorKind], number: int, row: TableRow, values: dict[str, Any], longest: float
+) -> SensorSpec:
     """The sensor of a row without mistakes; values that contradict each other are a problem."""
     defaults = {column.field: column.default for column in kind.columns if column.default is not None}
     spec = kind.spec_type(kind=kind, number=number, **(defaults | values))
@@ -156,6 +164,9 @@ def _spec(kind: type[SensorKind], number: int, row: TableRow, values: dict[str, 
         columns, what = contradiction
         place = next((c.name for c in columns if row.values.get(c.name)), columns[0].name)
         row.add_problem(place, what)
+    elif kind.has(MIN_RANGE.field) and spec.min_range >= longest:
+        what = f"must be below the longest distance in this maze, {longest:.1f} in, not {spec.min_range:g}"
+        row.add_problem(MIN_RANGE.name, f"{what}: the sensor could not read anything")
     return spec
 
 

@@ -59,15 +59,16 @@ class SetDevices(Struct, frozen=True):
         return self.files if all(each.ran for each in self.statuses) else ()
 
     def load_sensors(
-        self, directory: Path, codes: dict[str, str], problems: list[Problem]
+        self, directory: Path, codes: dict[str, str], problems: list[Problem], longest: float
     ) -> tuple[SensorSpec, ...]:
-        """Read sensors.csv. Faults of device files, constructors included, are problems too."""
+        """Read sensors.csv. Faults of device files, constructors included, are problems too. `longest` is the
+        longest distance in the maze, inches."""
         if not self.files:
-            return load_sensors(directory, codes, problems, self.kinds)
+            return load_sensors(directory, codes, problems, self.kinds, longest)
         from simmer_tui.config.device_code import device_faults
 
         with device_faults(self.files, problems):
-            sensors = load_sensors(directory, codes, problems, self.kinds)
+            sensors = load_sensors(directory, codes, problems, self.kinds, longest)
             for row in sensors:
                 if row.kind.is_opaque:
                     sensor = sensor_of(row)

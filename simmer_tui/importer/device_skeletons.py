@@ -93,7 +93,7 @@ def _text(title: str, kind: str, path: str, devices: Iterable[OwnDevice]) -> str
     for device in devices:
         for name, number in device.class_numbers.items():
             line = f"    {name.upper()} = {number.value!r}  # {number.where}"
-            if math.isfinite(number.value) and line not in lines:
+            if isinstance(number.value, int | float) and math.isfinite(number.value) and line not in lines:
                 lines.append(line)
     for device in devices:
         given = [f"{name} {value!r}" for name, value in device.numbers.items() if math.isfinite(value)]

@@ -3,7 +3,6 @@
 from pathlib import Path
 
 from simmer_tui.errors import ConfigurationError, Problem
-from simmer_tui.importer.device_classes import read_device_classes
 from simmer_tui.importer.imported import Imported, text_of_file
 from simmer_tui.importer.matlab import FILE as MAIN
 from simmer_tui.importer.matlab import read_matlab
@@ -31,7 +30,7 @@ def read_path(path: Path) -> Imported:
     name = escape(path.name)
     # A folder of a team may have many programs; only one of them describes a robot.
     check_is_configuration(text, name)
-    return read_simmer_python(text, name, read_device_classes(path.parent))
+    return read_simmer_python(text, name, path.parent)
 
 
 def _file_in(folder: Path) -> str:

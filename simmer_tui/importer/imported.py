@@ -18,12 +18,12 @@ from simmer_tui.config.loader import simulation_of
 from simmer_tui.config.mission_plan import cells_of
 from simmer_tui.config.sets import unreadable
 from simmer_tui.config.settings import settings_from
-from simmer_tui.errors import Problem
+from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.importer.device_classes import ClassNumber, ClassNumbers, class_number
 from simmer_tui.importer.python_values import Located, Unreadable
 from simmer_tui.sim.command import escape_word
 from simmer_tui.sim.obstacles import placement_problems
-from simmer_tui.sim.rules import NumberRule, Rule
+from simmer_tui.sim.rules import NumberRule, Rule, describe
 from simmer_tui.sim.specs import (
     BLOCK,
     EMPTY,
@@ -86,38 +86,50 @@ def free_number(kind: type[SensorKind], code: str, taken: Iterable[SensorSpec]) 
     return next(number for number in range(len(numbers) + 1) if number not in numbers)
 
 
+NO_BLOCK = "so there is no block (blocksize = 0)"
+"""End of the note on a block that is left out."""
 MAX_TRIES = 200
 """Most cells tried for a place: each try builds a maze, and a course has 32 cells."""
 
-POSITIONS = ("block_center", "bot_center")
-"""The settings that are places. The block comes first, because a solid block may be where the robot
-starts."""
-# The cells to try, those meant for it first.
-_CELLS = {"block_center": (BLOCK, EMPTY, START), "bot_center": (START, EMPTY, BLOCK)}
+_BLOCK, _START = "block_center", "bot_center"
+POSITIONS = (_BLOCK, _START)
+"""The settings that are places."""
 
 
 def settled(imported: Imported, origins: Mapping[str, str]) -> Imported:
-    """The import, with robot and block moved to the middle of a free cell if they overlapped a wall.
+    """The import, without the block if it is outside or in a wall, and with the robot moved to the middle of
+    a free cell if it overlapped a wall or the block.
 
     `origins` maps the settings `bot_center` and `block_center` to their place in the team's file. Without a
     free cell, the place stays.
     """
-    problems = _problems(imported)
-    for name in POSITIONS:
-        what = problems.get(name)
-        if what is None:
-            continue
-        free = (cell for kind in _CELLS[name] for cell in cells_of(imported.maze, kind))
-        for x, y in ((cell.x, cell.y) for cell in islice(free, MAX_TRIES)):
-            moved = replace(imported, settings={**imported.settings, name: (x, y)})
-            found = _problems(moved)
-            # The other place is checked again: a moved block may have freed the start, or blocked it.
-            if name not in found:
-                problems = found
-                note = Problem(origins.get(name, name), f"{what.partition(';')[0]}; moved to ({x:g}, {y:g})")
-                imported = replace(moved, left_out=(*moved.left_out, note))
-                break
+    problem = _problems(imported).get(_BLOCK, "")
+    if problem:
+        # Teams put the block outside, or into a wall, to be rid of it.
+        note = Problem(origins.get(_BLOCK, _BLOCK), f"{problem.partition(', which')[0]}; {NO_BLOCK}")
+        settings = {**imported.settings, "blocksize": 0.0}
+        imported = replace(imported, settings=settings, left_out=(*imported.left_out, note))
+    problem = _problems(imported).get(_START, "")
+    if not problem:
+        return imported
+    free = (cell for kind in (START, EMPTY, BLOCK) for cell in cells_of(imported.maze, kind))
+    for x, y in ((cell.x, cell.y) for cell in islice(free, MAX_TRIES)):
+        moved = replace(imported, settings={**imported.settings, _START: (x, y)})
+        if _START not in _problems(moved):
+            what = f"{problem.partition(';')[0]}; moved to ({x:g}, {y:g})"
+            return replace(moved, left_out=(*moved.left_out, Problem(origins.get(_START, _START), what)))
     return imported
+
+
+def check_mission(imported: Imported) -> None:
+    """Raise ConfigurationError if a set for a mission would have no block."""
+    if imported.settings.get("blocksize") == 0.0:
+        notes = [each for each in imported.left_out if each.what.endswith(NO_BLOCK)]
+        where, why = (
+            (notes[0].where, f"{notes[0].what}; ") if notes else ("--mission", "the file has no block; ")
+        )
+        what = f"{why}a mission needs one: put it into a free cell, or import without --mission"
+        raise ConfigurationError([Problem(where, what)])
 
 
 def _problems(imported: Imported) -> dict[str, str]:
@@ -142,6 +154,11 @@ class Notes:
         self._found.append((line, note))
         return note
 
+    def add_elsewhere(self, problem: Problem) -> None:
+        """Note something about another file, each once."""
+        if (0, problem) not in self._found:
+            self._found.append((0, problem))
+
     def where(self, line: int, name: str) -> str:
         """`file:line:name`, without parts that are 0 or empty."""
         return ":".join(part for part in (self._file, str(line or ""), escape_word(name)) if part)
@@ -160,7 +177,9 @@ class Fields:
     fields: dict[Any, Located]
     notes: Notes
     class_numbers: ClassNumbers = field(default_factory=dict)
-    """Numbers of its class."""
+    """Numbers that its class makes of it, or has for what is not given."""
+    read_by_class: frozenset[str] = frozenset()
+    """Texts in its class, among which are the keys that it reads."""
     of_class: dict[str, ClassNumber] = field(default_factory=dict)
     """Numbers from the device's class, in the order in which they were requested."""
     assumed: dict[str, float] = field(default_factory=dict)
@@ -204,7 +223,10 @@ class Fields:
         """A value of the description, else of the device's class, else the default. If the rule does not
         allow it, the default."""
         value = self.value(key)
-        own = class_number(self.class_numbers, key) if value is None else None
+        own = class_number(self.class_numbers, key)
+        # A class may scale a value of the description, or have one of its own instead of it.
+        if own is not None and value is not None and (not own.is_made or own.value == value):
+            own = None
         if value is None and own is None:
             self.assumed[key] = default
             return default
@@ -214,7 +236,9 @@ class Fields:
             place = "" if own is None else f"{own.where}: "
             self.note(key, f"{place}{error}; {default:g} is taken")
             return default
-        if own is not None:
+        if own is not None and value is not None:
+            self.note(key, f"is {describe(value)}, of which its class makes {found:g} ({own.where})")
+        elif own is not None and found != default:
             self.of_class[key] = own
         return found
 
@@ -231,6 +255,11 @@ class Fields:
         """A place on the robot in its own frame; the centre if none is given."""
         value = self.value(key)
         point = pair(value)
+        own = class_number(self.class_numbers, key)
+        made = pair(own.value) if own is not None and own.is_made else None
+        if own is not None and made is not None and made != point:
+            self.note(key, f"is ({made[0]:g}, {made[1]:g}) by its class ({own.where})")
+            return made
         if point is None and value is not None:
             self.note(key, "is not a point; the robot's centre is taken")
         return point or (0.0, 0.0)

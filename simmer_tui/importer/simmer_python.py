@@ -6,20 +6,21 @@ Frames there: x to the right and y *down* from the maze's top-left corner, the r
 heading -R - 90.
 """
 
+import math
 import re
-from collections.abc import Mapping
-from types import MappingProxyType
+from pathlib import Path
 from typing import Any
 
+from simmer_tui.config.device_outline import python_tree
 from simmer_tui.config.maze_csv import CELLS, MAX_CELLS
 from simmer_tui.config.robot_csv import outline_fault
 from simmer_tui.config.settings import all_settings
 from simmer_tui.errors import ConfigurationError, Problem
-from simmer_tui.importer.device_classes import ClassNumbers
+from simmer_tui.importer.device_classes import read_device_classes
 from simmer_tui.importer.imported import COURSE_MAZE, Imported, Notes, OwnDevice, SettingValue, pair, settled
-from simmer_tui.importer.literal import Source, read_source
-from simmer_tui.importer.python_values import Call, Located, Unreadable
-from simmer_tui.importer.simmer_python_devices import read_drives, read_sensors
+from simmer_tui.importer.literal import Source, read_module, read_source
+from simmer_tui.importer.python_values import Call, Class, Function, Located, Reference, Unreadable
+from simmer_tui.importer.simmer_python_devices import Scene, read_drives, read_sensors
 from simmer_tui.sim.rules import FlagRule, NumberRule, Rule, describe
 from simmer_tui.sim.specs import EMPTY, DriveSpec, MazeSpec, RobotSpec
 
@@ -91,28 +92,29 @@ def check_is_configuration(text: str, file: str = FILE) -> None:
         raise ConfigurationError([Problem(file, f"{what}; name the {FILE} of simmer-python")])
 
 
-def read_simmer_python(
-    text: str, file: str = FILE, classes: Mapping[str, ClassNumbers] = MappingProxyType({})
-) -> Imported:
+def read_simmer_python(text: str, file: str = FILE, folder: Path | None = None) -> Imported:
     """Import the text of a `config.py`, which is parsed and never executed.
 
-    `file` is its name in `left_out`, `classes` are numbers of the device classes beside it.
+    `file` is its name in `left_out`, `folder` has the device classes beside it.
     Raises ConfigurationError if the text is not Python.
     """
-    source = read_source(text, file)
+    tree = python_tree(text, file)
+    source = read_module(tree, file)
     notes = Notes(file)
+    classes = read_device_classes(folder, tree, source.names, file)
     for line, why in source.skipped:
         notes.add(line, "", why)
     maze, robot = _maze(source, notes), _robot(source, notes)
     settings = _settings(source, maze, notes)
-    drives = read_drives(_table(source, "drives", notes), notes)
+    drives = read_drives(_table(source, "drives", notes), notes, classes)
     settings["motion.clearance"] = _clearance(source, drives, notes)
     codes = {drive.code for drive in drives}
     block_size = settings.get("blocksize", _KNOWN["blocksize"].default)
+    scene = Scene(block_size, math.hypot(maze.width, maze.height), classes)
     own: list[OwnDevice] = []
-    sensors = read_sensors(_table(source, "sensors", notes), codes, block_size, notes, (), classes, own)
+    sensors = read_sensors(_table(source, "sensors", notes), codes, scene, notes, (), own)
     if "motors" in source.names:
-        sensors += read_sensors(_table(source, "motors", notes), codes, block_size, notes, sensors, classes)
+        sensors += read_sensors(_table(source, "motors", notes), codes, scene, notes, sensors)
     _list_the_rest(source, notes)
     origins = {
         setting: notes.where(source.names[name].line, name)
@@ -291,6 +293,8 @@ def _list_the_rest(source: Source, notes: Notes) -> None:
                 notes.add(located.line, name, f"is left out; here it is always {describe(_ALWAYS[name])}")
         elif _IDLE.fullmatch(name):
             idle.append((name, located.line))
+        elif isinstance(located.value, Function | Class | Reference):
+            continue
         elif name not in source.used and name not in _READ:
             notes.add(located.line, name, "has no equivalent; left out")
     if idle:

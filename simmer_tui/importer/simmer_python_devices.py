@@ -6,9 +6,12 @@ from collections.abc import Callable, Iterator, Mapping
 from types import MappingProxyType
 from typing import Any
 
-from simmer_tui.importer.device_classes import ClassNumbers
+from msgspec import Struct
+from msgspec.structs import astuple
+
+from simmer_tui.importer.device_classes import DeviceClasses
 from simmer_tui.importer.imported import Fields, Notes, OwnDevice, free_number, pair
-from simmer_tui.importer.python_values import Call, Located, Unreadable
+from simmer_tui.importer.python_values import Call, Instance, Located, Unreadable
 from simmer_tui.sim.command import escape_word
 from simmer_tui.sim.rules import CodeRule, IntegerRule, NumberRule
 from simmer_tui.sim.sensors import KINDS, Compass, Gyro, LineSensor, Ultrasonic
@@ -32,37 +35,51 @@ _FIELDS = {
 # Classes of a team's own whose devices are read as `Ultrasonic` ones: there is none for them there.
 _TIME_OF_FLIGHT = re.compile(r"(?i)(.*_)?(tof|time_?of_?flight|vl53l\d\w*)(_?sensor)?")
 _OWN = "is a device of the team's own or belongs elsewhere"
+# Half of the stock robot's side, inches: the radius at which turning and driving are compared.
+_HALF_ROBOT = 3.0
 _DRIVE_FIELDS = _USUAL | {"velocity", "ang_velocity", "motors", "motor_direction", "bias"}
+
+
+class Scene(Struct, frozen=True):
+    """The things around a sensor that its numbers depend on: the block's side and the maze's longest
+    distance, inches, and the team's device classes."""
+
+    block_size: float
+    longest: float
+    classes: DeviceClasses
 
 
 def read_sensors(
     table: dict[Any, Located],
     codes: set[str],
-    block_size: float,
+    scene: Scene,
     notes: Notes,
     taken: tuple[SensorSpec, ...] = (),
-    classes: Mapping[str, ClassNumbers] = MappingProxyType({}),
     own: list[OwnDevice] | None = None,
 ) -> tuple[SensorSpec, ...]:
     """The sensors of a table of devices; motors become wheel encoders.
 
-    `codes` has the codes in use and is added to; `taken` are the existing sensors, `classes` numbers of the
-    team's device classes. Devices of classes without a kind here are added to `own`.
+    `codes` has the codes in use and is added to; `taken` are the existing sensors. Devices of classes without
+    a kind here are added to `own`.
     """
     kinds = {device: kind for kind in KINDS.values() for device in kind.devices}
+    classes = scene.classes
     sensors: tuple[SensorSpec, ...] = ()
     foreign: list[tuple[Call, Fields]] = []
-    for call, fields in _devices(table, codes, notes, frozenset(kinds), foreign, classes):
-        name = call.name if call.name in kinds else "Ultrasonic"
-        fields.list_others(_FIELDS.get(name, _USUAL))
-        values = _READERS.get(kinds[name], _usual)(fields, block_size)
+    for call, fields, known in _devices(table, codes, notes, tuple(kinds), classes, foreign):
+        name = known or "Ultrasonic"
+        fields.list_others(_FIELDS.get(name, _USUAL) | fields.read_by_class)
+        values = _READERS.get(kinds[name], _usual)(fields, scene)
         sensors += (_placed(fields, kinds[name], taken + sensors, values),)
-        guessed = name != call.name
-        parts = list(_origins(fields, sensors[-1], guessed))
-        if guessed:
+        for slip in classes.slips_of(call.name):
+            notes.add_elsewhere(slip)
+        parts = list(_origins(fields, sensors[-1], guessed=not known))
+        if not known:
             parts[:0] = [
                 f"{escape_word(call.name)} is taken as an ultra row, which reads the nearest distance"
             ]
+        elif known != call.name:
+            parts[:0] = [f"{escape_word(call.name)} is read as {known}"]
         if parts:
             fields.note("", "; ".join(parts))
     # After the known ones, so that a proposed row has a number that is still free.
@@ -70,13 +87,13 @@ def read_sensors(
         what = f"{escape_word(call.name)} {_OWN}; left out"
         silent = fields.silent()
         if pair(silent.value("position")) is not None:
-            row = _placed(silent, Ultrasonic, taken + sensors, _ultrasonic(silent, block_size))
-            known = _origins(silent, row, guessed=True)
-            what = "; ".join((f"{what}. If it tells a distance, add to sensors.csv: {_row(row)}", *known))
+            row = _placed(silent, Ultrasonic, taken + sensors, _ultrasonic(silent, scene))
+            origins = _origins(silent, row, guessed=True)
+            what = "; ".join((f"{what}. If it tells a distance, add to sensors.csv: {_row(row)}", *origins))
         note = fields.note("", what)
-        if own is not None and call.name in classes:
-            row = _placed(silent, Ultrasonic, taken, _usual(silent, block_size))
-            own.append(OwnDevice(call.name, row, silent.class_numbers, silent.numbers, note))
+        if own is not None and call.name in classes.numbers:
+            row = _placed(silent, Ultrasonic, taken, _usual(silent, scene))
+            own.append(OwnDevice(call.name, row, classes.numbers[call.name], silent.numbers, note))
     return sensors
 
 
@@ -102,22 +119,26 @@ def _devices(
     table: dict[Any, Located],
     codes: set[str],
     notes: Notes,
-    classes: frozenset[str],
+    names: tuple[str, ...],
+    classes: DeviceClasses,
     foreign: list[tuple[Call, Fields]] | None = None,
-    own: Mapping[str, ClassNumbers] = MappingProxyType({}),
-) -> Iterator[tuple[Call, Fields]]:
-    """The devices of known classes with usable codes; the others are noted.
+) -> Iterator[tuple[Call, Fields, str]]:
+    """The devices of known classes with usable codes, each with the known class as which it is read; the
+    others are noted.
 
-    With `foreign`, a class of time-of-flight sensors counts as known. Readable devices of other classes are
-    then added to that list instead of being noted.
+    With `foreign`, a class of time-of-flight sensors counts as known, as an empty name. Readable devices of
+    other classes are then added to that list instead of being noted.
     """
     for key, located in table.items():
         name = str(key)
         try:
             device = _device(key, located.value)
             description = _fields_of(device)
-            fields = Fields(name, located.line, description or {}, notes, own.get(device.name, {}))
-            if device.name not in classes:
+            made = classes.made(device, description)
+            read = frozenset(classes.keys_of(device.name))
+            fields = Fields(name, located.line, description or {}, notes, made, read)
+            known = classes.kind_of(device, names)
+            if not known:
                 is_ranging = _TIME_OF_FLIGHT.fullmatch(device.name)
                 if foreign is not None and not is_ranging:
                     foreign.append((device, fields))
@@ -132,7 +153,7 @@ def _devices(
             notes.add(located.line, name, f"{error}; left out")
             continue
         codes.add(name)
-        yield device, fields
+        yield device, fields, known
 
 
 def _device(key: Any, device: Any) -> Call:
@@ -141,6 +162,8 @@ def _device(key: Any, device: Any) -> Call:
         CodeRule().check(key)
     except ValueError as error:
         raise ValueError(f"the code {error}") from None
+    if isinstance(device, Instance) and device.call is not None:
+        return device.call
     if isinstance(device, Unreadable):
         raise ValueError(f"cannot be read: {device.why}")
     if not isinstance(device, Call):
@@ -155,7 +178,11 @@ def _fields_of(device: Call) -> dict[Any, Located] | None:
         given = device.keywords["info"].value
     elif given is None:
         given = dict(device.keywords)
-    return given if isinstance(given, dict) else None
+    if not isinstance(given, dict):
+        return None
+    # Attributes that the file sets afterwards, of which one has another name than its key.
+    changes = {"error" if key == "error_pct" else key: each for key, each in device.changes.items()}
+    return given | changes
 
 
 def _placed(
@@ -186,18 +213,25 @@ def _same_disc(fov: float) -> float:
     return round(2 * math.degrees(math.atan(math.cos(math.radians(fov / 2)))), 6)
 
 
-def _ultrasonic(fields: Fields, block_size: float) -> dict[str, Any]:
+def _ultrasonic(fields: Fields, scene: Scene) -> dict[str, Any]:
     rays = fields.checked("num_rays", 7, IntegerRule(1, 1000))
     # Its name in files of the first year was fov.
     name = "fov" if fields.value("beamwidth") is None and fields.value("fov") is not None else "beamwidth"
     beam = fields.number(name, 15.0, NumberRule(0, 360))
     least = fields.number("min_range", 0.0, _LENGTH)
     most = fields.number("max_range", math.inf, _LENGTH)
-    if most < least:
-        fields.note("max_range", "is below min_range; left out")
+    if most >= scene.longest and fields.of_class.pop("max_range", None) is not None:
+        most = math.inf  # a default of the class without an effect in this maze
+    if least >= scene.longest:
+        what = f"{least:g} in is at or above the longest distance in the maze, {scene.longest:.1f} in"
+        fields.note("min_range", f"{what}: the sensor could not read anything; 0 is taken")
+        least = 0.0
+    if most <= least:
+        what = f"{most:g} in is at or below min_range, {least:g} in"
+        fields.note("max_range", f"{what}: the sensor could not read anything; left out")
         most = math.inf
     return {
-        "z": fields.number("height", block_size, _LENGTH),
+        "z": fields.number("height", scene.block_size, _LENGTH),
         "rotation": _turn(fields),
         "error": _doubled(fields, 0.02),
         # Their rays are in the middles of equal parts of the beam, ours go from edge to edge.
@@ -209,7 +243,7 @@ def _ultrasonic(fields: Fields, block_size: float) -> dict[str, Any]:
     }
 
 
-def _infrared(fields: Fields, _: float) -> dict[str, Any]:
+def _infrared(fields: Fields, _: Scene) -> dict[str, Any]:
     if fields.value("bias"):
         fields.note("bias", "had no effect there; left out")
     return {
@@ -221,12 +255,12 @@ def _infrared(fields: Fields, _: float) -> dict[str, Any]:
     }
 
 
-def _gyroscope(fields: Fields, _: float) -> dict[str, Any]:
+def _gyroscope(fields: Fields, _: Scene) -> dict[str, Any]:
     error, drift = _doubled(fields, 0.2), fields.number("bias", 0.1)
     return {"error": error, "gain": -1.0, "drift": drift, "wrap": 360.0}
 
 
-def _compass(fields: Fields, _: float) -> dict[str, Any]:
+def _compass(fields: Fields, _: Scene) -> dict[str, Any]:
     return {
         # Headings there are -heading - 90 of ours: gain and rotation convert one into the other.
         "rotation": 90.0,
@@ -237,73 +271,134 @@ def _compass(fields: Fields, _: float) -> dict[str, Any]:
     }
 
 
-def _usual(fields: Fields, _: float) -> dict[str, Any]:
+def _usual(fields: Fields, _: Scene) -> dict[str, Any]:
     """A device such as a motor: only its place, direction and error are used here."""
     return {"error": fields.number("error", 0.0, _SHARE), "rotation": _turn(fields)}
 
 
 # Those whose descriptions there need more than `_usual`.
-_READERS: Mapping[type[SensorKind], Callable[[Fields, float], dict[str, Any]]] = MappingProxyType(
+_READERS: Mapping[type[SensorKind], Callable[[Fields, Scene], dict[str, Any]]] = MappingProxyType(
     {Ultrasonic: _ultrasonic, LineSensor: _infrared, Gyro: _gyroscope, Compass: _compass}
 )
 
 
-def read_drives(table: dict[Any, Located], notes: Notes) -> tuple[DriveSpec, ...]:
+def read_drives(
+    table: dict[Any, Located], notes: Notes, classes: DeviceClasses | None = None
+) -> tuple[DriveSpec, ...]:
     """The drives of a table of devices."""
     drives: list[DriveSpec] = []
-    for _, fields in _devices(table, set(), notes, frozenset({"Drive"})):
-        fields.list_others(_DRIVE_FIELDS)
-        drive = _drive(fields)
-        if drive is None:
-            continue
-        same = next((other for other in drives if other.kind is drive.kind), None)
-        if same is not None:
-            fields.note("", f"moves as {same.code} does, and a set has one drive a direction; left out")
-            continue
-        _compare_wheels(fields, drive.kind)
-        drives.append(drive)
-    return tuple(drives)
+    found = list(_devices(table, set(), notes, ("Drive",), classes or DeviceClasses()))
+    # Those along one axis first: the others take rows that are left.
+    found.sort(key=lambda each: _motion(each[1].silent()).axes != 1)
+    for _, fields, _ in found:
+        fields.list_others(_DRIVE_FIELDS | fields.read_by_class)
+        drive = _drive(fields, {each.kind for each in drives})
+        if drive is not None:
+            drives.append(drive)
+    order = list(table)
+    return tuple(sorted(drives, key=lambda drive: order.index(drive.code)))
 
 
 # The axis along which a drive moves, there and here; for ahead and back it is their y and our x.
 _AXES = {DriveKind.ROT: ("rotation", "r"), DriveKind.UP: ("x", "y"), DriveKind.DOWN: ("x", "y")}
 
 
-def _drive(fields: Fields) -> DriveSpec | None:
+class _Motion(Struct, frozen=True):
+    """A drive's motion there, for each unit of its value: inches forward and to the left, and degrees
+    counter-clockwise; `speed` is units a second, `axes` the number of the three that are not 0. `kind` is the
+    row that is nearest."""
+
+    forward: float
+    left: float
+    turn: float
+    speed: float
+    axes: int
+    kind: DriveKind
+
+
+def _motion(fields: Fields) -> _Motion:
     left, forward = fields.point("velocity")
     turning = fields.number("ang_velocity", 0.0)
-    kind = _direction(left, forward, turning)
+    length = math.hypot(left, forward)
+    # There a drive with any turning speed turns by one degree a unit, and one with any velocity moves by one
+    # inch a unit; the two speeds are added.
+    along = (forward / length, left / length) if length else (0.0, 0.0)
+    if math.radians(abs(turning)) * _HALF_ROBOT > length:
+        kind = DriveKind.ROT
+    elif abs(forward) >= abs(left):
+        kind = DriveKind.LEFT if forward < 0 else DriveKind.RIGHT
+    else:
+        kind = DriveKind.UP if left > 0 else DriveKind.DOWN
+    axes = (left != 0) + (forward != 0) + (turning != 0)
+    return _Motion(*along, -1.0 if turning else 0.0, length + abs(turning), axes, kind)
+
+
+def _row_for(motion: _Motion, taken: set[DriveKind]) -> DriveKind | None:
+    """The free row for a motion: the nearest, else one along the same axis, else any."""
+    opposite = {
+        DriveKind.RIGHT: DriveKind.LEFT,
+        DriveKind.LEFT: DriveKind.RIGHT,
+        DriveKind.UP: DriveKind.DOWN,
+        DriveKind.DOWN: DriveKind.UP,
+    }
+    wanted = [motion.kind, opposite.get(motion.kind, motion.kind), *DriveKind]
+    return next((kind for kind in wanted if kind not in taken), None)
+
+
+def _drive(fields: Fields, taken: set[DriveKind]) -> DriveSpec | None:
+    motion, turning = _motion(fields), fields.silent().number("ang_velocity", 0.0)
+    if not motion.axes:
+        fields.note("", "does not move there: velocity and ang_velocity are 0; left out")
+        return None
+    kind = _row_for(motion, taken)
     if kind is None:
-        fields.note("", "moves along no single axis, or not at all; left out")
+        fields.note("", "a set has five drives, and all are taken; left out")
         return None
     if turning < 0:
         fields.note("ang_velocity", f"is below 0, which never ends there; {-turning:g} is taken")
     bias, error = fields.axes("bias"), fields.axes("error")
-    axis, ours = _AXES.get(kind, ("y", "x"))
+    axis, ours = _AXES.get(motion.kind, ("y", "x"))
+    wanted = Axes(motion.forward, motion.left, motion.turn)
+    # What a unit adds on each axis there, in our frame.
+    added = Axes(bias["y"], bias["x"], -bias["rotation"])
+    gain, found = _row_values(kind, wanted, added)
+    if motion.axes > 1:
+        moved = f"{motion.forward:g} in forward, {motion.left:g} in left, {-motion.turn:g} deg clockwise"
+        what = f"velocity and ang_velocity have more than one number: there each unit is {moved}"
+        advice = "for a plain movement set all but one to 0"
+        fields.note("", f"{what}; the row {kind} has biases for that; {advice}")
+    elif kind is not motion.kind:
+        fields.note(
+            "", f"the row {motion.kind} is taken; the row {kind} has a gain and biases that move as it does"
+        )
+    if motion.axes == 1:
+        _compare_wheels(fields, motion.kind)
     ignored = [name for name, value in error.items() if value and name != axis]
     if ignored:
         fields.note(
             "error", f"had no effect there across the direction of travel: {', '.join(ignored)}; left out"
         )
-    sign = 1.0 if kind in (DriveKind.RIGHT, DriveKind.UP) else -1.0
     return DriveSpec(
         kind=kind,
         code=fields.code,
         error=Axes(**{ours: abs(error[axis])}),
-        bias=Axes(x=sign * bias["y"] + 0.0, y=sign * bias["x"] + 0.0, r=-sign * bias["rotation"] + 0.0),
-        gain=-1.0 if kind is DriveKind.ROT else 1.0,
-        speed=abs(turning) or math.hypot(left, forward),
+        bias=found,
+        gain=gain,
+        speed=motion.speed,
     )
 
 
-def _direction(left: float, forward: float, turning: float) -> DriveKind | None:
-    if (left != 0) + (forward != 0) + (turning != 0) != 1:
-        return None
-    if turning:
-        return DriveKind.ROT
-    if forward:
-        return DriveKind.RIGHT if forward > 0 else DriveKind.LEFT
-    return DriveKind.UP if left > 0 else DriveKind.DOWN
+def _row_values(kind: DriveKind, wanted: Axes, added: Axes) -> tuple[float, Axes]:
+    """Gain and biases with which a row moves as wanted, and by the added biases, for each unit of value."""
+    directions, motions, biases = astuple(kind.direction), astuple(wanted), astuple(added)
+    own = next(index for index, each in enumerate(directions) if each)
+    # The row's own motion a unit, towards the wanted one.
+    sign = directions[own] * (-1.0 if motions[own] * directions[own] < 0 else 1.0)
+    rest = (
+        (motion - sign * (index == own) + bias) / sign + 0.0
+        for index, (motion, bias) in enumerate(zip(motions, biases, strict=True))
+    )
+    return sign * directions[own], Axes(*rest)
 
 
 def _compare_wheels(fields: Fields, kind: DriveKind) -> None:

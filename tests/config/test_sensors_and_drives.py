@@ -237,6 +237,23 @@ def test_optional_columns_are_checked(
 
 
 @pytest.mark.parametrize(
+    ("limits", "column", "what"),
+    [
+        ("433,", "Min Range (in)", "must be below the longest distance in this maze, "),
+        ("9,9", "Min Range (in)", "the least range, 9, is the greatest too"),
+    ],
+)
+def test_a_sensor_that_can_read_nothing_is_a_problem(
+    folder: Path, problems: Problems, limits: str, column: str, what: str
+) -> None:
+    row = f"ultra1,u1,1,1,2,3,4,0,5,,{limits}"
+    write_sensors(folder, row, columns=("Min Range (in)", "Max Range (in)"))
+    (line,) = problems()
+    assert line.startswith(f"sensors.csv:2:{column}: {what}")
+    assert "could not read anything" in line
+
+
+@pytest.mark.parametrize(
     ("row", "column", "greatest"),
     [
         ("ultra1,u1,1,1,2,3,4,0,5,,10,9", "Min Range (in)", 9),

@@ -150,5 +150,5 @@ def test_any_text_is_read_or_left_out(text: str) -> None:
 
 def test_classes_that_are_each_other_s_base_end(tmp_path: Path) -> None:
     folder = team(tmp_path, "class ToF(B):\n    num_rays = 3\nclass B(ToF):\n    min_range = 2\n")
-    numbers = read_device_classes(folder)["ToF"]
+    numbers = read_device_classes(folder).numbers["ToF"]
     assert {name: each.value for name, each in numbers.items()} == {"num_rays": 3, "min_range": 2}

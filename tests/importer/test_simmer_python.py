@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
+from simmer_tui.cli.config_commands import run_import
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import find_set
 from simmer_tui.errors import ConfigurationError
@@ -150,20 +151,59 @@ def test_only_the_error_along_the_commanded_axis_is_kept(motion: str, kept: Axes
     assert ignored in listed(imported, "1:w0.error")
 
 
-@pytest.mark.parametrize(
-    "motion", ["'velocity': [3, 4]", "'velocity': [0, 3], 'ang_velocity': 9", "'velocity': [0, 0]"]
-)
-def test_a_drive_along_no_single_axis_is_left_out(motion: str) -> None:
-    spec, imported = drive(motion)
+def test_a_drive_that_never_moves_is_left_out() -> None:
+    spec, imported = drive("'velocity': [0, 0]")
     assert spec is None
     assert "left out" in listed(imported, "1:w0")
 
 
-def test_a_second_drive_in_the_same_direction_is_left_out() -> None:
-    text = "drives = {'w0': Drive({'velocity': [0, 6]}),\n 'f0': Drive({'velocity': [0, 9]})}"
+@pytest.mark.parametrize(
+    ("motion", "kind", "bias"),
+    [
+        # There any turning speed turns by 1 degree clockwise an inch.
+        ("'velocity': [0, 6], 'ang_velocity': 0.01", DriveKind.RIGHT, Axes(r=-1.0)),
+        ("'velocity': [0, -6], 'ang_velocity': 0.01", DriveKind.LEFT, Axes(r=1.0)),
+        # 3-4-5: 0.8 in forward and 0.6 in to the left for each unit.
+        ("'velocity': [3, 4]", DriveKind.RIGHT, Axes(x=-0.2, y=0.6)),
+        ("'velocity': [0, 0.01], 'ang_velocity': 120", DriveKind.ROT, Axes(x=-1.0)),
+    ],
+)
+def test_a_drive_along_several_axes_moves_as_it_does_there(
+    motion: str, kind: DriveKind, bias: Axes, tmp_path: Path
+) -> None:
+    spec, imported = drive(motion)
+    assert spec is not None
+    assert spec.kind is kind
+    assert spec.bias.x == pytest.approx(bias.x)
+    assert (spec.bias.y, spec.bias.r) == (pytest.approx(bias.y), pytest.approx(bias.r))
+    assert "more than one number" in listed(imported, "1:w0")
+    write_set(imported, tmp_path)
+    assert load(tmp_path).simulation.drives == (spec,)
+
+
+def test_a_second_drive_in_the_same_direction_takes_a_free_row() -> None:
+    text = (
+        "block_position = None\nrobot_start_position = [18, 42]\nrobot_start_rotation = 0\n"
+        "walls = [[1] * 8] * 4\n"
+        "drives = {'w0': Drive({'velocity': [0, 6]}),\n 'f0': Drive({'velocity': [0, 9]}),\n"
+        "'r0': Drive({'ang_velocity': 90}), 'l0': Drive({'ang_velocity': -90})}"
+    )
     imported = read_simmer_python(text)
-    assert [spec.code for spec in imported.drives] == ["w0"]
-    assert "w0" in listed(imported, "2:f0")
+    assert [(spec.code, spec.kind.value) for spec in imported.drives] == [
+        *(("w0", "right"), ("f0", "left"), ("r0", "rot"), ("l0", "up")),
+    ]
+    assert "the row right is taken" in listed(imported, "6:f0")
+    with tempfile.TemporaryDirectory() as folder:
+        write_set(imported, Path(folder))
+        simulator = Simulator(load(Path(folder)).simulation, 1)
+    # It stands at (18, 6), heading -90, which is towards y 0: 2 in back, then 4 in with each row, then turns.
+    for command, pose in (
+        *(("f0--9", (18, 15, -90)), ("w0-4", (18, 11, -90)), ("f0-4", (18, 7, -90))),
+        *(("r0-30", (18, 7, -120)), ("l0-30", (18, 7, -150))),
+    ):
+        simulator.execute(command)
+        now = simulator.pose
+        assert (now.x, now.y, now.heading) == pytest.approx(pose), command
 
 
 def test_a_turn_below_zero_is_listed() -> None:
@@ -372,6 +412,13 @@ def test_another_class_of_the_team_s_own_is_shown_as_the_row_to_add() -> None:
         ("Ultrasonic({'position': 3})", "1:u0.position", "not a point"),
         ("Ultrasonic({'num_rays': 0})", "1:u0.num_rays", "from 1 to 1000"),
         ("Ultrasonic({'min_range': 9, 'max_range': 3})", "1:u0.max_range", "below min_range"),
+        ("Ultrasonic({'min_range': 9, 'max_range': 9})", "1:u0.max_range", "below min_range"),
+        # The course's maze is 96 by 48 in, and its diagonal 107.33.
+        (
+            "Ultrasonic({'min_range': 108})",
+            "1:u0.min_range",
+            "above the longest distance in the maze, 107.3 in",
+        ),
     ],
 )
 def test_a_field_that_cannot_be_used_is_listed_and_the_sensor_kept(text: str, place: str, word: str) -> None:
@@ -467,7 +514,7 @@ def test_an_unknown_kind_of_cell_is_empty() -> None:
         ("sensors = make()", "1:sensors", "not a dict"),
         ("num_segments = count(3)", "1:num_segments", "not count(...)"),
         ("frame_rate = rate()", "1:frame_rate", "from 1 to 1000, not rate(...); 60 is taken"),
-        ("robot_width = [1] * 2", "1:robot_width", "cannot be read: arithmetic"),
+        ("robot_width = [1] - 2", "1:robot_width", "cannot be read: arithmetic"),
     ],
 )
 def test_other_names_are_taken_over_or_listed(text: str, place: str, word: str) -> None:
@@ -494,20 +541,38 @@ def test_a_file_from_before_the_brackets_says_so() -> None:
     assert "legacy_reply" in listed(read_simmer_python("ppi = 3"), "frame_start")
 
 
-def test_robot_and_block_in_a_wall_are_moved_to_a_cell_of_their_own_and_listed(
-    stock: str, tmp_path: Path
+@pytest.mark.parametrize(
+    ("place", "what"),
+    [
+        ("[78, 5]", "the block of 3 in at (78, 43) overlaps a wall"),
+        ("[200, -50]", "(200, 98) lies outside the maze"),
+        ("[-20, 24]", "(-20, 24) lies outside the maze"),
+    ],
+)
+def test_a_block_outside_or_in_a_wall_is_none_and_a_robot_in_a_wall_is_moved(
+    place: str, what: str, stock: str, tmp_path: Path
 ) -> None:
-    text = stock.replace("[66, 5]", "[78, 5]").replace("[6, 42]", "[30, 20]")
+    text = stock.replace("[66, 5]", place).replace("[6, 42]", "[30, 20]")
     imported = read_simmer_python(text)
-    assert imported.settings["block_center"] == (6.0, 42.0)
-    assert imported.settings["bot_center"] == (66.0, 42.0)
     lines = [line.partition(" =")[0] for line in text.split("\n")]
-    for name, place in (("block_position", "(6, 42)"), ("robot_start_position", "(66, 42)")):
-        what = listed(imported, f"{lines.index(name) + 1}:{name}")
-        assert "overlaps a wall" in what
-        assert what.endswith(f"; moved to {place}")
+    block, start = (lines.index(name) + 1 for name in ("block_position", "robot_start_position"))
+    assert listed(imported, f"{block}:block_position") == f"{what}; so there is no block (blocksize = 0)"
+    assert "overlaps a wall" in listed(imported, f"{start}:robot_start_position")
+    assert listed(imported, f"{start}:robot_start_position").endswith("; moved to (66, 42)")
     write_set(imported, tmp_path)
-    assert load(tmp_path).simulation.block_solid
+    assert load(tmp_path).simulation.start_block.size == 0.0
+
+
+def test_a_set_without_a_block_has_no_mission(
+    stock: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    config = tmp_path / "config.py"
+    config.write_text(stock.replace("[66, 5]", "[-9, -9]"), encoding="utf-8")
+    assert run_import([str(config), str(tmp_path / "set"), "--mission"]) == 2
+    said = capsys.readouterr().err
+    assert "config.py:12:block_position: (-9, 57) lies outside the maze; so there is no block" in said
+    assert "put it into a free cell, or import without --mission" in said
+    assert not (tmp_path / "set").exists()
 
 
 def test_text_from_the_file_is_shown_escaped() -> None:
