@@ -21,7 +21,7 @@ from simmer_tui.config.csv_table import (
     read_table,
 )
 from simmer_tui.errors import Problem
-from simmer_tui.sim.columns import BASE, COMMON, MIN_RANGE, CsvColumn
+from simmer_tui.sim.columns import BASE, COMMON, MAX_RANGE, MIN_RANGE, CsvColumn
 from simmer_tui.sim.rules import NumberRule, describe, did_you_mean, listed
 from simmer_tui.sim.sensors import KINDS, SensorKinds
 from simmer_tui.sim.specs import SensorKind, SensorSpec
@@ -164,9 +164,12 @@ def _spec(
         columns, what = contradiction
         place = next((c.name for c in columns if row.values.get(c.name)), columns[0].name)
         row.add_problem(place, what)
-    elif kind.has(MIN_RANGE.field) and spec.min_range >= longest:
-        what = f"must be below the longest distance in this maze, {longest:.1f} in, not {spec.min_range:g}"
-        row.add_problem(MIN_RANGE.name, f"{what}: the sensor could not read anything")
+    elif kind.has(MIN_RANGE.field) and spec.min_range >= min(spec.max_range, longest):
+        limit = f"the longest distance in this maze, {longest:.1f} in"
+        if spec.max_range < longest:
+            limit = f"the greatest range, {spec.max_range:g} in"
+        what = f"must be below {limit}, not {spec.min_range:g}: the sensor could not read anything"
+        row.add_problem(MIN_RANGE.name if row.values.get(MIN_RANGE.name) else MAX_RANGE.name, what)
     return spec
 
 

@@ -240,7 +240,8 @@ def test_optional_columns_are_checked(
     ("limits", "column", "what"),
     [
         ("433,", "Min Range (in)", "must be below the longest distance in this maze, "),
-        ("9,9", "Min Range (in)", "the least range, 9, is the greatest too"),
+        ("9,9", "Min Range (in)", "must be below the greatest range, 9 in, not 9: "),
+        (",0", "Max Range (in)", "must be below the greatest range, 0 in, not 0: "),
     ],
 )
 def test_a_sensor_that_can_read_nothing_is_a_problem(

@@ -73,11 +73,9 @@ class RangeSensor(ObservingSensor):
 
     @staticmethod
     def contradiction(spec: SensorSpec) -> tuple[tuple[CsvColumn, ...], str] | None:
-        if spec.min_range < spec.max_range:
+        if spec.min_range <= spec.max_range:
             return None
         what = f"the least range, {spec.min_range:g}, must not be above the greatest, {spec.max_range:g}"
-        if spec.min_range == spec.max_range:
-            what = f"the least range, {spec.min_range:g}, is the greatest too: the sensor could not read anything"
         return (columns.MIN_RANGE, columns.MAX_RANGE), what
 
     @abstractmethod
