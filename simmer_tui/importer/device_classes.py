@@ -21,7 +21,8 @@ from msgspec import Struct, field
 from simmer_tui.config.device_outline import python_tree
 from simmer_tui.config.leftovers import is_leftover
 from simmer_tui.errors import ConfigurationError, Problem
-from simmer_tui.importer.literal import Budget, instance_of, read_module
+from simmer_tui.importer.literal import instance_of, read_module
+from simmer_tui.importer.python_expressions import Budget
 from simmer_tui.importer.python_values import Call, Class, Instance, Located
 from simmer_tui.sim.command import escape, escape_word
 
@@ -85,6 +86,13 @@ class DeviceClasses(Struct):
         instance = instance_of(self._values[name], call, self._values, self._modules, self._budget)
         return {**numbers, **_numbers_of(instance)}
 
+    def description(self, call: Call) -> dict[Any, Located] | None:
+        """The dict that a call's class passes on to the class of its base; None if there is none."""
+        if call.name not in self._values:
+            return None
+        instance = instance_of(self._values[call.name], call, self._values, self._modules, self._budget)
+        return instance.descriptions[0] if instance.descriptions else None
+
     def kind_of(self, call: Call, known: Sequence[str]) -> str:
         """The known class whose devices a call's class makes: itself, one of its bases, or the one whose name
         the class gives to its devices. Empty if there is none."""
@@ -99,7 +107,12 @@ class DeviceClasses(Struct):
         # A copy may keep the name and read something else.
         return found if found != "Ultrasonic" or (node is not None and node.reads_nearest) else ""
 
-    def keys_of(self, name: str) -> set[str]:
+    def used_by(self, name: str) -> frozenset[str]:
+        """The keys of which a class and its bases make numbers that are read here."""
+        line = (name, *self._bases(name))
+        return frozenset(key for each in line if each in self._nodes for key in self._nodes[each].used)
+
+    def _keys_of(self, name: str) -> set[str]:
         """The texts in a class and its bases, among which are the keys that they read."""
         return {
             key
@@ -126,7 +139,7 @@ class DeviceClasses(Struct):
         """The description, with keys that the class does not read under the key of the same meaning that it
         reads."""
         given = dict(description)
-        read = self.keys_of(name)
+        read = self._keys_of(name)
         for key, located in description.items():
             meaning = _CANONICAL.get(str(key))
             wanted = [other for other in _NAMES.get(meaning or "", ()) if other in read]
@@ -285,6 +298,16 @@ class _DeviceClass:
         texts = (each.value for each in ast.walk(node) if isinstance(each, ast.Constant))
         self.keys = {text for text in texts if isinstance(text, str)}
         """All texts in it, among which are the keys that it reads."""
+        self.used = {
+            each.value
+            for statement in ast.walk(node)
+            if isinstance(statement, ast.stmt)
+            for name, value in _assignments(statement)
+            if _meaning(name)
+            for each in ast.walk(value)
+            if isinstance(each, ast.Constant) and isinstance(each.value, str)
+        }
+        """Those of which it makes numbers that are read here."""
         measures = [
             each for each in node.body if isinstance(each, ast.FunctionDef) and each.name == "simulate"
         ]

@@ -179,7 +179,7 @@ class Fields:
     class_numbers: ClassNumbers = field(default_factory=dict)
     """Numbers that its class makes of it, or has for what is not given."""
     read_by_class: frozenset[str] = frozenset()
-    """Texts in its class, among which are the keys that it reads."""
+    """Keys of which its class makes numbers."""
     of_class: dict[str, ClassNumber] = field(default_factory=dict)
     """Numbers from the device's class, in the order in which they were requested."""
     assumed: dict[str, float] = field(default_factory=dict)

@@ -4,6 +4,7 @@ Those that call functions of the file (`map`, `sorted` with a key) are in `liter
 """
 
 import itertools
+import json
 import math
 import string
 from collections.abc import Callable, Iterable, Mapping
@@ -13,6 +14,8 @@ from typing import Any
 from simmer_tui.errors import NotUnderstoodError
 from simmer_tui.importer.python_values import (
     MAX_ITEMS,
+    Class,
+    Instance,
     Located,
     RaisedError,
     Vector,
@@ -40,7 +43,7 @@ _FUNCTIONS: Mapping[str, Callable[..., Any]] = {
 }
 # Functions of Python, of numbers and lists of numbers only.
 _BUILTINS: Mapping[str, Callable[..., Any]] = {item.__name__: item for item in (abs, round, min, max, sum)}
-CONSTANTS: Mapping[str, Any] = {
+MODULE_CONSTANTS: Mapping[str, Any] = {
     f"{module}.{name}": value
     for module in ("math", "numpy")
     for name, value in (("pi", math.pi), ("tau", math.tau), ("e", math.e), ("inf", math.inf))
@@ -54,6 +57,10 @@ def _numeric(function: Callable[..., Any], *arguments: Any) -> Any:
 
 def items_of(value: Any) -> list[Any]:
     """The items of a value in a loop. Raises NotUnderstoodError."""
+    if isinstance(value, Class) and value.members is not None:
+        return list(value.members)
+    if isinstance(value, Instance) and value.items is not None:
+        return value.items
     if not isinstance(value, list | dict | str | tuple):
         raise NotUnderstoodError("a loop needs a list, a range or a dict")
     return list(value)
@@ -113,6 +120,23 @@ def _fromkeys(keys: Any, value: Any = None) -> dict[Any, Located]:
     return {as_key(key): Located(value, 0) for key in items_of(keys)}
 
 
+def _json(text: Any) -> Any:
+    if not isinstance(text, str):
+        raise NotUnderstoodError("only a text is read as JSON")
+    try:
+        return _located_tree(json.loads(text), 0)
+    except (ValueError, RecursionError):
+        raise NotUnderstoodError("a text is no JSON") from None
+
+
+def _located_tree(value: Any, depth: int) -> Any:
+    if depth > 50:
+        raise NotUnderstoodError("it is nested too deeply")
+    if isinstance(value, dict):
+        return {key: Located(_located_tree(each, depth + 1), 0) for key, each in value.items()}
+    return [_located_tree(each, depth + 1) for each in value] if isinstance(value, list) else bounded(value)
+
+
 def _length(value: Any) -> int:
     return len(value) if isinstance(value, dict | str) else len(items_of(value))
 
@@ -121,6 +145,8 @@ def _listed(value: Any = ()) -> list[Any]:
     return items_of(value)
 
 
+NAMES_OF_MATH = (*_FUNCTIONS, "pi", "tau", "e", "inf")
+"""The names that `from math import *` gives."""
 CALLS: Mapping[str, Callable[..., Any]] = {
     **{f"math.{name}": partial(_numeric, function) for name, function in _FUNCTIONS.items()},
     **{f"numpy.{name}": partial(_numeric, function) for name, function in _FUNCTIONS.items()},
@@ -141,6 +167,8 @@ CALLS: Mapping[str, Callable[..., Any]] = {
     "dict.fromkeys": _fromkeys,
     "itertools.product": _product,
     "itertools.chain": _chain,
+    "json.loads": _json,
+    "collections.OrderedDict": table,
 }
 """The functions that are called, by full name."""
 OF_SCREEN = frozenset({"print", "logging.info", "logging.debug", "logging.warning", "warnings.warn"})
@@ -268,6 +296,7 @@ def _text_method(name: str) -> Callable[..., Any]:
 
 _TEXT_METHODS = (
     *("upper", "lower", "strip", "lstrip", "rstrip", "title", "capitalize", "replace", "split", "startswith"),
+    *("splitlines", "rsplit", "swapcase", "center", "ljust", "rjust", "partition", "isupper", "islower"),
     *("endswith", "isdigit", "isalpha", "zfill", "removeprefix", "removesuffix", "find", "count"),
 )
 _METHODS: Mapping[type, Mapping[str, Callable[..., Any]]] = {

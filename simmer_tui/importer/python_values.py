@@ -97,24 +97,49 @@ class Function(Struct, frozen=True, eq=False):
 
 
 class Class(Struct, frozen=True, eq=False):
-    """A class that the file defines, with the values of its body. `bases` has the last name of each base."""
+    """A class that the file defines, with the values of its body. `bases` has the last name of each base.
+
+    `fields` has the arguments of a dataclass or named tuple, `members` those of an enumeration.
+    """
 
     name: str
     names: dict[str, Located]
     bases: tuple[str, ...]
+    fields: tuple[str, ...] = ()
+    members: "tuple[Instance, ...] | None" = None
 
     def __str__(self) -> str:
         return f"the class {self.name}"
 
 
+class Partial(Struct, frozen=True, eq=False):
+    """A function with some of its arguments, as by `functools.partial`."""
+
+    of: Any
+    arguments: tuple[Any, ...]
+    keywords: dict[str, Located]
+
+    def __str__(self) -> str:
+        return "a function"
+
+
 class Instance(Struct, frozen=True, eq=False):
     """An object with attributes: of a class of the file, or a plain namespace. `places` has the file and line
-    of the statement that set an attribute. `call` is the call that made it."""
+    of the statement that set an attribute. `call` is the call that made it. `descriptions` has the dicts that
+    its `__init__` passed to those of its bases."""
 
     names: dict[str, Located]
     owner: Class | None = None
     call: Call | None = None
     places: dict[str, str] = field(default_factory=dict)
+    descriptions: list[dict[Any, Located]] = field(default_factory=list)
+
+    @property
+    def items(self) -> list[Any] | None:
+        """The values of a named tuple; None for another object."""
+        if self.owner is None or not self.owner.fields:
+            return None
+        return [self.names[name].value for name in self.owner.fields if name in self.names]
 
     def __str__(self) -> str:
         return "an object"
@@ -175,12 +200,16 @@ def readable(value: Any) -> Any:
 
 
 def truth(value: Any) -> bool:
-    """The truth of a value in Python."""
+    """The truth of a value in Python. Raises NotUnderstoodError for the result of an unknown call."""
+    if isinstance(value, Call | Reference):
+        raise NotUnderstoodError(f"{escape(str(value))} has no value that is known here")
     return bool(value) if is_plain(value) or isinstance(value, list | tuple | dict) else True
 
 
 def item_of(container: Any, index: Any) -> Any:
     """One item, or a slice, of a value that was read. Raises NotUnderstoodError."""
+    if isinstance(container, Instance) and container.items is not None:
+        container = container.items
     if isinstance(container, Vector) and isinstance(index, slice):
         container = list(container)
     if isinstance(container, list | str | tuple) and isinstance(index, slice):
@@ -200,6 +229,8 @@ def item_of(container: Any, index: Any) -> Any:
 
 def compared(op: ast.cmpop, left: Any, right: Any) -> bool:
     """The result of a comparison. Raises NotUnderstoodError unless it is of numbers, texts or flat lists."""
+    for each in (left, right):
+        truth(each)  # the result of a call that was not made may be anything
     if isinstance(op, ast.In | ast.NotIn):
         return _contains(right, left) is isinstance(op, ast.In)
     if isinstance(op, ast.Is | ast.IsNot | ast.Eq | ast.NotEq):

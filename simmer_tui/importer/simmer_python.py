@@ -18,9 +18,10 @@ from simmer_tui.config.settings import all_settings
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.importer.device_classes import read_device_classes
 from simmer_tui.importer.imported import COURSE_MAZE, Imported, Notes, OwnDevice, SettingValue, pair, settled
-from simmer_tui.importer.literal import Source, read_module, read_source
+from simmer_tui.importer.literal import read_module, read_source
+from simmer_tui.importer.python_expressions import Source
 from simmer_tui.importer.python_values import Call, Class, Function, Located, Reference, Unreadable
-from simmer_tui.importer.simmer_python_devices import Scene, read_drives, read_sensors
+from simmer_tui.importer.simmer_python_devices import Surroundings, read_drives, read_sensors
 from simmer_tui.sim.rules import FlagRule, NumberRule, Rule, describe
 from simmer_tui.sim.specs import EMPTY, DriveSpec, MazeSpec, RobotSpec
 
@@ -110,11 +111,11 @@ def read_simmer_python(text: str, file: str = FILE, folder: Path | None = None) 
     settings["motion.clearance"] = _clearance(source, drives, notes)
     codes = {drive.code for drive in drives}
     block_size = settings.get("blocksize", _KNOWN["blocksize"].default)
-    scene = Scene(block_size, math.hypot(maze.width, maze.height), classes)
+    surroundings = Surroundings(block_size, math.hypot(maze.width, maze.height), classes)
     own: list[OwnDevice] = []
-    sensors = read_sensors(_table(source, "sensors", notes), codes, scene, notes, (), own)
+    sensors = read_sensors(_table(source, "sensors", notes), codes, surroundings, notes, (), own)
     if "motors" in source.names:
-        sensors += read_sensors(_table(source, "motors", notes), codes, scene, notes, sensors)
+        sensors += read_sensors(_table(source, "motors", notes), codes, surroundings, notes, sensors)
     _list_the_rest(source, notes)
     origins = {
         setting: notes.where(source.names[name].line, name)

@@ -40,7 +40,7 @@ _HALF_ROBOT = 3.0
 _DRIVE_FIELDS = _USUAL | {"velocity", "ang_velocity", "motors", "motor_direction", "bias"}
 
 
-class Scene(Struct, frozen=True):
+class Surroundings(Struct, frozen=True):
     """The things around a sensor that its numbers depend on: the block's side and the maze's longest
     distance, inches, and the team's device classes."""
 
@@ -52,7 +52,7 @@ class Scene(Struct, frozen=True):
 def read_sensors(
     table: dict[Any, Located],
     codes: set[str],
-    scene: Scene,
+    surroundings: Surroundings,
     notes: Notes,
     taken: tuple[SensorSpec, ...] = (),
     own: list[OwnDevice] | None = None,
@@ -63,13 +63,13 @@ def read_sensors(
     a kind here are added to `own`.
     """
     kinds = {device: kind for kind in KINDS.values() for device in kind.devices}
-    classes = scene.classes
+    classes = surroundings.classes
     sensors: tuple[SensorSpec, ...] = ()
     foreign: list[tuple[Call, Fields]] = []
     for call, fields, known in _devices(table, codes, notes, tuple(kinds), classes, foreign):
         name = known or "Ultrasonic"
         fields.list_others(_FIELDS.get(name, _USUAL) | fields.read_by_class)
-        values = _READERS.get(kinds[name], _usual)(fields, scene)
+        values = _READERS.get(kinds[name], _usual)(fields, surroundings)
         sensors += (_placed(fields, kinds[name], taken + sensors, values),)
         for slip in classes.slips_of(call.name):
             notes.add_elsewhere(slip)
@@ -87,12 +87,12 @@ def read_sensors(
         what = f"{escape_word(call.name)} {_OWN}; left out"
         silent = fields.silent()
         if pair(silent.value("position")) is not None:
-            row = _placed(silent, Ultrasonic, taken + sensors, _ultrasonic(silent, scene))
+            row = _placed(silent, Ultrasonic, taken + sensors, _ultrasonic(silent, surroundings))
             origins = _origins(silent, row, guessed=True)
             what = "; ".join((f"{what}. If it tells a distance, add to sensors.csv: {_row(row)}", *origins))
         note = fields.note("", what)
         if own is not None and call.name in classes.numbers:
-            row = _placed(silent, Ultrasonic, taken, _usual(silent, scene))
+            row = _placed(silent, Ultrasonic, taken, _usual(silent, surroundings))
             own.append(OwnDevice(call.name, row, classes.numbers[call.name], silent.numbers, note))
     return sensors
 
@@ -133,9 +133,12 @@ def _devices(
         name = str(key)
         try:
             device = _device(key, located.value)
-            description = _fields_of(device)
-            made = classes.made(device, description)
-            read = frozenset(classes.keys_of(device.name))
+            given = _fields_of(device)
+            # A class may make the description itself, of other arguments.
+            passed = classes.description(device)
+            description = passed if passed is not None else given
+            made = classes.made(device, given)
+            read = classes.used_by(device.name)
             fields = Fields(name, located.line, description or {}, notes, made, read)
             known = classes.kind_of(device, names)
             if not known:
@@ -213,17 +216,17 @@ def _same_disc(fov: float) -> float:
     return round(2 * math.degrees(math.atan(math.cos(math.radians(fov / 2)))), 6)
 
 
-def _ultrasonic(fields: Fields, scene: Scene) -> dict[str, Any]:
+def _ultrasonic(fields: Fields, surroundings: Surroundings) -> dict[str, Any]:
     rays = fields.checked("num_rays", 7, IntegerRule(1, 1000))
     # Its name in files of the first year was fov.
     name = "fov" if fields.value("beamwidth") is None and fields.value("fov") is not None else "beamwidth"
     beam = fields.number(name, 15.0, NumberRule(0, 360))
     least = fields.number("min_range", 0.0, _LENGTH)
     most = fields.number("max_range", math.inf, _LENGTH)
-    if most >= scene.longest and fields.of_class.pop("max_range", None) is not None:
+    if most >= surroundings.longest and fields.of_class.pop("max_range", None) is not None:
         most = math.inf  # a default of the class without an effect in this maze
-    if least >= scene.longest:
-        what = f"{least:g} in is at or above the longest distance in the maze, {scene.longest:.1f} in"
+    if least >= surroundings.longest:
+        what = f"{least:g} in is at or above the longest distance in the maze, {surroundings.longest:.1f} in"
         fields.note("min_range", f"{what}: the sensor could not read anything; 0 is taken")
         least = 0.0
     if most <= least:
@@ -231,7 +234,7 @@ def _ultrasonic(fields: Fields, scene: Scene) -> dict[str, Any]:
         fields.note("max_range", f"{what}: the sensor could not read anything; left out")
         most = math.inf
     return {
-        "z": fields.number("height", scene.block_size, _LENGTH),
+        "z": fields.number("height", surroundings.block_size, _LENGTH),
         "rotation": _turn(fields),
         "error": _doubled(fields, 0.02),
         # Their rays are in the middles of equal parts of the beam, ours go from edge to edge.
@@ -243,7 +246,7 @@ def _ultrasonic(fields: Fields, scene: Scene) -> dict[str, Any]:
     }
 
 
-def _infrared(fields: Fields, _: Scene) -> dict[str, Any]:
+def _infrared(fields: Fields, _: Surroundings) -> dict[str, Any]:
     if fields.value("bias"):
         fields.note("bias", "had no effect there; left out")
     return {
@@ -255,12 +258,12 @@ def _infrared(fields: Fields, _: Scene) -> dict[str, Any]:
     }
 
 
-def _gyroscope(fields: Fields, _: Scene) -> dict[str, Any]:
+def _gyroscope(fields: Fields, _: Surroundings) -> dict[str, Any]:
     error, drift = _doubled(fields, 0.2), fields.number("bias", 0.1)
     return {"error": error, "gain": -1.0, "drift": drift, "wrap": 360.0}
 
 
-def _compass(fields: Fields, _: Scene) -> dict[str, Any]:
+def _compass(fields: Fields, _: Surroundings) -> dict[str, Any]:
     return {
         # Headings there are -heading - 90 of ours: gain and rotation convert one into the other.
         "rotation": 90.0,
@@ -271,13 +274,13 @@ def _compass(fields: Fields, _: Scene) -> dict[str, Any]:
     }
 
 
-def _usual(fields: Fields, _: Scene) -> dict[str, Any]:
+def _usual(fields: Fields, _: Surroundings) -> dict[str, Any]:
     """A device such as a motor: only its place, direction and error are used here."""
     return {"error": fields.number("error", 0.0, _SHARE), "rotation": _turn(fields)}
 
 
 # Those whose descriptions there need more than `_usual`.
-_READERS: Mapping[type[SensorKind], Callable[[Fields, Scene], dict[str, Any]]] = MappingProxyType(
+_READERS: Mapping[type[SensorKind], Callable[[Fields, Surroundings], dict[str, Any]]] = MappingProxyType(
     {Ultrasonic: _ultrasonic, LineSensor: _infrared, Gyro: _gyroscope, Compass: _compass}
 )
 
