@@ -43,10 +43,10 @@ from simmer_tui.calibrate.measured_run import read_runs
 from simmer_tui.calibrate.parameters import main_axis
 from simmer_tui.calibrate.prediction import follow, held_back
 from simmer_tui.calibrate.written_set import knowledge_of, learned_spec, write_texts
+from simmer_tui.config.importer.set_writer import drive_csv_text, sensors_csv_text
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.errors import CalibrationError
-from simmer_tui.importer.set_writer import drive_csv_text, sensors_csv_text
 from simmer_tui.sim.sensors import ParameterKind
 from simmer_tui.sim.sensors.base import OFFSET
 from simmer_tui.sim.specs import Axes, SensorSpec, SimulationSpec

@@ -20,9 +20,9 @@ from simmer_tui.dialect.device import DialectDevice
 from simmer_tui.dialect.dialect_rules import DialectRules, Parts
 from simmer_tui.dialect.expressions import LONGEST_TEXT, MOST_RAYS, Expression, FieldValue
 from simmer_tui.dialect.templates import parsed_reply
-from simmer_tui.engine import Engine
 from simmer_tui.errors import ExpressionError
 from simmer_tui.links.dialect_link import SimulatedHost, reply_value
+from simmer_tui.robot.engine import Engine
 from simmer_tui.sim.simulator import Simulator
 
 MOST_SECONDS, MOST_BYTES = 0.001, 65_536

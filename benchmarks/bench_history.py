@@ -18,8 +18,8 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from simmer_tui.config import load_default
-from simmer_tui.engine import Engine
-from simmer_tui.events import Belief, CommandResult, Event, MovementEnded, MovementPlanned
+from simmer_tui.robot.engine import Engine
+from simmer_tui.run.events import Belief, CommandResult, Event, MovementEnded, MovementPlanned
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.state import checkpoint_of

@@ -92,7 +92,7 @@ def serve_simulator(any_user: bool) -> None:
     from simmer_tui.config.loader import load
     from simmer_tui.config.sets import bundled_sets
     from simmer_tui.config.settings_file import Override
-    from simmer_tui.server import Server
+    from simmer_tui.live.server import Server
 
     given = {
         "server.packet_port": Override("--packet-port", 0),

@@ -56,7 +56,7 @@ def serve_simulator() -> None:
     from simmer_tui.config.loader import load
     from simmer_tui.config.sets import bundled_folder
     from simmer_tui.config.settings_file import Override
-    from simmer_tui.server import Server
+    from simmer_tui.live.server import Server
 
     server = Server(load(bundled_folder(), {"server.port": Override("--port", 0)}))
     console = LinePrinter(quiet=False)

@@ -33,12 +33,12 @@ from msgspec.structs import replace
 
 from simmer_tui.config import load_default
 from simmer_tui.config.loader import Configuration
-from simmer_tui.engine import Engine
-from simmer_tui.events import Event
+from simmer_tui.live.server import Server
+from simmer_tui.robot.engine import Engine
+from simmer_tui.run.events import Event
 from simmer_tui.runlog.index import EntryFlag, RunLogIndex
 from simmer_tui.runlog.playback import Playback
 from simmer_tui.runlog.writer import RunLog
-from simmer_tui.server import Server
 from simmer_tui.sim import Simulator, parse_command
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -29,16 +29,16 @@ from pathlib import Path
 sys.path.append(str(Path(__file__).resolve().parent.parent))
 import serial
 
-from simmer_tui.backend import BackendSwitch, Message
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.config.settings import SerialSettings
 from simmer_tui.config.settings_file import Override
-from simmer_tui.engine import Engine
+from simmer_tui.links.backend import BackendSwitch, Message
+from simmer_tui.links.protocol.replies import ReplyForm, ReplyFormat
 from simmer_tui.links.serial_bridge import SerialBridge
 from simmer_tui.links.serial_link import SerialLink
-from simmer_tui.protocol.replies import ReplyForm, ReplyFormat
-from simmer_tui.server import Server
+from simmer_tui.live.server import Server
+from simmer_tui.robot.engine import Engine
 from simmer_tui.sim import CommandResult, Simulator, parse_command
 
 COMMAND, REPLY = b"u1\n", b"@\x02\x00\x00\x00\x00\x00\x00"

@@ -19,9 +19,9 @@ from pathlib import Path
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.config.settings_file import Override
-from simmer_tui.events import Event
 from simmer_tui.links.serial_link import LinkListener
-from simmer_tui.server import Server
+from simmer_tui.live.server import Server
+from simmer_tui.run.events import Event
 from simmer_tui.sim import CommandResult, Status
 
 GOAL = 0.05

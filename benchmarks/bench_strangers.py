@@ -28,9 +28,9 @@ from pathlib import Path
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.config.settings_file import Override
-from simmer_tui.events import Belief, Event, Notice, NoticeKind
 from simmer_tui.links.owners import OwnerLookup, RemoteSocket
-from simmer_tui.server import Server
+from simmer_tui.live.server import Server
+from simmer_tui.run.events import Belief, Event, Notice, NoticeKind
 from simmer_tui.sim import CommandResult
 
 NOBODY = 65534

@@ -20,15 +20,15 @@ from msgspec.structs import replace
 sys.path.append(str(Path(__file__).resolve().parent.parent / "scripts"))
 from robot_emulator import Oddities, Robot
 
-from simmer_tui.backend import BackendSwitch, Message
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.sets import bundled_folder
-from simmer_tui.engine import Engine
+from simmer_tui.links.backend import BackendSwitch, Message
+from simmer_tui.links.protocol.replies import ReplyForm, ReplyFormat
 from simmer_tui.links.serial_bridge import SerialBridge
 from simmer_tui.links.serial_link import LinkListener
-from simmer_tui.protocol.replies import ReplyForm, ReplyFormat
+from simmer_tui.robot.engine import Engine
+from simmer_tui.robot.sessions import LinkDelay
 from simmer_tui.runlog.writer import RunLog
-from simmer_tui.sessions import LinkDelay
 from simmer_tui.sim.command import parse_command
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.sim.specs import Axes, DriveKind, SensorSpec, SimulationSpec

@@ -34,10 +34,10 @@ from simmer_tui.cli.run_life import RunLife
 from simmer_tui.config.loader import Override, load
 from simmer_tui.config.maze_csv import read_cells
 from simmer_tui.config.sets import MISSION_SET, bundled_sets
-from simmer_tui.events import Action, ActionName, Event, Goal, Result
-from simmer_tui.mission import plan_run
-from simmer_tui.operating.robot_operator import Operator
-from simmer_tui.server import Server
+from simmer_tui.live.operating.robot_operator import Operator
+from simmer_tui.live.server import Server
+from simmer_tui.run.events import Action, ActionName, Event, Goal, Result
+from simmer_tui.run.mission import plan_run
 from simmer_tui.sim.command import parse_command
 
 HERE = Path(__file__).resolve().parent

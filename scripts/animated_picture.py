@@ -30,10 +30,10 @@ from rich.style import Style
 
 from simmer_tui.config.loader import Override, load
 from simmer_tui.config.sets import find_set
-from simmer_tui.mission import plan_run
+from simmer_tui.live.server import Server
 from simmer_tui.program import Program
+from simmer_tui.run.mission import plan_run
 from simmer_tui.runlog.index import RunLogIndex
-from simmer_tui.server import Server
 from simmer_tui.tui.app import SimmerApp
 from simmer_tui.tui.recorded import RecordedRun
 from simmer_tui.tui.replay import ReplayApp

@@ -38,7 +38,7 @@ from simmer_tui.config.settings import all_settings
 from simmer_tui.document.model import DataTable
 from simmer_tui.grade import course
 from simmer_tui.grade import site as grade_site
-from simmer_tui.operating.orders import CONSOLE_COMMANDS
+from simmer_tui.live.operating.orders import CONSOLE_COMMANDS
 from simmer_tui.report import content, run_statistics
 from simmer_tui.sim.columns import BASE
 from simmer_tui.sim.sensors import KINDS

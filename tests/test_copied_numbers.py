@@ -8,12 +8,14 @@ from typing import Any
 
 import pytest
 
-from simmer_tui import belief_grid, client, program_clock
+from simmer_tui import client
 from simmer_tui.config import dialects
 from simmer_tui.config.settings import ServerSettings
+from simmer_tui.links.protocol import binary, replies
+from simmer_tui.live.server import TOKEN
 from simmer_tui.program import program_command
-from simmer_tui.protocol import binary, replies
-from simmer_tui.server import TOKEN
+from simmer_tui.robot import program_clock
+from simmer_tui.run import belief_grid
 
 ROOT = Path(__file__).parents[1]
 SCRIPTS, PACKAGE = ROOT / "scripts", ROOT / "simmer_tui"

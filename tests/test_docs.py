@@ -27,7 +27,7 @@ from simmer_tui.config.maze_csv import CELLS
 from simmer_tui.config.profiles import DRIVE, LINK, SENSOR, profile_names
 from simmer_tui.config.settings import all_settings
 from simmer_tui.grade import course
-from simmer_tui.operating.orders import CONSOLE_COMMANDS
+from simmer_tui.live.operating.orders import CONSOLE_COMMANDS
 from simmer_tui.program import keeper
 from simmer_tui.report.causes import Kind
 from simmer_tui.report.verdict import Outcome

@@ -21,8 +21,8 @@ import serial
 
 from simmer_tui import read_log
 from simmer_tui.config.sets import bundled_folder, init_set
-from simmer_tui.events import TwinReading
 from simmer_tui.links.port_list import close_port, open_port
+from simmer_tui.run.events import TwinReading
 from tests.in_process import simmer
 
 ROOT = Path(__file__).parents[1]

@@ -13,17 +13,17 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
+from simmer_tui.config.importer.imported import Imported
+from simmer_tui.config.importer.set_writer import write_set
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.set_summary import summarize
 from simmer_tui.config.sets import bundled_folder, init_set
-from simmer_tui.engine import Engine
 from simmer_tui.errors import ConfigurationError
-from simmer_tui.importer.imported import Imported
-from simmer_tui.importer.set_writer import write_set
-from simmer_tui.protocol.packets import RequestStyle, encode
+from simmer_tui.links.protocol.packets import RequestStyle, encode
 from simmer_tui.report.content import report_tables
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.report.sensor_sample import SensorSample
+from simmer_tui.robot.engine import Engine
 from simmer_tui.runlog.reader import LogReader
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.sim import ObservingSensor, Pose, SensorSpec, Simulator, World, parse_command, sensor_kinds

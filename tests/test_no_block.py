@@ -15,14 +15,14 @@ from simmer_tui.config.set_summary import summarize
 from simmer_tui.config.sets import bundled_folder, find_set
 from simmer_tui.config.settings_file import Override
 from simmer_tui.document import svg
-from simmer_tui.engine import Engine
 from simmer_tui.errors import ConfigurationError, PlacementError
+from simmer_tui.live.snapshot import Recorder
 from simmer_tui.report.content import svg_picture
+from simmer_tui.robot.engine import Engine
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import checkpoint_of
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.sim import GripperSpec, LoadSensor, Maze, Pose, SensorSpec, Simulator, parse_command
-from simmer_tui.snapshot import Recorder
 from simmer_tui.tui.maze.scene import scene_of
 
 

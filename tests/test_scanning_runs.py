@@ -14,11 +14,11 @@ import pytest
 from simmer_tui import Simulator, load
 from simmer_tui.cli.main import main
 from simmer_tui.config.sets import find_set, init_set
-from simmer_tui.events import CommandResult
+from simmer_tui.live.takeover import TakeOver, moment_at
+from simmer_tui.run.events import CommandResult
 from simmer_tui.runlog.index import RunLogIndex
 from simmer_tui.runlog.log_records import BrokenLine
 from simmer_tui.runlog.reader import LogReader
-from simmer_tui.takeover import TakeOver, moment_at
 from tests.in_process import simmer
 
 PROGRAM = """

@@ -22,9 +22,9 @@ from msgspec.structs import replace
 from simmer_tui.config.loader import find_set, load
 from simmer_tui.config.mission_toml import Heading
 from simmer_tui.config.settings_file import Override
-from simmer_tui.engine import Engine
-from simmer_tui.events import Action, ActionName, Result
-from simmer_tui.mission import MissionPlan, MissionState, Referee, plan_run
+from simmer_tui.robot.engine import Engine
+from simmer_tui.run.events import Action, ActionName, Result
+from simmer_tui.run.mission import MissionPlan, MissionState, Referee, plan_run
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import checkpoint_of
 from simmer_tui.sim import SimulationSpec, Simulator, parse_command

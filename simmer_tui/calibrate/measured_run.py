@@ -18,7 +18,7 @@ from simmer_tui.calibrate.geometry import on_axes
 from simmer_tui.calibrate.stretches import ARC_SEGMENTS, VelocityStretch, share_of_variance
 from simmer_tui.config.loader import Configuration
 from simmer_tui.errors import CalibrationError
-from simmer_tui.events import (
+from simmer_tui.run.events import (
     ActionDone,
     ActionName,
     CommandResult,

@@ -38,8 +38,8 @@ from simmer_tui.document.model import (
     data_table,
 )
 from simmer_tui.document.svg import PICTURE_WIDTH
-from simmer_tui.phrases import capitalized
 from simmer_tui.report.figure import WALLS
+from simmer_tui.run.phrases import capitalized
 from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.command import counted, escape_passage, plural
 from simmer_tui.sim.specs import CELL_SIZE, WALL, SimulationSpec

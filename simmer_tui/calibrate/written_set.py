@@ -19,12 +19,12 @@ from simmer_tui.calibrate.fit import Fit
 from simmer_tui.calibrate.parameters import with_parameter_values
 from simmer_tui.config import drive_csv, sensors_csv, settings_file
 from simmer_tui.config.csv_table import csv_text, plain_rows
+from simmer_tui.config.importer.set_writer import drive_csv_text, sensors_csv_text
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.sets import write_files
 from simmer_tui.config.settings import all_settings, value_of
 from simmer_tui.config.settings_file import settings_text
 from simmer_tui.errors import CalibrationError, reason_of
-from simmer_tui.importer.set_writer import drive_csv_text, sensors_csv_text
 from simmer_tui.runlog.logged_devices import same_files
 from simmer_tui.runlog.typed_json import TypedJson
 from simmer_tui.sim.command import escape, shown_path

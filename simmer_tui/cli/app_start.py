@@ -13,9 +13,9 @@ from simmer_tui import platform_has
 from simmer_tui.cli.command_line import say
 from simmer_tui.cli.headless import LinePrinter
 from simmer_tui.cli.run_life import FrontEnd
-from simmer_tui.events import Notice, NoticeKind, Result
-from simmer_tui.phrases import exit_text
-from simmer_tui.server import Server
+from simmer_tui.live.server import Server
+from simmer_tui.run.events import Notice, NoticeKind, Result
+from simmer_tui.run.phrases import exit_text
 from simmer_tui.tui.terminal import TerminalChoice, choose
 
 # Judged: a few screens; more would only scroll past.

@@ -101,7 +101,7 @@ def variables_of(configuration: Configuration, environment: Mapping[str, str]) -
     Raises:
         ConfigurationError: The set has no serial port, or one of any number.
     """
-    from simmer_tui.server import TOKEN, reachable_host
+    from simmer_tui.live.server import TOKEN, reachable_host
 
     server = configuration.settings.server
     if TEAM not in server.listeners:

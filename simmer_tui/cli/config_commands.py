@@ -20,6 +20,10 @@ from simmer_tui.cli.command_line import (
     subcommand,
 )
 from simmer_tui.config.device_trust import DeviceUse
+from simmer_tui.config.importer.device_skeletons import with_skeletons
+from simmer_tui.config.importer.files import read_path
+from simmer_tui.config.importer.imported import check_mission
+from simmer_tui.config.importer.set_writer import set_files
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.new_set import SCHEMA_FOLDER as SCHEMAS
 from simmer_tui.config.new_set import term_files, with_comments, with_dialect, with_mission
@@ -38,10 +42,6 @@ from simmer_tui.config.sets import (
 from simmer_tui.dialect.frames import FrameKind
 from simmer_tui.document.model import Document
 from simmer_tui.errors import ConfigurationError, Problem
-from simmer_tui.importer.device_skeletons import with_skeletons
-from simmer_tui.importer.files import read_path
-from simmer_tui.importer.imported import check_mission
-from simmer_tui.importer.set_writer import set_files
 from simmer_tui.sim.command import counted, escape, shown_path, typed_path
 
 

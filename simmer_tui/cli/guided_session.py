@@ -16,17 +16,17 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from simmer_tui.backend import BackendSwitch, Message, SimulatorBackend
 from simmer_tui.calibrate.estimates import shown
 from simmer_tui.calibrate.fit import Fit, fit
 from simmer_tui.calibrate.guided import WANTED, SessionPlanner, drive_guided, guided_run, where_to_put
 from simmer_tui.calibrate.measured_run import read_runs
 from simmer_tui.config.loader import Configuration
-from simmer_tui.engine import Engine
 from simmer_tui.errors import CalibrationError
+from simmer_tui.links.backend import BackendSwitch, Message, SimulatorBackend
+from simmer_tui.links.protocol.replies import ReplyForm, ReplyFormat
 from simmer_tui.links.robot_bridge import bridge_to
 from simmer_tui.links.serial_link import SerialLink
-from simmer_tui.protocol.replies import ReplyForm, ReplyFormat
+from simmer_tui.robot.engine import Engine
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.sim.command import counted, parse_command
 from simmer_tui.sim.records import CommandResult

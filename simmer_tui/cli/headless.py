@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 from simmer_tui import platform_has
 from simmer_tui.cli.command_line import say
 from simmer_tui.cli.run_life import FrontEnd
-from simmer_tui.events import (
+from simmer_tui.live.server import Server
+from simmer_tui.run.events import (
     Event,
     EventHandler,
     LegEnded,
@@ -24,9 +25,8 @@ from simmer_tui.events import (
     VelocityEnded,
     WireMessage,
 )
-from simmer_tui.phrases import contact_ending
 from simmer_tui.run.message_trail import MessageTrail
-from simmer_tui.server import Server
+from simmer_tui.run.phrases import contact_ending
 from simmer_tui.sim.command import counted, printable
 from simmer_tui.sim.records import CommandResult, Status
 

@@ -33,7 +33,7 @@ from simmer_tui.version import __version__, requirement
 
 if TYPE_CHECKING:
     from simmer_tui.cli.run_life import FrontEnd
-    from simmer_tui.server import Server
+    from simmer_tui.live.server import Server
     from simmer_tui.web.page_server import PageServer
 
 # Names, not functions: importing all commands would make every start as slow as the slowest.
@@ -176,7 +176,7 @@ def front_end(
 def _server(options: argparse.Namespace) -> Server:
     """The server of a run. Raises ConfigurationError, PortError."""
     from simmer_tui.links.pty_port import NOT_ON_WINDOWS
-    from simmer_tui.server import Server
+    from simmer_tui.live.server import Server
 
     overrides = overrides_from(options)
     if "server.pty" in overrides and not platform_has.POSIX:
@@ -188,7 +188,7 @@ def _server(options: argparse.Namespace) -> Server:
         add_token_of(options.token_file, overrides)
     if not options.mission:
         return Server(with_possible_clock(load(find_set(options.config), overrides), options))
-    from simmer_tui.mission import plan_run
+    from simmer_tui.run.mission import plan_run
 
     directory = find_mission_set(options.config)
     if problems := without_effect(overrides):

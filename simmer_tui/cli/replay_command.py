@@ -22,9 +22,9 @@ from simmer_tui.cli.log_options import add_device_options, add_log_argument, con
 from simmer_tui.cli.main import front_end
 from simmer_tui.cli.run_life import RunLife
 from simmer_tui.config.settings import all_settings
+from simmer_tui.live.takeover import TakeOver, moment_at
 from simmer_tui.runlog.index import RunLogIndex
 from simmer_tui.sim.rules import NumberRule
-from simmer_tui.takeover import TakeOver, moment_at
 from simmer_tui.tui.recorded import RecordedRun
 
 

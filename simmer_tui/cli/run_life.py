@@ -18,14 +18,23 @@ from typing import TYPE_CHECKING
 from simmer_tui.cli.command_line import ExitCode, say
 from simmer_tui.config.dialects import SERIAL
 from simmer_tui.errors import ProgramError
-from simmer_tui.events import NOT_CONNECTED, Action, ActionName, Event, MissionEnd, Notice, NoticeKind, Result
-from simmer_tui.phrases import NOTHING_SENT, exit_text
-from simmer_tui.server import LAST_OUTPUT, Server
+from simmer_tui.live.server import LAST_OUTPUT, Server
+from simmer_tui.run.events import (
+    NOT_CONNECTED,
+    Action,
+    ActionName,
+    Event,
+    MissionEnd,
+    Notice,
+    NoticeKind,
+    Result,
+)
+from simmer_tui.run.phrases import NOTHING_SENT, exit_text
 
 if TYPE_CHECKING:
-    from simmer_tui.mission import Referee
     from simmer_tui.program import Program, ProgramOutput
     from simmer_tui.report.verdict import Verdict
+    from simmer_tui.run.mission import Referee
     from simmer_tui.run.run_history import RunHistory
     from simmer_tui.web.page_server import PageServer
 

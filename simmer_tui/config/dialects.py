@@ -81,20 +81,20 @@ DIALECTS: dict[str, Dialect] = {
         (COMMANDS, REPLIES),
         "simmer_tui.links.binary_link:BinaryLink",
         "Binary: commands on port {port}, replies on port {reply_port}, {reply_format} {byte_order}-endian.",
-        "simmer_tui.protocol.binary:typed",
+        "simmer_tui.links.protocol.binary:typed",
     ),
     "packets": Dialect(
         (PACKETS, PACKET_REPLIES),
         "simmer_tui.links.packet_link:PacketLink",
         "Packets: requests on port {packet_port}, replies on port {packet_reply_port}; without brackets "
         "answered in {legacy_reply}.",
-        "simmer_tui.protocol.packets:typed",
+        "simmer_tui.links.protocol.packets:typed",
     ),
     TEAM: Dialect(
         (SERIAL,),
         "simmer_tui.links.dialect_link:DialectLink",
         "Dialect: dialect.toml, for programs that open a serial port; line speed: {line}. Motion is timed.",
-        "simmer_tui.protocol.binary:typed",
+        "simmer_tui.links.protocol.binary:typed",
     ),
     # Without `typed`: it has no commands, so that it is not a choice of `listeners`.
     "beliefs": Dialect(

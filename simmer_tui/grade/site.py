@@ -24,7 +24,7 @@ from simmer_tui.document.model import (
 )
 from simmer_tui.grade.grade_folder import GradeFolder, number_in_team
 from simmer_tui.grade.team_result import TeamResult, TeamStatus, code_of, last_failure, ranked
-from simmer_tui.phrases import SHOWN_OUTPUT
+from simmer_tui.run.phrases import SHOWN_OUTPUT
 from simmer_tui.sim.command import counted, escape, escape_passage, first_of
 from simmer_tui.sim.fingerprint import math_fingerprint
 from simmer_tui.trials.figures import log_page, map_figure

@@ -11,6 +11,8 @@ from msgspec.structs import replace
 from simmer_tui.config import settings_file
 from simmer_tui.config.dialects import DIALECT_FILE, TEAM
 from simmer_tui.config.given_path import given_path
+from simmer_tui.config.importer.files import read_path
+from simmer_tui.config.importer.set_writer import write_set
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.set_devices import SETTING
 from simmer_tui.config.settings import ServerSettings, all_settings, settings_from, value_of
@@ -19,8 +21,6 @@ from simmer_tui.config.toml_file import TomlFile
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.grade.course import ROBOT_FILES, Rules, Team
 from simmer_tui.grade.robot_rules import rule_problems
-from simmer_tui.importer.files import read_path
-from simmer_tui.importer.set_writer import write_set
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.specs import RobotSpec
 from simmer_tui.sim.values import CourseRule

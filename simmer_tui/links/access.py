@@ -13,11 +13,11 @@ from dataclasses import dataclass
 from ipaddress import ip_address
 
 from simmer_tui import platform_has
-from simmer_tui.events import Event, Notice, NoticeKind
 from simmer_tui.links.owners import OwnerLookup, is_reset
 from simmer_tui.links.peer import CLOSING, host_of
-from simmer_tui.program_clock import clock_of
-from simmer_tui.protocol.line_marks import without_marks
+from simmer_tui.links.protocol.line_marks import without_marks
+from simmer_tui.robot.program_clock import clock_of
+from simmer_tui.run.events import Event, Notice, NoticeKind
 from simmer_tui.sim.command import escape_word
 
 # The length of the longest command: a program without a token sends a command first.

@@ -9,12 +9,12 @@ from __future__ import annotations
 import socket
 
 from simmer_tui.config.dialects import BELIEFS
-from simmer_tui.engine import Engine
 from simmer_tui.errors import UnknownSensorError
-from simmer_tui.events import EventHandler
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.peer import MOST_WAITING, Peer, ReadBudget
-from simmer_tui.protocol.line_marks import without_marks
+from simmer_tui.links.protocol.line_marks import without_marks
+from simmer_tui.robot.engine import Engine
+from simmer_tui.run.events import EventHandler
 from simmer_tui.sim.command import parse_command
 from simmer_tui.sim.records import REFUSALS, CommandResult
 

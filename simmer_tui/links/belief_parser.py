@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from msgspec.structs import asdict
 
-from simmer_tui.belief_grid import (
+from simmer_tui.run.belief_grid import (
     MOST_ROWS,
     MOST_STATES,
     Bounds,
@@ -25,7 +25,7 @@ from simmer_tui.belief_grid import (
     Probabilities,
     grid_belief,
 )
-from simmer_tui.events import LARGEST_NUMBER, Belief
+from simmer_tui.run.events import LARGEST_NUMBER, Belief
 from simmer_tui.sim.angles import MOST_HEADINGS
 from simmer_tui.sim.command import escape_word
 from simmer_tui.sim.pose import Pose

@@ -8,19 +8,19 @@ import socket
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from simmer_tui.backend import CommandBudget, Message
 from simmer_tui.config.dialects import COMMANDS, REPLIES
-from simmer_tui.events import Notice, NoticeKind
 from simmer_tui.links.access import RefusalNotices
+from simmer_tui.links.backend import CommandBudget, Message
 from simmer_tui.links.connection_doctor import LONE_LIMIT, ClientWatch, ConnectionDoctor
 from simmer_tui.links.driver_lock import DriverLock
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.peer import MOST_WAITING, PIECE, UNREAD_LIMIT, Peer, ReadBudget, host_of
 from simmer_tui.links.processes import children
-from simmer_tui.protocol.binary import CommandReader, NumberEncoder
-from simmer_tui.protocol.diagnosis import is_http
-from simmer_tui.protocol.line_marks import without_marks
-from simmer_tui.sessions import LoopTimer
+from simmer_tui.links.protocol.binary import CommandReader, NumberEncoder
+from simmer_tui.links.protocol.diagnosis import is_http
+from simmer_tui.links.protocol.line_marks import without_marks
+from simmer_tui.robot.sessions import LoopTimer
+from simmer_tui.run.events import Notice, NoticeKind
 from simmer_tui.sim.command import Command, counted
 from simmer_tui.sim.records import CommandResult
 

@@ -18,10 +18,10 @@ import math
 import socket
 
 from simmer_tui.config.dialects import DialectPort
-from simmer_tui.events import Event, MissionEvent, Notice, NoticeKind, Result
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.peer import MOST_WAITING, PIECE, Peer, ReadBudget
-from simmer_tui.program_clock import ProgramClock, ProgramWait
+from simmer_tui.robot.program_clock import ProgramClock, ProgramWait
+from simmer_tui.run.events import Event, MissionEvent, Notice, NoticeKind, Result
 from simmer_tui.sim.command import escape_passage
 
 CLOCK = DialectPort("clock", "clock_port", 0, "")

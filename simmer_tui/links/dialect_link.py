@@ -16,8 +16,17 @@ from simmer_tui.dialect.device import DialectDevice, MoveEnd
 from simmer_tui.dialect.dialect_rules import DialectRules
 from simmer_tui.dialect.expressions import FieldValue
 from simmer_tui.dialect.timer import Timer
-from simmer_tui.engine import Engine
-from simmer_tui.events import (
+from simmer_tui.links.course_device import FRAMINGS, CourseDevice
+from simmer_tui.links.driver_lock import NOT_SERVED, DriverLock
+from simmer_tui.links.hook_port import HookedProgram
+from simmer_tui.links.link import LinkContext
+from simmer_tui.links.peer import MOST_WAITING, PIECE, ReadBudget
+from simmer_tui.links.protocol.packets import STOP
+from simmer_tui.links.pty_port import PtyDevice, PtyPort
+from simmer_tui.links.serial_wire import SerialEndpoint, Wire
+from simmer_tui.robot.engine import Engine
+from simmer_tui.robot.sessions import Session
+from simmer_tui.run.events import (
     NOT_CONNECTED,
     ActionDone,
     Event,
@@ -29,15 +38,6 @@ from simmer_tui.events import (
     VelocityEnded,
     WireMessage,
 )
-from simmer_tui.links.course_device import FRAMINGS, CourseDevice
-from simmer_tui.links.driver_lock import NOT_SERVED, DriverLock
-from simmer_tui.links.hook_port import HookedProgram
-from simmer_tui.links.link import LinkContext
-from simmer_tui.links.peer import MOST_WAITING, PIECE, ReadBudget
-from simmer_tui.links.pty_port import PtyDevice, PtyPort
-from simmer_tui.links.serial_wire import SerialEndpoint, Wire
-from simmer_tui.protocol.packets import STOP
-from simmer_tui.sessions import Session
 from simmer_tui.sim.command import PEOPLE, Command, counted, escape, escape_word, parse_command, shown_path
 from simmer_tui.sim.records import REFUSALS, CommandResult, Status
 

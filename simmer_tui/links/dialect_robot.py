@@ -15,14 +15,14 @@ from functools import partial
 from msgspec import Struct
 from msgspec.structs import replace
 
-from simmer_tui.backend import Answered, BackendSession, Message
 from simmer_tui.dialect.dialect_rules import Busy
 from simmer_tui.dialect.inverse import DialectMessage, InverseRules
 from simmer_tui.dialect.reply_reader import RobotReply
-from simmer_tui.events import NoticeKind
+from simmer_tui.links.backend import Answered, BackendSession, Message
 from simmer_tui.links.monitored_robot import MonitoredRobot
-from simmer_tui.protocol.packets import STOP
-from simmer_tui.sessions import LoopTimer
+from simmer_tui.links.protocol.packets import STOP
+from simmer_tui.robot.sessions import LoopTimer
+from simmer_tui.run.events import NoticeKind
 from simmer_tui.sim.command import PEOPLE, Command, escape_word, parse_value
 from simmer_tui.sim.records import CommandResult, Status
 from simmer_tui.sim.velocity_commands import WAIT, parse_wait

@@ -7,7 +7,7 @@ import socket
 
 from simmer_tui.links.peer import host_of
 from simmer_tui.links.processes import LONGEST_SEARCH, Process, ProcessLookup, session_of
-from simmer_tui.program_clock import ProgramClock
+from simmer_tui.robot.program_clock import ProgramClock
 from simmer_tui.sim.command import escape
 
 NOT_SERVED = "by the program's clock only the program of --run is served"

@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from msgspec import Struct, field
 
-from simmer_tui.backend import BackendSwitch, Message
 from simmer_tui.config import dialects
 from simmer_tui.config.dialects import Dialect, DialectPort
 from simmer_tui.config.settings import ServerSettings, value_of
-from simmer_tui.engine import Engine
 from simmer_tui.links.access import AccessCheck
+from simmer_tui.links.backend import BackendSwitch, Message
 from simmer_tui.links.driver_lock import DriverLock
 from simmer_tui.links.ports import Acceptor, Listener, PortRequest
 from simmer_tui.links.processes import ProcessLookup
 from simmer_tui.links.pty_port import PtyDevice
-from simmer_tui.program_clock import ProgramClock
+from simmer_tui.robot.engine import Engine
+from simmer_tui.robot.program_clock import ProgramClock
 from simmer_tui.sim.command import Command
 
 if TYPE_CHECKING:  # few sets have a dialect

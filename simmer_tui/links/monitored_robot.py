@@ -12,13 +12,22 @@ from dataclasses import dataclass
 
 from msgspec.structs import replace
 
-from simmer_tui.backend import BackendSwitch
 from simmer_tui.dialect.device import DialectDevice, MoveEnd
 from simmer_tui.dialect.dialect_rules import DialectRules, MessageRule
 from simmer_tui.dialect.expressions import FieldValue
 from simmer_tui.dialect.reply_reader import SILENCE, ReplyReader, RobotReply
-from simmer_tui.engine import Engine
-from simmer_tui.events import (
+from simmer_tui.links.backend import BackendSwitch
+from simmer_tui.links.dialect_link import (
+    LOGGED_OF_STREAM,
+    SimulatedHost,
+    move_end,
+    note_motion,
+    reply_value,
+)
+from simmer_tui.links.real_robot import RealRobot
+from simmer_tui.robot.engine import Engine
+from simmer_tui.robot.sessions import LoopTimer
+from simmer_tui.run.events import (
     LegBegun,
     LegEnded,
     MovementPlanned,
@@ -28,15 +37,6 @@ from simmer_tui.events import (
     VelocityEnded,
     WireMessage,
 )
-from simmer_tui.links.dialect_link import (
-    LOGGED_OF_STREAM,
-    SimulatedHost,
-    move_end,
-    note_motion,
-    reply_value,
-)
-from simmer_tui.links.real_robot import RealRobot
-from simmer_tui.sessions import LoopTimer
 from simmer_tui.sim.command import PEOPLE, parse_command
 from simmer_tui.sim.records import REFUSALS, CommandResult
 

@@ -8,17 +8,17 @@ from collections import deque
 from collections.abc import Sequence
 from functools import partial
 
-from simmer_tui.backend import CommandBudget, Message
 from simmer_tui.config.dialects import PACKETS
 from simmer_tui.links.access import RefusalNotices
+from simmer_tui.links.backend import CommandBudget, Message
 from simmer_tui.links.connection_doctor import ConnectionDoctor
 from simmer_tui.links.driver_lock import DriverLock
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.packet_presence import PacketDriver, Presence
 from simmer_tui.links.packet_replies import EMPTY_DELAY, LONGEST_WAIT, ReplyPort
 from simmer_tui.links.peer import MOST_CONNECTIONS, Peer, ReadBudget, host_of
-from simmer_tui.protocol.diagnosis import is_http
-from simmer_tui.protocol.packets import (
+from simmer_tui.links.protocol.diagnosis import is_http
+from simmer_tui.links.protocol.packets import (
     Mailbox,
     Reply,
     Request,
@@ -27,8 +27,8 @@ from simmer_tui.protocol.packets import (
     encode,
     passed_on,
 )
-from simmer_tui.protocol.replies import ReplyForm, ReplyFormat
-from simmer_tui.sessions import LoopTimer
+from simmer_tui.links.protocol.replies import ReplyForm, ReplyFormat
+from simmer_tui.robot.sessions import LoopTimer
 from simmer_tui.sim.records import CommandResult, Status
 
 _TURN = 512

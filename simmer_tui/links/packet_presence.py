@@ -8,12 +8,12 @@ import socket
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from simmer_tui.events import Notice, NoticeKind
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.peer import host_of
 from simmer_tui.links.processes import Process
-from simmer_tui.protocol.packets import Mailbox
-from simmer_tui.sessions import LoopTimer
+from simmer_tui.links.protocol.packets import Mailbox
+from simmer_tui.robot.sessions import LoopTimer
+from simmer_tui.run.events import Notice, NoticeKind
 from simmer_tui.sim.command import counted
 
 # Judged: a long computation or a coffee. After a longer halt in a debugger a program asks again.

@@ -6,11 +6,11 @@ import asyncio
 from abc import abstractmethod
 from dataclasses import dataclass
 
-from simmer_tui.backend import Backend
 from simmer_tui.config.settings import SerialSettings
-from simmer_tui.engine import Engine
-from simmer_tui.events import ActionDone, ActionName, EventHandler, Notice, NoticeKind
+from simmer_tui.links.backend import Backend
 from simmer_tui.links.serial_link import RobotLink
+from simmer_tui.robot.engine import Engine
+from simmer_tui.run.events import ActionDone, ActionName, EventHandler, Notice, NoticeKind
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.records import CommandResult
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from simmer_tui.backend import BackendSwitch
 from simmer_tui.config.dialects import TEAM
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.settings import SerialSettings
-from simmer_tui.engine import Engine
 from simmer_tui.errors import reason_of
+from simmer_tui.links.backend import BackendSwitch
 from simmer_tui.links.real_robot import RealRobot
 from simmer_tui.links.serial_link import RobotLink
+from simmer_tui.robot.engine import Engine
 
 
 def bridge_to(

@@ -16,12 +16,10 @@ import numpy as np
 from msgspec import Struct, field
 from msgspec.structs import replace
 
-from simmer_tui.backend import Answered, BackendSession, Message
 from simmer_tui.config.settings import BITS_OF_A_BYTE
-from simmer_tui.events import NoticeKind, TwinReading
-from simmer_tui.links.real_robot import RealRobot
-from simmer_tui.protocol.packets import STOP
-from simmer_tui.protocol.replies import (
+from simmer_tui.links.backend import Answered, BackendSession, Message
+from simmer_tui.links.protocol.packets import STOP
+from simmer_tui.links.protocol.replies import (
     GAP,
     ReplyEnd,
     ReplyForm,
@@ -30,7 +28,9 @@ from simmer_tui.protocol.replies import (
     RobotAnswer,
     read_numbers,
 )
-from simmer_tui.sessions import LoopTimer
+from simmer_tui.links.real_robot import RealRobot
+from simmer_tui.robot.sessions import LoopTimer
+from simmer_tui.run.events import NoticeKind, TwinReading
 from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.command import Command, counted, escape, escape_passage
 from simmer_tui.sim.records import CommandResult, LidarScan, Reading, Status, ray_bearings

@@ -15,8 +15,8 @@ from typing import Protocol
 from simmer_tui.config.settings import BITS_OF_A_BYTE
 from simmer_tui.dialect.frames import FrameKind, Framing
 from simmer_tui.dialect.timer import Timer
-from simmer_tui.engine import Engine
 from simmer_tui.links.peer import ReadBudget
+from simmer_tui.robot.engine import Engine
 
 
 class SerialEndpoint(Protocol):

@@ -13,7 +13,6 @@ from itertools import pairwise
 
 from msgspec import Struct
 
-from simmer_tui.events import NOT_STARTED
 from simmer_tui.program.crash_parts import (
     Crash,
     PrintedFrame,
@@ -28,6 +27,7 @@ from simmer_tui.program.crash_parts import (
     without_escapes,
 )
 from simmer_tui.program.script_errors import SCRIPTS, last_line_error
+from simmer_tui.run.events import NOT_STARTED
 
 # The length of the sentences in reports.
 _LONGEST = 200

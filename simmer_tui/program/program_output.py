@@ -20,8 +20,8 @@ from msgspec import Struct, field
 
 from simmer_tui import platform_has
 from simmer_tui.errors import ProgramError, is_disk_full, reason_of
-from simmer_tui.events import NOT_STARTED, OutputLine, ProgramEnded
 from simmer_tui.program.crash_parts import without_escapes
+from simmer_tui.run.events import NOT_STARTED, OutputLine, ProgramEnded
 
 if platform_has.POSIX:
     import fcntl

@@ -8,7 +8,6 @@ before its end.
 import itertools
 from collections.abc import Collection, Iterator, Sequence
 
-from simmer_tui.events import ProgramEnded
 from simmer_tui.report.belief_audit import BeliefMotion, heading_jump, wrong_heading
 from simmer_tui.report.causes import Cause, Kind, Sureness, cause_of, undecided_text
 from simmer_tui.report.command_audit import (
@@ -21,6 +20,7 @@ from simmer_tui.report.ending_causes import EndingCauses
 from simmer_tui.report.finding import FEWEST, Disagreement, Finding, kept_disagreements
 from simmer_tui.report.reply_audit import ReplyAudit
 from simmer_tui.run.attempt import Attempt
+from simmer_tui.run.events import ProgramEnded
 from simmer_tui.sim.command import counted
 
 # More devices than that are a whole robot that differs: the table of findings has them all.

@@ -16,7 +16,6 @@ Those that hold come in this order:
 import math
 from collections.abc import Iterator, Sequence
 
-from simmer_tui.phrases import body_text, capitalized, contact_text, drift_text, obstacle_place, obstacle_text
 from simmer_tui.report.causes import Cause, Kind, LogMoment, Sureness, cause_of, contradicted, undecided_text
 from simmer_tui.report.counterfactuals import Change, Counterfactual, CounterfactualWorld
 from simmer_tui.report.right_readings import looked_at_each_movement, looks_alike, shown_place
@@ -24,6 +23,14 @@ from simmer_tui.report.why import facing_sensor_text, looks_there, shown_range
 from simmer_tui.run.attempt import Attempt, Collision
 from simmer_tui.run.facts import ALIKE, LastReading, carried_over, facing_sensor
 from simmer_tui.run.history_rows import BeliefRow
+from simmer_tui.run.phrases import (
+    body_text,
+    capitalized,
+    contact_text,
+    drift_text,
+    obstacle_place,
+    obstacle_text,
+)
 from simmer_tui.sim.angles import half_turn
 from simmer_tui.sim.command import counted, parse_value
 from simmer_tui.sim.specs import CELL_SIZE

@@ -17,8 +17,8 @@ from enum import StrEnum
 
 from msgspec.structs import astuple
 
-from simmer_tui.events import MovementEnded
 from simmer_tui.run.attempt import Collision
+from simmer_tui.run.events import MovementEnded
 from simmer_tui.sim.arc_contact import first_arc_contact
 from simmer_tui.sim.arcs import LARGEST_TURN, Arc, Twist
 from simmer_tui.sim.block import Block

@@ -3,19 +3,6 @@
 import math
 from functools import partial
 
-from simmer_tui.events import ProgramEnded
-from simmer_tui.phrases import (
-    body_text,
-    capitalized,
-    exit_text,
-    last_output,
-    miss_text,
-    obstacle_place,
-    outside_text,
-    place_text,
-    program_end_text,
-    times_text,
-)
 from simmer_tui.report.causes import Cause, Kind, Sureness, cause_of, undecided_text
 from simmer_tui.report.contact_causes import BLIND, BLIND_TURN, belief_text, wrong_text
 from simmer_tui.report.finding import FEWEST
@@ -27,8 +14,21 @@ from simmer_tui.report.right_readings import (
 )
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.episodes import EpisodeKind
+from simmer_tui.run.events import ProgramEnded
 from simmer_tui.run.facts import displacement, missed_zone
 from simmer_tui.run.history_rows import ActionRow
+from simmer_tui.run.phrases import (
+    body_text,
+    capitalized,
+    exit_text,
+    last_output,
+    miss_text,
+    obstacle_place,
+    outside_text,
+    place_text,
+    program_end_text,
+    times_text,
+)
 from simmer_tui.run.progress import HUNDRED
 from simmer_tui.run.run_history import CHAIN
 from simmer_tui.sim.command import counted, escape_passage

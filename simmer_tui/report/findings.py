@@ -6,11 +6,11 @@ from collections.abc import Iterator
 
 from simmer_tui.document.formats import COUNT, PASSAGE, QUOTED, number
 from simmer_tui.document.model import DataColumn, DataTable, data_table
-from simmer_tui.events import ActionName
-from simmer_tui.phrases import WEDGED_TEXT, contact_ending, obstacles_text, pose_text, times_text
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.run.episodes import Episode, EpisodeKind
+from simmer_tui.run.events import ActionName
 from simmer_tui.run.history_rows import ContactRow
+from simmer_tui.run.phrases import WEDGED_TEXT, contact_ending, obstacles_text, pose_text, times_text
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.sim.command import counted, escape_passage, escape_word, first_of
 

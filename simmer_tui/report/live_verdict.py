@@ -5,10 +5,18 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from simmer_tui.events import ActionDone, Event, EventHandler, MissionEvent, Notice, NoticeKind, ProgramEnded
 from simmer_tui.report.mission_gate import Analysis
 from simmer_tui.report.verdict import Verdict, verdict_of
 from simmer_tui.run.attempt import Task
+from simmer_tui.run.events import (
+    ActionDone,
+    Event,
+    EventHandler,
+    MissionEvent,
+    Notice,
+    NoticeKind,
+    ProgramEnded,
+)
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.run_history import RunHistory
 

@@ -5,7 +5,7 @@ Their number depends on how fast the machine ends the program, so two runs of on
 
 import math
 
-from simmer_tui.events import (
+from simmer_tui.run.events import (
     ActionDone,
     Belief,
     CommandResult,
@@ -18,7 +18,7 @@ from simmer_tui.events import (
     TwinReading,
     VelocityEnded,
 )
-from simmer_tui.phrases import contacts_text
+from simmer_tui.run.phrases import contacts_text
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.sim.command import counted

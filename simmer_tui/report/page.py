@@ -21,8 +21,6 @@ from simmer_tui.document.model import (
     Tone,
     VerdictBox,
 )
-from simmer_tui.events import Goal
-from simmer_tui.phrases import SHOWN_OUTPUT, contacts_text
 from simmer_tui.report.content import again, output, report_tables
 from simmer_tui.report.figure import maze_figure
 from simmer_tui.report.findings import findings
@@ -31,6 +29,8 @@ from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.report.traces import traces
 from simmer_tui.report.verdict import Outcome, Verdict, goals_met
 from simmer_tui.run.attempt import Attempt, Task
+from simmer_tui.run.events import Goal
+from simmer_tui.run.phrases import SHOWN_OUTPUT, contacts_text
 from simmer_tui.sim.command import escape, escape_passage, escape_word, plural, typed_path
 
 _TONES = {Outcome.SUCCEEDED: Tone.GOOD, Outcome.FAILED: Tone.BAD, Outcome.CRASHED: Tone.BAD}

@@ -14,10 +14,10 @@ from importlib.resources import files
 from itertools import pairwise
 from typing import Any
 
-from simmer_tui.belief_grid import GridBelief, SmallMap
 from simmer_tui.report.recording import Recording
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.report.traces import page_clock
+from simmer_tui.run.belief_grid import GridBelief, SmallMap
 from simmer_tui.run.facts import deviation
 from simmer_tui.run.paths import BeliefCloud
 from simmer_tui.run.scan_traces import ScanTrace, range_step

@@ -17,11 +17,11 @@ from typing import Any
 
 from msgspec import Struct, structs
 
-from simmer_tui.events import ActionName, Goal, Result
-from simmer_tui.phrases import contact_text
 from simmer_tui.report.keyframes import Keyframe, keyframes_of, pose_at
+from simmer_tui.run.events import ActionName, Goal, Result
 from simmer_tui.run.history_rows import ActionRow, ContactRow, MissionRow, RefusalRow
 from simmer_tui.run.paths import MOVEMENTS, Jump, MovementPath, PathRecord
+from simmer_tui.run.phrases import contact_text
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.scan_traces import ScanTrace
 from simmer_tui.run.table import Newest, Timed, TimedItem

@@ -15,7 +15,6 @@ from simmer_tui.config.nominal import nominal_of
 from simmer_tui.document.as_data import CsvWriter
 from simmer_tui.document.formats import POSE, Format
 from simmer_tui.document.model import DataColumn
-from simmer_tui.events import CommandResult, EventHandler, MovementEnded
 from simmer_tui.report.bent_scans import BentScans
 from simmer_tui.report.causes import Cause
 from simmer_tui.report.finding import Finding
@@ -23,6 +22,7 @@ from simmer_tui.report.mission_gate import Analysis
 from simmer_tui.report.recording import Recording
 from simmer_tui.report.verdict import Verdict, findings_of, verdict_of
 from simmer_tui.run.attempt import Attempt, Task, task_of
+from simmer_tui.run.events import CommandResult, EventHandler, MovementEnded
 from simmer_tui.run.paths import PathRecord
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.run_history import RunHistory, Totals

@@ -10,8 +10,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
-from simmer_tui.events import NOT_CONNECTED, Goal, NoticeKind, ProgramEnded, Result
-from simmer_tui.phrases import (
+from simmer_tui.report.audit import audit
+from simmer_tui.report.cause_search import causes_of
+from simmer_tui.report.causes import Cause, Kind, Sureness
+from simmer_tui.report.finding import Finding
+from simmer_tui.run.attempt import Attempt, Task
+from simmer_tui.run.events import NOT_CONNECTED, Goal, NoticeKind, ProgramEnded, Result
+from simmer_tui.run.history_rows import NoticeRow, ProgramRow
+from simmer_tui.run.phrases import (
     capitalized,
     contacts_text,
     crash_text,
@@ -19,12 +25,6 @@ from simmer_tui.phrases import (
     place_text,
     program_end_text,
 )
-from simmer_tui.report.audit import audit
-from simmer_tui.report.cause_search import causes_of
-from simmer_tui.report.causes import Cause, Kind, Sureness
-from simmer_tui.report.finding import Finding
-from simmer_tui.run.attempt import Attempt, Task
-from simmer_tui.run.history_rows import NoticeRow, ProgramRow
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.sim.command import counted, escape_passage
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from simmer_tui.events import MovementEnded
-from simmer_tui.phrases import (
+from simmer_tui.run.events import MovementEnded
+from simmer_tui.run.facts import BESIDE, FacingSensor, LastReading, facing_sensor
+from simmer_tui.run.phrases import (
     asked_text,
     body_text,
     grip_ending,
@@ -15,7 +16,6 @@ from simmer_tui.phrases import (
     stopped_text,
     went_text,
 )
-from simmer_tui.run.facts import BESIDE, FacingSensor, LastReading, facing_sensor
 from simmer_tui.run.state import State
 from simmer_tui.sim.command import escape, parse_value
 from simmer_tui.sim.path import Contact

@@ -10,8 +10,8 @@ import numpy as np
 
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.mission_plan import Cell, MissionPlan, draw_mission
-from simmer_tui.events import ActionName, Goal, MovementEnded, NoticeKind, Result
 from simmer_tui.run.episodes import Episode
+from simmer_tui.run.events import ActionName, Goal, MovementEnded, NoticeKind, Result
 from simmer_tui.run.facts import LastReading, Stuck
 from simmer_tui.run.history_rows import (
     ActionRow,

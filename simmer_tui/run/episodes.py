@@ -9,7 +9,7 @@ from enum import StrEnum
 
 from msgspec import Struct
 
-from simmer_tui.events import ActionName
+from simmer_tui.run.events import ActionName
 from simmer_tui.run.facts import COVERED, UNSURE, UNSURE_TURN, displacement
 from simmer_tui.run.history_rows import ActionRow, BeliefRow, ContactRow
 from simmer_tui.sim.specs import CELL_SIZE

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from msgspec import Struct
 
-from simmer_tui.belief_grid import SURELY_ELSEWHERE, GridBelief
-from simmer_tui.events import Belief
+from simmer_tui.run.belief_grid import SURELY_ELSEWHERE, GridBelief
+from simmer_tui.run.events import Belief
 from simmer_tui.sim.angles import cos_sin, half_turn
 from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from msgspec import Struct
 
-from simmer_tui.events import ActionDone, CommandResult, MissionEvent, MovementEnded, Notice, ProgramEnded
+from simmer_tui.run.events import ActionDone, CommandResult, MissionEvent, MovementEnded, Notice, ProgramEnded
 from simmer_tui.run.facts import NO_HEADING, UNSURE, Deviation, degrees_beside
 from simmer_tui.run.table import Index, Single
 from simmer_tui.sim.block import Block

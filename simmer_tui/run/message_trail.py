@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from simmer_tui.dialect.fault_notices import UNKNOWN_MESSAGE
-from simmer_tui.events import WireMessage
+from simmer_tui.run.events import WireMessage
 from simmer_tui.sim.command import Command, escape_word
 
 # Seconds, for rounding of sums; a command begins at the moment at which its message has come.

@@ -16,8 +16,8 @@ from itertools import pairwise
 from msgspec import Struct
 from msgspec.structs import replace
 
-from simmer_tui.belief_grid import SmallMap, small_map
-from simmer_tui.events import ActionDone, Belief
+from simmer_tui.run.belief_grid import SmallMap, small_map
+from simmer_tui.run.events import ActionDone, Belief
 from simmer_tui.run.scan_traces import ScanTrace, scan_trace
 from simmer_tui.run.table import LISTED, First, Newest, Thinned
 from simmer_tui.sim.command import Command

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from msgspec.structs import asdict, replace
 
-from simmer_tui.events import (
+from simmer_tui.run.events import (
     ActionDone,
     ActionName,
     Belief,

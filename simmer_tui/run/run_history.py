@@ -19,7 +19,8 @@ from msgspec.structs import replace
 
 from simmer_tui.config.nominal import Nominal
 from simmer_tui.dialect.fault_notices import UNKNOWN_MESSAGE
-from simmer_tui.events import (
+from simmer_tui.run.episodes import BeliefEpisodes
+from simmer_tui.run.events import (
     ActionDone,
     Belief,
     CommandResult,
@@ -33,8 +34,6 @@ from simmer_tui.events import (
     ProgramEnded,
     WireMessage,
 )
-from simmer_tui.phrases import obstacles_text
-from simmer_tui.run.episodes import BeliefEpisodes
 from simmer_tui.run.facts import PRESSED, PRESSED_DISTANCE, Stuck, deviation, is_same_place
 from simmer_tui.run.history_rows import (
     ActionRow,
@@ -55,6 +54,7 @@ from simmer_tui.run.history_rows import (
 )
 from simmer_tui.run.message_trail import MessageTrail
 from simmer_tui.run.paths import PathRecord, Truth
+from simmer_tui.run.phrases import obstacles_text
 from simmer_tui.run.state import Checkpoint
 from simmer_tui.run.table import Columns, Errors, Newest, RowTable, Thinned
 from simmer_tui.sim.arrays import BoolArray

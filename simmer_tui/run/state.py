@@ -7,7 +7,15 @@ from collections.abc import Mapping
 import numpy as np
 from msgspec import Struct, field
 
-from simmer_tui.events import Belief, CommandResult, Goal, MovementEnded, MovementPlanned, Result, TwinReading
+from simmer_tui.run.events import (
+    Belief,
+    CommandResult,
+    Goal,
+    MovementEnded,
+    MovementPlanned,
+    Result,
+    TwinReading,
+)
 from simmer_tui.sim.arcs import Twist
 from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.block import Block

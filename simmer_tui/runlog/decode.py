@@ -11,7 +11,7 @@ from typing import Any
 from msgspec.structs import astuple, replace
 
 from simmer_tui.errors import RunLogError
-from simmer_tui.events import (
+from simmer_tui.run.events import (
     LARGEST_NUMBER,
     Action,
     ActionDone,

@@ -12,7 +12,7 @@ from typing import Any
 
 from msgspec.structs import astuple, replace
 
-from simmer_tui.events import (
+from simmer_tui.run.events import (
     ActionDone,
     Belief,
     CommandResult,

@@ -19,7 +19,7 @@ from simmer_tui.config.set_devices import DeviceStatus
 from simmer_tui.config.sets import FILES
 from simmer_tui.config.settings import all_settings, settings_from
 from simmer_tui.errors import RunLogError, reason_of
-from simmer_tui.events import Real
+from simmer_tui.run.events import Real
 from simmer_tui.run.state import Checkpoint, MissionProgress
 from simmer_tui.runlog.log_records import Count, LoggedPose, RealSeconds, logged_pose
 from simmer_tui.runlog.logged_devices import (

@@ -16,9 +16,9 @@ from typing import Annotated, Any, final
 
 import msgspec
 
-from simmer_tui.actions import argument_count
-from simmer_tui.belief_grid import GridBelief
-from simmer_tui.events import (
+from simmer_tui.robot.actions import argument_count
+from simmer_tui.run.belief_grid import GridBelief
+from simmer_tui.run.events import (
     LARGEST_NUMBER,
     ActionName,
     Goal,

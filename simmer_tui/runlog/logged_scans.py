@@ -13,7 +13,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from simmer_tui.errors import RunLogError
-from simmer_tui.protocol.replies import MOST_RANGES
+from simmer_tui.links.protocol.replies import MOST_RANGES
 from simmer_tui.runlog.log_records import ReadingRecord
 from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.pose import Pose

@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from simmer_tui.config.loader import Configuration
 from simmer_tui.errors import RunLogError
-from simmer_tui.events import CommandResult, Event, MovementEnded
+from simmer_tui.run.events import CommandResult, Event, MovementEnded
 from simmer_tui.run.reducer import CONTACT_POINTS, Reducer
 from simmer_tui.run.state import Checkpoint, State
 from simmer_tui.runlog.decode import LogDecoder

@@ -16,7 +16,7 @@ from msgspec import Struct
 
 from simmer_tui.config.loader import Configuration
 from simmer_tui.errors import RunLogError, reason_of
-from simmer_tui.events import Event
+from simmer_tui.run.events import Event
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.runlog.closing import Closing
 from simmer_tui.runlog.decode import LogDecoder

@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 from msgspec.structs import replace
 
-from simmer_tui import actions
 from simmer_tui.config.loader import Configuration
 from simmer_tui.errors import RunLogError, SimmerError
-from simmer_tui.events import Action, ActionName, VelocityEnd
+from simmer_tui.robot import actions
+from simmer_tui.run.events import Action, ActionName, VelocityEnd
 from simmer_tui.runlog.closing import Closing
 from simmer_tui.runlog.header import Header, rebuild_to_run
 from simmer_tui.runlog.log_records import (

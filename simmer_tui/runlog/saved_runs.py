@@ -15,7 +15,7 @@ from pathlib import Path
 
 from simmer_tui import platform_has
 from simmer_tui.errors import RunLogError, reason_of
-from simmer_tui.events import ActionDone, CommandResult, Event, MovementPlanned
+from simmer_tui.run.events import ActionDone, CommandResult, Event, MovementPlanned
 from simmer_tui.runlog.writer import LOG, LineFile, RunLog, new_file
 from simmer_tui.sim.command import shown_path
 

@@ -19,7 +19,7 @@ from msgspec import Struct
 from simmer_tui import platform_has
 from simmer_tui.config.loader import Configuration
 from simmer_tui.errors import RunLogError, reason_of
-from simmer_tui.events import Event, Notice, NoticeKind
+from simmer_tui.run.events import Event, Notice, NoticeKind
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import checkpoint_of
 from simmer_tui.runlog.closing import Closing

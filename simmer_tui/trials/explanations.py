@@ -22,8 +22,8 @@ from simmer_tui.config.nominal import nominal_of
 from simmer_tui.document.formats import COUNT, Format
 from simmer_tui.document.model import DataColumn, DataTable, data_table
 from simmer_tui.errors import TrialsError
-from simmer_tui.phrases import capitalized
 from simmer_tui.report.causes import Kind, Sureness
+from simmer_tui.run.phrases import capitalized
 from simmer_tui.sim.rules import listed
 from simmer_tui.trials.chance_control import REPEATS, ChanceControl, control_of, control_table
 from simmer_tui.trials.failures import failures_in_turn, grouped

@@ -21,16 +21,16 @@ from simmer_tui.config.loader import Configuration
 from simmer_tui.config.mission_plan import MissionPlan
 from simmer_tui.config.settings import ELSE_REAL
 from simmer_tui.errors import InterruptedTrialError, ProgramError
-from simmer_tui.events import Event, MissionEnd, Result
 from simmer_tui.links.ports import Listener, PortRequest, take_port
-from simmer_tui.mission import MissionState
-from simmer_tui.phrases import exit_text, last_output
+from simmer_tui.live.server import LAST_OUTPUT, Server
 from simmer_tui.program import Keeper, Program, ProgramOutput, RunningProgram
 from simmer_tui.report.finding import plain_findings
 from simmer_tui.report.verdict import findings_of, verdict_of
+from simmer_tui.run.events import Event, MissionEnd, Result
+from simmer_tui.run.mission import MissionState
+from simmer_tui.run.phrases import exit_text, last_output
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.runlog.writer import LOG, PACKED
-from simmer_tui.server import LAST_OUTPUT, Server
 from simmer_tui.sim.command import escape, escape_passage
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.trials.trial import REAL, Ending, Trial, TrialResult, prepare, run_clock, with_clock

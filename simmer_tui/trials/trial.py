@@ -18,8 +18,8 @@ from simmer_tui.config.loader import Configuration
 from simmer_tui.config.mission_plan import MissionPlan, mission_problems
 from simmer_tui.config.settings import AUTO_CLOCK, ELSE_REAL, with_any_ports
 from simmer_tui.errors import ConfigurationError, Problem
-from simmer_tui.mission import plan_run, planned
-from simmer_tui.phrases import NOTHING_SENT, computing_text
+from simmer_tui.run.mission import plan_run, planned
+from simmer_tui.run.phrases import NOTHING_SENT, computing_text
 from simmer_tui.sim.command import counted
 from simmer_tui.sim.obstacles import placement_problems
 from simmer_tui.sim.specs import MazeSpec

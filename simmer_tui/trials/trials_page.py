@@ -21,7 +21,7 @@ from simmer_tui.document.model import (
     Tone,
     VerdictBox,
 )
-from simmer_tui.phrases import capitalized
+from simmer_tui.run.phrases import capitalized
 from simmer_tui.sim.command import counted, escape
 from simmer_tui.trials.explanations import WHY_FAILED
 from simmer_tui.trials.failures import CAUSES, DEVICES, counted_causes, failure_summary, grouped, success_rate

@@ -20,8 +20,8 @@ from simmer_tui.document.formats import (
     number,
 )
 from simmer_tui.document.model import DataColumn, DataTable, Document, DocumentPart, Paragraph, data_table
-from simmer_tui.events import Goal
 from simmer_tui.report.causes import Kind
+from simmer_tui.run.events import Goal
 from simmer_tui.sim.command import counted, escape, typed_path
 from simmer_tui.trials.chance_control import CONTROL
 from simmer_tui.trials.explanations import CHANGED_RUNS, WHY_FAILED, explanation_tables

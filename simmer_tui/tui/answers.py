@@ -10,9 +10,14 @@ from textwrap import shorten
 
 from msgspec import Struct
 
-from simmer_tui.events import Event, EventHandler, MovementEnded, ProgramEnded, Result
-from simmer_tui.mission import MissionState
-from simmer_tui.phrases import (
+from simmer_tui.live.snapshot import LogEntry, Snapshot
+from simmer_tui.program.crash import own_frames
+from simmer_tui.report.verdict import Outcome, Verdict
+from simmer_tui.report.why import NOTHING_MOVED, WhyFact
+from simmer_tui.run.events import Event, EventHandler, MovementEnded, ProgramEnded, Result
+from simmer_tui.run.facts import displacement
+from simmer_tui.run.mission import MissionState
+from simmer_tui.run.phrases import (
     capitalized,
     contact_line,
     contacts_text,
@@ -22,14 +27,9 @@ from simmer_tui.phrases import (
     stopped_by_text,
     velocity_text,
 )
-from simmer_tui.program.crash import own_frames
-from simmer_tui.report.verdict import Outcome, Verdict
-from simmer_tui.report.why import NOTHING_MOVED, WhyFact
-from simmer_tui.run.facts import displacement
 from simmer_tui.sim.command import counted, escape_passage, parse_value, plural, printable
 from simmer_tui.sim.scan_rays import extremes
 from simmer_tui.sim.specs import Axes, DriveKind
-from simmer_tui.snapshot import LogEntry, Snapshot
 from simmer_tui.tui.event_text import clock_text, grid_lines, off_text
 from simmer_tui.tui.gauges import bearing_words
 from simmer_tui.tui.key_table import AGAIN_KEY

@@ -17,15 +17,15 @@ from simmer_tui.config.dialects import COMMANDS
 from simmer_tui.config.examples import EXAMPLE, example_command
 from simmer_tui.config.settings import ScreenSettings
 from simmer_tui.errors import ProgramError, RunLogError, reason_of
-from simmer_tui.events import Action
-from simmer_tui.operating.orders import ConsoleCommand, Local
-from simmer_tui.operating.robot_operator import Operator
-from simmer_tui.playback_throttle import checked_pace
+from simmer_tui.live.operating.orders import ConsoleCommand, Local
+from simmer_tui.live.operating.robot_operator import Operator
+from simmer_tui.live.server import Server
+from simmer_tui.live.snapshot import Snapshot
 from simmer_tui.report.why import why
-from simmer_tui.server import Server
+from simmer_tui.robot.playback_throttle import checked_pace
+from simmer_tui.run.events import Action
 from simmer_tui.sim.command import Command, escape, printable, shown_path
 from simmer_tui.sim.specs import DriveKind
-from simmer_tui.snapshot import Snapshot
 from simmer_tui.tui import answers
 from simmer_tui.tui.console import ConsolePane, History
 from simmer_tui.tui.event_text import REASONS, ends_with_answer, refusal_of

@@ -14,7 +14,7 @@ from textual.widgets import Input
 
 from simmer_tui import platform_has
 from simmer_tui.errors import ConsoleCommandError
-from simmer_tui.operating.orders import ConsoleCommand, completed, completions, read_console_command
+from simmer_tui.live.operating.orders import ConsoleCommand, completed, completions, read_console_command
 from simmer_tui.sim.command import escape_word
 from simmer_tui.sim.specs import SimulationSpec
 from simmer_tui.tui.key_table import AGAIN_KEY, IN_CONSOLE, bindings_of

@@ -5,10 +5,12 @@ from collections.abc import Callable, Sequence
 
 from msgspec import Struct
 
-from simmer_tui import events
-from simmer_tui.belief_grid import GridBelief
-from simmer_tui.events import Belief, EventHandler, MovementEnded, NoticeKind
-from simmer_tui.phrases import (
+from simmer_tui.live.snapshot import LogEntry
+from simmer_tui.run import events
+from simmer_tui.run.belief_grid import GridBelief
+from simmer_tui.run.events import Belief, EventHandler, MovementEnded, NoticeKind
+from simmer_tui.run.facts import displacement
+from simmer_tui.run.phrases import (
     WEDGED_TEXT,
     contact_line,
     grip_text,
@@ -18,12 +20,10 @@ from simmer_tui.phrases import (
     velocity_text,
     went_text,
 )
-from simmer_tui.run.facts import displacement
 from simmer_tui.sim.angles import half_turn
 from simmer_tui.sim.command import PEOPLE, counted, escape_passage
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import CommandResult, Reading, Status
-from simmer_tui.snapshot import LogEntry
 from simmer_tui.tui.gauges import reading_text, with_unit
 from simmer_tui.tui.line_panel import StyledLine
 

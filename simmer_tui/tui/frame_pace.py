@@ -7,7 +7,7 @@ from contextlib import ExitStack
 
 from textual.app import App
 
-from simmer_tui.snapshot import Snapshot
+from simmer_tui.live.snapshot import Snapshot
 from simmer_tui.tui.textual_internals import writes_waiting
 
 # One is under way whenever something has just been drawn.

@@ -3,11 +3,11 @@
 from collections.abc import Mapping
 from enum import StrEnum
 
-from simmer_tui.events import Result
-from simmer_tui.phrases import contacts_text, crash_text, program_end_text
+from simmer_tui.live.snapshot import Snapshot
 from simmer_tui.report.verdict import Outcome
+from simmer_tui.run.events import Result
+from simmer_tui.run.phrases import contacts_text, crash_text, program_end_text
 from simmer_tui.sim.command import counted, escape, printable
-from simmer_tui.snapshot import Snapshot
 from simmer_tui.tui.event_text import clock_text
 from simmer_tui.tui.line_panel import StyledLine, between, length
 from simmer_tui.tui.readouts import ROOMY, Room

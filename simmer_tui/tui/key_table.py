@@ -9,7 +9,7 @@ from textual.keys import format_key
 
 from simmer_tui.config.keys import DRIVING, keys_of, shifted
 from simmer_tui.config.settings import KeySettings
-from simmer_tui.operating.robot_operator import DRIVES
+from simmer_tui.live.operating.robot_operator import DRIVES
 from simmer_tui.tui.line_panel import StyledLine
 from simmer_tui.tui.maze.view import MazeView
 

@@ -4,8 +4,8 @@ import time
 from collections.abc import Callable
 
 from simmer_tui.config.keys import keys_of
-from simmer_tui.operating.robot_operator import DRIVES, Operator
-from simmer_tui.server import Server
+from simmer_tui.live.operating.robot_operator import DRIVES, Operator
+from simmer_tui.live.server import Server
 from simmer_tui.sim.command import parse_command
 from simmer_tui.sim.velocity_commands import WAIT
 from simmer_tui.tui.key_table import driving_keys

@@ -7,10 +7,10 @@ import time
 from collections.abc import Mapping
 
 from simmer_tui.config.loader import Configuration
+from simmer_tui.live.server import Server
+from simmer_tui.live.snapshot import Snapshot
 from simmer_tui.runlog.saved_runs import SavedRun
-from simmer_tui.server import Server
 from simmer_tui.sim.command import printable
-from simmer_tui.snapshot import Snapshot
 from simmer_tui.tui.sizes import SMALLEST_COLUMNS
 
 # A changed clock is not worth frames at the full rate: an idle screen sends next to nothing.

@@ -11,7 +11,7 @@ from textual.geometry import Size
 from textual.scroll_view import ScrollView
 from textual.strip import Strip
 
-from simmer_tui.snapshot import EVENTS, LogEntry
+from simmer_tui.live.snapshot import EVENTS, LogEntry
 from simmer_tui.tui import line_panel
 from simmer_tui.tui.event_text import entry_line, event_words, kept_lines
 from simmer_tui.tui.key_table import IN_LOG, bindings_of

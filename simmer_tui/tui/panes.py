@@ -13,10 +13,10 @@ from textual.events import Click
 from textual.widget import Widget
 
 from simmer_tui.config.loader import Configuration
+from simmer_tui.live.snapshot import LogEntry, Snapshot
 from simmer_tui.sim.command import PEOPLE, counted
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.wheels import WheelKinematics
-from simmer_tui.snapshot import LogEntry, Snapshot
 from simmer_tui.tui.answers import AnswerCard, end_answer, now_answer, scan_answer
 from simmer_tui.tui.frame_pace import Lags
 from simmer_tui.tui.headline import RunPhase, header_line, phase_of

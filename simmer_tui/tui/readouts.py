@@ -4,9 +4,10 @@ from collections.abc import Mapping, Sequence
 
 from msgspec import Struct, field
 
-from simmer_tui.events import EventHandler, Goal, Notice, NoticeKind, Result
-from simmer_tui.mission import MissionState
-from simmer_tui.phrases import obstacles_text, progress_text, side_text, velocity_text
+from simmer_tui.live.snapshot import LogEntry, Snapshot
+from simmer_tui.run.events import EventHandler, Goal, Notice, NoticeKind, Result
+from simmer_tui.run.mission import MissionState
+from simmer_tui.run.phrases import obstacles_text, progress_text, side_text, velocity_text
 from simmer_tui.run.state import State, TimeSpent
 from simmer_tui.sim.angles import half_turn
 from simmer_tui.sim.command import counted, escape, parse_value, printable
@@ -14,7 +15,6 @@ from simmer_tui.sim.records import LidarScan
 from simmer_tui.sim.scan_rays import extremes
 from simmer_tui.sim.specs import SensorSpec
 from simmer_tui.sim.wheels import WheelKinematics
-from simmer_tui.snapshot import LogEntry, Snapshot
 from simmer_tui.tui.event_text import (
     clock_text,
     last_event_line,

@@ -9,16 +9,16 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from simmer_tui.config.loader import Configuration
-from simmer_tui.events import ActionName, Event, EventHandler, MovementEnded, Notice, NoticeKind
-from simmer_tui.mission import MissionPlan, mission_state, plan_run
+from simmer_tui.live.snapshot import EventFeed, Snapshot
 from simmer_tui.report.run_statistics import report_of
 from simmer_tui.report.verdict import Verdict
+from simmer_tui.run.events import ActionName, Event, EventHandler, MovementEnded, Notice, NoticeKind
+from simmer_tui.run.mission import MissionPlan, mission_state, plan_run
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.runlog.index import EntryFlag, RunLogIndex
 from simmer_tui.runlog.log_records import ActionRecord, BrokenLine, MissionRecord
 from simmer_tui.runlog.playback import LOOK_BACK, Playback
 from simmer_tui.runlog.reader import LogReader
-from simmer_tui.snapshot import EventFeed, Snapshot
 
 # Doubled each time, as by `[` and `]` in a live run.
 PLAYBACK_RATES = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)

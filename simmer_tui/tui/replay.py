@@ -15,10 +15,10 @@ from textual.widget import Widget
 from textual.widgets import Input
 
 from simmer_tui.errors import RunLogError, SimmerError
+from simmer_tui.live.snapshot import Snapshot
+from simmer_tui.live.takeover import TakeOver, moment_of
 from simmer_tui.runlog.index import EntryFlag
 from simmer_tui.runlog.log_records import ProgramRecord
-from simmer_tui.snapshot import Snapshot
-from simmer_tui.takeover import TakeOver, moment_of
 from simmer_tui.tui.answers import note
 from simmer_tui.tui.event_text import clock_text
 from simmer_tui.tui.help import HelpScreen, replay_help

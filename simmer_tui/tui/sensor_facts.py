@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
+from simmer_tui.live.snapshot import Snapshot
 from simmer_tui.run.state import SensorRow
 from simmer_tui.sim.angles import half_turn
 from simmer_tui.sim.command import counted
@@ -9,7 +10,6 @@ from simmer_tui.sim.records import LidarScan
 from simmer_tui.sim.scan_rays import extremes
 from simmer_tui.sim.sensors import LidarSpec
 from simmer_tui.sim.specs import SensorSpec
-from simmer_tui.snapshot import Snapshot
 from simmer_tui.tui.event_text import clock_text
 from simmer_tui.tui.gauges import bearing_sign, sparkline, with_unit
 from simmer_tui.tui.line_panel import StyledLine, heading

@@ -7,14 +7,14 @@ from itertools import chain
 
 from msgspec import Struct, field
 
-from simmer_tui.events import TwinReading
+from simmer_tui.live.snapshot import Snapshot
+from simmer_tui.run.events import TwinReading
 from simmer_tui.run.reducer import HISTORY
 from simmer_tui.run.state import SensorRow
 from simmer_tui.sim.command import counted
 from simmer_tui.sim.records import LidarScan
 from simmer_tui.sim.scan_rays import extremes
 from simmer_tui.sim.specs import CELL_SIZE, SensorKind, SensorSpec
-from simmer_tui.snapshot import Snapshot
 from simmer_tui.tui.gauges import bearing_sign, gauge, heading_sign, scale_end, span_text, sparkline
 from simmer_tui.tui.line_panel import StyledLine, between, heading, length
 from simmer_tui.tui.terminal import GlyphMode

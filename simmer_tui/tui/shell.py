@@ -16,8 +16,8 @@ from textual.geometry import Size
 from textual.screen import Screen
 from textual.widget import Widget
 
+from simmer_tui.live.snapshot import Snapshot
 from simmer_tui.sim.command import escape_passage
-from simmer_tui.snapshot import Snapshot
 from simmer_tui.tui.answers import AnswerCard
 from simmer_tui.tui.frame_pace import Backpressure, JumpThinning
 from simmer_tui.tui.key_table import ANYWHERE, IN_LOG, Hint, hints_of, keys_line

@@ -8,10 +8,10 @@ from typing import Any
 from simmer_tui.config.keys import keys_of, shifted
 from simmer_tui.config.settings import KeySettings
 from simmer_tui.errors import ConsoleCommandError
-from simmer_tui.events import Action
-from simmer_tui.operating.orders import Local, read_console_command
-from simmer_tui.operating.robot_operator import DRIVES, Operator
-from simmer_tui.server import Server
+from simmer_tui.live.operating.orders import Local, read_console_command
+from simmer_tui.live.operating.robot_operator import DRIVES, Operator
+from simmer_tui.live.server import Server
+from simmer_tui.run.events import Action
 from simmer_tui.sim.command import Command
 
 PRESSES = ("stop", "poll", "reset", "pause", "step")

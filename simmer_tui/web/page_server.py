@@ -24,8 +24,8 @@ from simmer_tui.links.access import AccessCheck
 from simmer_tui.links.owners import OwnerLookup
 from simmer_tui.links.peer import MOST_CONNECTIONS, MOST_WAITING, PIECE, ReadBudget
 from simmer_tui.links.ports import Acceptor, Listener, PortRequest, take_port
+from simmer_tui.live.server import Server
 from simmer_tui.report.verdict import Verdict
-from simmer_tui.server import Server
 from simmer_tui.web.live_page import PageResponses, live_html
 from simmer_tui.web.page_access import PageAccess, PageLink, PageRole, shown_host
 from simmer_tui.web.page_control import PageControl, page_keys

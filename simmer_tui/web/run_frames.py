@@ -15,17 +15,17 @@ from typing import Any
 import msgspec
 
 from simmer_tui.config.settings import ScreenSettings
-from simmer_tui.events import ActionDone, Event, Notice, NoticeKind
+from simmer_tui.live.server import Server
 from simmer_tui.report.page import verdict_box
 from simmer_tui.report.player import RecordingEncoder, recorded_robot
 from simmer_tui.report.recording import READINGS, Recording
 from simmer_tui.report.verdict import Verdict
 from simmer_tui.run.attempt import Task
+from simmer_tui.run.events import ActionDone, Event, Notice, NoticeKind
 from simmer_tui.run.paths import PathRecord
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.state import Checkpoint, checkpoint_of
-from simmer_tui.server import Server
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.web.viewer import framed
 

@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 from msgspec import structs
 
-from simmer_tui.actions import Action, ActionName
 from simmer_tui.calibrate.find_path import PathFinder
 from simmer_tui.calibrate.measured_run import Chain, MeasuredRun, read_runs
 from simmer_tui.calibrate.prediction import held_back
 from simmer_tui.calibrate.suspicions import suspicions, suspicions_without_path
 from simmer_tui.config.loader import find_set, load
-from simmer_tui.engine import Engine
 from simmer_tui.errors import CalibrationError
+from simmer_tui.robot.actions import Action, ActionName
+from simmer_tui.robot.engine import Engine
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.sim import Simulator, parse_command
 from simmer_tui.sim.pose import Pose

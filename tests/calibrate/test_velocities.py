@@ -27,7 +27,7 @@ from simmer_tui.calibrate.stretches import (
     share_of_variance,
 )
 from simmer_tui.config import load_default
-from simmer_tui.engine import Engine
+from simmer_tui.robot.engine import Engine
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.sim import Simulator, parse_command
 from simmer_tui.sim.arcs import Arc, Twist

@@ -29,10 +29,10 @@ from simmer_tui.config.new_set import mission_schema, schemas, settings_schema
 from simmer_tui.config.sets import bundled_sets, find_set
 from simmer_tui.config.settings import all_settings
 from simmer_tui.config.settings_file import Override
+from simmer_tui.live.server import Server
 from simmer_tui.notebook import configuration_from_environment
 from simmer_tui.runlog.saved_runs import BEFORE, make_room, saved_runs_folder
 from simmer_tui.runlog.writer import auto_path
-from simmer_tui.server import Server
 from simmer_tui.sim import Simulator
 from simmer_tui.sim.sensors import KINDS
 

@@ -22,8 +22,8 @@ from simmer_tui.cli.headless import READY, EventLines, LinePrinter
 from simmer_tui.cli.log_commands import build_report
 from simmer_tui.cli.main import main
 from simmer_tui.config.sets import bundled_sets, init_set
-from simmer_tui.events import MovementEnded, Notice, NoticeKind, VelocityEnd, VelocityEnded
 from simmer_tui.report.verdict import Outcome
+from simmer_tui.run.events import MovementEnded, Notice, NoticeKind, VelocityEnd, VelocityEnded
 from simmer_tui.sim import SimulationSpec, Simulator
 from tests.in_process import simmer
 
@@ -597,7 +597,7 @@ from simmer_tui.cli import headless, main
 from simmer_tui.config.loader import load
 from simmer_tui.config.settings import with_any_ports
 from simmer_tui.config.sets import bundled_folder
-from simmer_tui.server import Server
+from simmer_tui.live.server import Server
 from msgspec.structs import replace
 
 found = load(bundled_folder())

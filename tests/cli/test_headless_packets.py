@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 import pytest
 
 from simmer_tui.cli.headless import READY, LinePrinter
-from simmer_tui.events import MovementPlanned
+from simmer_tui.run.events import MovementPlanned
 from simmer_tui.sim import CommandResult, SimulationSpec, Simulator
 from tests import in_process
 

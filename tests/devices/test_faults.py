@@ -12,7 +12,7 @@ from simmer_tui.client import CommandRefusedError, UnknownCodeError
 from simmer_tui.config.device_trust import DeviceUse
 from simmer_tui.config.loader import load
 from simmer_tui.errors import ConfigurationError, DeviceError
-from simmer_tui.protocol.packets import RequestStyle, encode
+from simmer_tui.links.protocol.packets import RequestStyle, encode
 from simmer_tui.sim import CommandResult, ObservingSensor, Simulator
 from simmer_tui.sim.command import parse_command
 from simmer_tui.sim.records import Status

@@ -11,7 +11,7 @@ import pytest
 
 from simmer_tui.cli.main import main
 from simmer_tui.config.loader import load
-from simmer_tui.engine import Engine
+from simmer_tui.robot.engine import Engine
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.sim import Simulator, parse_command
 from tests.devices.conftest import DEVICE, MakeSet, trust

@@ -20,8 +20,8 @@ from simmer_tui.cli.log_options import configuration_of
 from simmer_tui.cli.main import main
 from simmer_tui.config.sets import bundled_sets
 from simmer_tui.errors import SimmerError
+from simmer_tui.live.takeover import TakeOver, moment_at
 from simmer_tui.runlog.index import RunLogIndex
-from simmer_tui.takeover import TakeOver, moment_at
 from simmer_tui.tui.recorded import RecordedRun
 from tests.fuzz.conftest import run
 

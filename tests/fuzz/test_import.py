@@ -10,10 +10,10 @@ from typing import Any
 
 import pytest
 
+from simmer_tui.config.importer.files import read_path
+from simmer_tui.config.importer.set_writer import write_set
 from simmer_tui.config.loader import load
 from simmer_tui.errors import ConfigurationError, Problem
-from simmer_tui.importer.files import read_path
-from simmer_tui.importer.set_writer import write_set
 
 CORPUS = Path(__file__).parent / "corpus" / "import"
 WORDS = (

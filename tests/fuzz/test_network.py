@@ -15,8 +15,8 @@ import pytest
 
 from simmer_tui.config.loader import Override, load
 from simmer_tui.config.sets import bundled_folder
-from simmer_tui.events import Event, Notice
-from simmer_tui.server import Server
+from simmer_tui.live.server import Server
+from simmer_tui.run.events import Event, Notice
 from simmer_tui.sim import CommandResult
 
 BATCH = 50

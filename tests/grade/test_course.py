@@ -20,7 +20,7 @@ from simmer_tui.grade.site import site
 from simmer_tui.grade.submission import check_submission, reference
 from simmer_tui.grade.submission_copy import copy_submission
 from simmer_tui.grade.team_result import TeamStatus, team_results
-from simmer_tui.mission import plan_run
+from simmer_tui.run.mission import plan_run
 from simmer_tui.sim.sensors import KINDS
 from simmer_tui.trials.trial import prepare
 from tests.grade.conftest import read_grades

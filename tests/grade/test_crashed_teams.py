@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from simmer_tui.cli.grade_command import run_grade
-from tests.crash_kinds import KINDS
 from tests.grade.conftest import read_grades
+from tests.program.crash_kinds import KINDS
 
 LIMITS = "[decide]\nrequire = 0.9\nmargin = 0.5\n[limits]\ntime = 10.0\n"
 NAMES = (*(name for name, kind in KINDS.items() if kind.file.endswith(".py")), "C", "C++")

@@ -21,11 +21,11 @@ import pytest
 from simmer_tui.client import Robot, RobotClosedError
 from simmer_tui.config.loader import Override, load
 from simmer_tui.config.sets import bundled_folder
-from simmer_tui.engine import Engine
-from simmer_tui.events import Event, Notice
 from simmer_tui.links.access import AccessCheck
 from simmer_tui.links.owners import OwnerLookup, RemoteSocket
-from simmer_tui.server import Server
+from simmer_tui.live.server import Server
+from simmer_tui.robot.engine import Engine
+from simmer_tui.run.events import Event, Notice
 from simmer_tui.sim import Simulator
 
 SECONDS = 120.0

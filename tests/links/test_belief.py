@@ -17,10 +17,10 @@ from hypothesis import strategies as st
 from simmer_tui.client import Robot
 from simmer_tui.config.loader import Override, load
 from simmer_tui.config.sets import bundled_folder
-from simmer_tui.events import Belief, Event, Notice, NoticeKind
 from simmer_tui.links.belief_link import LONGEST_LINE
 from simmer_tui.links.belief_parser import MOST_PARTICLES, parse_belief
-from simmer_tui.server import Server
+from simmer_tui.live.server import Server
+from simmer_tui.run.events import Belief, Event, Notice, NoticeKind
 from simmer_tui.sim import Pose
 
 TRUE = Pose(1.0, 2.0, 3.0)

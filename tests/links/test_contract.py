@@ -12,12 +12,12 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
-from simmer_tui.backend import Answered, BackendSwitch, Message
 from simmer_tui.config.settings import SerialSettings
-from simmer_tui.engine import Engine
-from simmer_tui.events import Action, ActionName, Event, Notice, NoticeKind, TwinReading
+from simmer_tui.links.backend import Answered, BackendSwitch, Message
+from simmer_tui.links.protocol.replies import ReplyForm, ReplyFormat
 from simmer_tui.links.serial_bridge import SerialBridge
-from simmer_tui.protocol.replies import ReplyForm, ReplyFormat
+from simmer_tui.robot.engine import Engine
+from simmer_tui.run.events import Action, ActionName, Event, Notice, NoticeKind, TwinReading
 from simmer_tui.sim import CommandResult, SimulationSpec, Simulator, Status, parse_command
 from simmer_tui.sim.sensors.lidar import Lidar, LidarSpec
 from tests.links.recording import RecordingListener, until
@@ -387,7 +387,7 @@ def test_unplugged_and_plugged_in_again_a_hundred_times_under_load(
 def test_switch_to_the_robot_and_back_while_a_client_stays(
     other_end: Any, course_spec: SimulationSpec
 ) -> None:
-    from simmer_tui.backend import SimulatorBackend
+    from simmer_tui.links.backend import SimulatorBackend
 
     async def steps(rig: Rig) -> None:
         switch = BackendSwitch(SimulatorBackend(rig.engine))
@@ -411,7 +411,7 @@ def test_switch_to_the_robot_and_back_while_a_client_stays(
 def test_a_stop_just_after_the_switch_waits_for_nothing_the_simulator_still_does(
     other_end: Any, course_spec: SimulationSpec
 ) -> None:
-    from simmer_tui.backend import SimulatorBackend
+    from simmer_tui.links.backend import SimulatorBackend
 
     async def steps(rig: Rig) -> None:
         rig.engine.timed, rig.engine.time_scale = True, 0.001  # a drive lasts for minutes

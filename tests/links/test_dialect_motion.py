@@ -10,9 +10,9 @@ from msgspec.structs import replace
 
 from simmer_tui.config.loader import find_set, init_set, load
 from simmer_tui.dialect.device import DialectDevice
-from simmer_tui.engine import Engine
-from simmer_tui.events import Event, Notice, VelocityEnd, VelocityEnded
 from simmer_tui.links.dialect_link import SimulatedHost, note_motion
+from simmer_tui.robot.engine import Engine
+from simmer_tui.run.events import Event, Notice, VelocityEnd, VelocityEnded
 from simmer_tui.sim import Simulator
 from simmer_tui.sim.command import parse_command
 from tests.manual_loop import ManualLoop

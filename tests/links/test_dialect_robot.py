@@ -19,7 +19,12 @@ from simmer_tui.cli.main import main
 from simmer_tui.config.dialects import COMMANDS, SERIAL
 from simmer_tui.config.loader import find_set, init_set, load
 from simmer_tui.config.settings_file import Override
-from simmer_tui.events import (
+from simmer_tui.links import dialect_robot
+from simmer_tui.links.serial_link import LinkListener, RobotLink, SerialLink
+from simmer_tui.live.operating.robot_operator import Operator
+from simmer_tui.live.server import Server
+from simmer_tui.program.hook.simmer_serial import make_class
+from simmer_tui.run.events import (
     Action,
     ActionName,
     CommandResult,
@@ -31,11 +36,6 @@ from simmer_tui.events import (
     VelocityEnded,
     WireMessage,
 )
-from simmer_tui.links import dialect_robot
-from simmer_tui.links.serial_link import LinkListener, RobotLink, SerialLink
-from simmer_tui.operating.robot_operator import Operator
-from simmer_tui.program.hook.simmer_serial import make_class
-from simmer_tui.server import Server
 from simmer_tui.sim.command import parse_command
 from simmer_tui.sim.records import Status
 from tests.links.sketch_robot import DIALECT, SketchRobot

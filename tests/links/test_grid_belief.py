@@ -13,11 +13,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from simmer_tui.belief_grid import MOST_STATES, RULED_OUT, grid_belief
 from simmer_tui.client import Robot
-from simmer_tui.events import Belief, Notice, NoticeKind
 from simmer_tui.links.belief_link import LONGEST_LINE
 from simmer_tui.links.belief_parser import parse_belief
+from simmer_tui.run.belief_grid import MOST_STATES, RULED_OUT, grid_belief
+from simmer_tui.run.events import Belief, Notice, NoticeKind
 from simmer_tui.sim import Pose
 from tests.links.test_belief import GOOD, Served, served
 

@@ -18,13 +18,13 @@ from msgspec.structs import replace
 
 from simmer_tui.config.loader import find_set, init_set, load
 from simmer_tui.config.settings import with_any_ports
-from simmer_tui.events import NOT_CONNECTED, Event, Notice, ProgramEnded
 from simmer_tui.links import driver_lock
 from simmer_tui.links.driver_lock import DriverLock
 from simmer_tui.links.processes import LONGEST_LOOK, Process, ProcessLookup
+from simmer_tui.live.server import Server
 from simmer_tui.program.program_command import with_hook
-from simmer_tui.program_clock import ProgramClock
-from simmer_tui.server import Server
+from simmer_tui.robot.program_clock import ProgramClock
+from simmer_tui.run.events import NOT_CONNECTED, Event, Notice, ProgramEnded
 
 TIMEOUT = 120.0
 DIALECT = '[[command]]\nmatch = "get"\nreply = "{u1:.2f}"\n'

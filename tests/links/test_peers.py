@@ -18,11 +18,11 @@ from simmer_tui.config.dialects import REPLIES
 from simmer_tui.config.loader import Override, load
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.config.settings import ServerSettings
-from simmer_tui.events import Belief, Event, Notice
 from simmer_tui.links.link import port_requests
 from simmer_tui.links.peer import MOST_WAITING, Peer, ReadBudget
 from simmer_tui.links.ports import Acceptor, PortRequest, take_port
-from simmer_tui.server import Server
+from simmer_tui.live.server import Server
+from simmer_tui.run.events import Belief, Event, Notice
 from simmer_tui.sim import CommandResult, Pose
 
 SECONDS = 120.0

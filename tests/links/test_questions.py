@@ -16,8 +16,8 @@ from simmer_tui.config.dialects import BELIEFS, COMMANDS, PACKET_REPLIES, PACKET
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.config.settings_file import Override
-from simmer_tui.events import Event, Notice
-from simmer_tui.server import Server
+from simmer_tui.live.server import Server
+from simmer_tui.run.events import Event, Notice
 from tests.listening import HOST, listening
 
 SECONDS = 120.0

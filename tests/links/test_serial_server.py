@@ -16,8 +16,8 @@ from simmer_tui.config.dialects import COMMANDS
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.config.settings_file import Override
-from simmer_tui.events import Action, ActionName, Event, Notice, NoticeKind, TwinReading
-from simmer_tui.server import Server
+from simmer_tui.live.server import Server
+from simmer_tui.run.events import Action, ActionName, Event, Notice, NoticeKind, TwinReading
 from tests.links.recording import until
 
 FREE = {

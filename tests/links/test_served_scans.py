@@ -17,8 +17,8 @@ from simmer_tui.config.dialects import BELIEFS, COMMANDS, PACKET_REPLIES, PACKET
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.sets import bundled_folder, init_set
 from simmer_tui.config.settings_file import Override
-from simmer_tui.events import CommandResult, Event, Notice
-from simmer_tui.server import Server
+from simmer_tui.live.server import Server
+from simmer_tui.run.events import CommandResult, Event, Notice
 from simmer_tui.sim import Simulator
 
 HOST = "127.0.0.1"

@@ -9,15 +9,15 @@ from collections.abc import Awaitable, Callable, Sequence
 
 import pytest
 
-from simmer_tui.backend import MOST_COMMANDS, BackendSession, BackendSwitch, CommandBudget, Message
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.config.settings import SerialSettings
-from simmer_tui.engine import Engine
-from simmer_tui.events import Notice, NoticeKind, TwinReading
+from simmer_tui.links.backend import MOST_COMMANDS, BackendSession, BackendSwitch, CommandBudget, Message
+from simmer_tui.links.protocol.replies import ReplyForm, ReplyFormat
 from simmer_tui.links.serial_bridge import ANSWER_MARGIN, SerialBridge
 from simmer_tui.links.serial_link import LinkListener
-from simmer_tui.protocol.replies import ReplyForm, ReplyFormat
+from simmer_tui.robot.engine import Engine
+from simmer_tui.run.events import Notice, NoticeKind, TwinReading
 from simmer_tui.sim import CommandResult, Simulator, Status, parse_command
 from tests.links.recording import until
 

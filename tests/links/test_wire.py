@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from simmer_tui.dialect.frames import Framing
-from simmer_tui.engine import Engine
-from simmer_tui.events import Event, MovementPlanned, Notice
 from simmer_tui.links.serial_wire import MOST_IN_TRANSIT, Wire
+from simmer_tui.robot.engine import Engine
+from simmer_tui.run.events import Event, MovementPlanned, Notice
 from simmer_tui.sim import SimulationSpec, Simulator, parse_command
 from tests.manual_loop import ManualLoop
 

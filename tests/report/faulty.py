@@ -21,12 +21,12 @@ import numpy as np
 from msgspec.structs import replace
 
 from simmer_tui.config.loader import Configuration, find_set, load
-from simmer_tui.engine import Engine
-from simmer_tui.events import Belief, OutputLine, ProgramEnded
-from simmer_tui.mission import MissionPlan, Referee, plan_run
 from simmer_tui.report.cause_search import causes_of
 from simmer_tui.report.causes import Cause, Kind
+from simmer_tui.robot.engine import Engine
 from simmer_tui.run.attempt import Attempt, task_of
+from simmer_tui.run.events import Belief, OutputLine, ProgramEnded
+from simmer_tui.run.mission import MissionPlan, Referee, plan_run
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.state import checkpoint_of

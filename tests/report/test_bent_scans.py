@@ -8,10 +8,10 @@ from typing import Any
 
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import find_set
-from simmer_tui.engine import Engine
 from simmer_tui.report.bent_scans import scans_table
 from simmer_tui.report.content import report_document
 from simmer_tui.report.run_statistics import report_of
+from simmer_tui.robot.engine import Engine
 from simmer_tui.runlog.reader import LogReader
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.sim import Simulator, parse_command

@@ -13,17 +13,26 @@ from msgspec.structs import replace
 
 from simmer_tui.config.loader import Configuration, find_set, load
 from simmer_tui.config.mission_plan import Cell, MissionPlan
-from simmer_tui.engine import Engine
-from simmer_tui.events import Action, ActionName, Belief, Notice, NoticeKind, OutputLine, ProgramEnded, Result
-from simmer_tui.mission import Referee
-from simmer_tui.phrases import miss_text, outside_text
 from simmer_tui.report.cause_search import causes_of
 from simmer_tui.report.causes import Cause, Kind, Sureness, contradicted
 from simmer_tui.report.contact_causes import NO_BELIEFS, shown_tried
 from simmer_tui.report.counterfactuals import Change, Counterfactual, CounterfactualWorld
 from simmer_tui.report.finding import Basis, Finding, FindingKind
+from simmer_tui.robot.engine import Engine
 from simmer_tui.run.attempt import Attempt, Task, task_of
+from simmer_tui.run.events import (
+    Action,
+    ActionName,
+    Belief,
+    Notice,
+    NoticeKind,
+    OutputLine,
+    ProgramEnded,
+    Result,
+)
 from simmer_tui.run.facts import carried_over, deviation, facing_sensor
+from simmer_tui.run.mission import Referee
+from simmer_tui.run.phrases import miss_text, outside_text
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.state import checkpoint_of

@@ -19,12 +19,12 @@ from rich.console import Console
 from simmer_tui.cli.log_commands import build_report, run_report
 from simmer_tui.document.as_terminal import print_document
 from simmer_tui.document.svg import PICTURE_WIDTH, shade
-from simmer_tui.events import ActionName, Belief, CommandResult, MissionEvent, Notice, NoticeKind, Result
 from simmer_tui.report.content import report_document, report_tables, svg_picture
 from simmer_tui.report.findings import findings
 from simmer_tui.report.page import report_page
+from simmer_tui.robot.sessions import LinkDelay
+from simmer_tui.run.events import ActionName, Belief, CommandResult, MissionEvent, Notice, NoticeKind, Result
 from simmer_tui.runlog.reader import Logged, LogReader
-from simmer_tui.sessions import LinkDelay
 from simmer_tui.sim import Pose
 
 SVG = "{http://www.w3.org/2000/svg}"

@@ -22,12 +22,12 @@ from msgspec.structs import replace
 from simmer_tui.cli.log_commands import build_report
 from simmer_tui.config.loader import find_set, load
 from simmer_tui.document.formats import HISTOGRAM
-from simmer_tui.events import Action, ActionName, Belief, MissionEvent, Result
 from simmer_tui.report import recording, run_statistics
 from simmer_tui.report.causes import Kind
 from simmer_tui.report.content import report_tables
 from simmer_tui.report.findings import findings
 from simmer_tui.run import paths, run_history, table
+from simmer_tui.run.events import Action, ActionName, Belief, MissionEvent, Result
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.table import BINS, Errors, First, Thinned
 from simmer_tui.sim import Axes, DriveKind, Pose

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from simmer_tui.belief_grid import grid_belief
 from simmer_tui.cli.log_commands import build_report
-from simmer_tui.events import Belief
 from simmer_tui.report.causes import Kind
 from simmer_tui.report.content import report_tables
 from simmer_tui.report.findings import findings
 from simmer_tui.report.right_readings import looks_alike
+from simmer_tui.run.belief_grid import grid_belief
+from simmer_tui.run.events import Belief
 from simmer_tui.sim.sensors.recorded_kinds import RecordedKind, recorded_class
 from tests.report.test_causes import begin
 

@@ -21,12 +21,12 @@ from simmer_tui import read_log
 from simmer_tui.cli.log_commands import build_report
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_sets
-from simmer_tui.engine import Engine
-from simmer_tui.events import Action, ActionName, Belief, MissionEvent, Result
-from simmer_tui.mission import Referee, plan_run
 from simmer_tui.report import keyframes, recording
 from simmer_tui.report.page import report_page
+from simmer_tui.robot.engine import Engine
 from simmer_tui.run import paths
+from simmer_tui.run.events import Action, ActionName, Belief, MissionEvent, Result
+from simmer_tui.run.mission import Referee, plan_run
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import checkpoint_of
 from simmer_tui.runlog.index import RunLogIndex

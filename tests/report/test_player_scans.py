@@ -18,11 +18,11 @@ from simmer_tui.cli.log_commands import build_report, run_export
 from simmer_tui.config import load_default
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.sets import bundled_folder, init_set
-from simmer_tui.engine import Engine
-from simmer_tui.events import Action, ActionName
 from simmer_tui.report.page import report_page
 from simmer_tui.report.player import SCAN_RAYS, thinned
 from simmer_tui.report.recording import Recording
+from simmer_tui.robot.engine import Engine
+from simmer_tui.run.events import Action, ActionName
 from simmer_tui.run.scan_traces import ScanTrace, range_step, ray_ends, ray_times, scan_trace
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.sim import Pose, Simulator, parse_command

@@ -10,12 +10,12 @@ from random import Random
 import pytest
 from msgspec.structs import replace
 
-from simmer_tui.events import Belief
 from simmer_tui.report.belief_audit import heading_jump
 from simmer_tui.report.cause_search import disagreements
 from simmer_tui.report.causes import Cause, Kind, Sureness
 from simmer_tui.report.command_audit import repeated_movements
 from simmer_tui.report.finding import Disagreement, kept_disagreements
+from simmer_tui.run.events import Belief
 from simmer_tui.sim import Pose, parse_command
 from simmer_tui.sim.specs import ContactRule, RobotSpec
 from tests.report import test_causes

@@ -18,7 +18,15 @@ from simmer_tui.cli.log_commands import build_report, run_report
 from simmer_tui.client import Robot
 from simmer_tui.config.dialects import COMMANDS, REPLIES
 from simmer_tui.config.loader import Override, find_set, load
-from simmer_tui.events import (
+from simmer_tui.live.server import Server
+from simmer_tui.report import live_verdict
+from simmer_tui.report.causes import Kind
+from simmer_tui.report.content import output
+from simmer_tui.report.live_verdict import LiveVerdict
+from simmer_tui.report.page import report_page
+from simmer_tui.report.verdict import Outcome, Verdict, verdict_of
+from simmer_tui.run.attempt import Attempt, Task, task_of
+from simmer_tui.run.events import (
     ActionName,
     Event,
     Goal,
@@ -29,18 +37,10 @@ from simmer_tui.events import (
     ProgramEnded,
     Result,
 )
-from simmer_tui.mission import plan_run
-from simmer_tui.report import live_verdict
-from simmer_tui.report.causes import Kind
-from simmer_tui.report.content import output
-from simmer_tui.report.live_verdict import LiveVerdict
-from simmer_tui.report.page import report_page
-from simmer_tui.report.verdict import Outcome, Verdict, verdict_of
-from simmer_tui.run.attempt import Attempt, Task, task_of
+from simmer_tui.run.mission import plan_run
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.state import checkpoint_of
-from simmer_tui.server import Server
 from simmer_tui.sim import parse_command
 
 CRASH = ProgramEnded(

@@ -11,9 +11,9 @@ from msgspec.structs import replace
 from simmer_tui.config import load_default
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import MISSION_SET, bundled_sets
-from simmer_tui.engine import Engine
-from simmer_tui.events import Action, ActionName
 from simmer_tui.report.why import why
+from simmer_tui.robot.engine import Engine
+from simmer_tui.run.events import Action, ActionName
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import checkpoint_of
 from simmer_tui.sim import SimulationSpec, Simulator, parse_command

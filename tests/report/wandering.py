@@ -10,8 +10,8 @@ import numpy as np
 from msgspec.structs import replace
 
 from simmer_tui.config.nominal import Nominal
-from simmer_tui.engine import Engine
-from simmer_tui.events import CommandResult, Event
+from simmer_tui.robot.engine import Engine
+from simmer_tui.run.events import CommandResult, Event
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.state import checkpoint_of

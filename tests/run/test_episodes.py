@@ -4,10 +4,10 @@ import math
 
 import pytest
 
-from simmer_tui.engine import Engine
-from simmer_tui.events import Action, ActionName, Belief
 from simmer_tui.report.findings import belief_sentences, episode_text, episodes_table
+from simmer_tui.robot.engine import Engine
 from simmer_tui.run.episodes import Episode, EpisodeKind
+from simmer_tui.run.events import Action, ActionName, Belief
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.state import checkpoint_of

@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from simmer_tui.belief_grid import Probabilities, grid_belief
-from simmer_tui.events import Belief
+from simmer_tui.run.belief_grid import Probabilities, grid_belief
+from simmer_tui.run.events import Belief
 from simmer_tui.run.facts import Deviation, deviation
 from simmer_tui.sim import Pose
 

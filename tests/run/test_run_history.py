@@ -8,9 +8,9 @@ import pytest
 from msgspec.structs import replace
 
 from simmer_tui.config import load_default
-from simmer_tui.engine import Engine
-from simmer_tui.events import Action, ActionName, Belief, CommandResult, Event, MovementEnded
+from simmer_tui.robot.engine import Engine
 from simmer_tui.run import run_history, table
+from simmer_tui.run.events import Action, ActionName, Belief, CommandResult, Event, MovementEnded
 from simmer_tui.run.facts import SAME_PLACE
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.run_history import RunHistory

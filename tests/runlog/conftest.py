@@ -15,12 +15,12 @@ from msgspec.structs import replace
 
 from simmer_tui.config import load_default
 from simmer_tui.config.loader import Configuration
-from simmer_tui.engine import Engine
-from simmer_tui.events import Action, ActionName, Belief, Event, Notice, NoticeKind
+from simmer_tui.robot.engine import Engine
+from simmer_tui.robot.sessions import Session
+from simmer_tui.run.events import Action, ActionName, Belief, Event, Notice, NoticeKind
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import State, checkpoint_of
 from simmer_tui.runlog.writer import LineFile, RunLog
-from simmer_tui.sessions import Session
 from simmer_tui.sim import Pose, Simulator, parse_command
 from tests.manual_loop import ManualLoop
 

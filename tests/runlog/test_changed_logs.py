@@ -17,7 +17,7 @@ from msgspec.structs import replace
 from simmer_tui.config import load_default
 from simmer_tui.config.loader import Configuration
 from simmer_tui.errors import RunLogError
-from simmer_tui.events import ActionName
+from simmer_tui.run.events import ActionName
 from simmer_tui.runlog import rerun
 from simmer_tui.runlog.log_records import AnyRecord, BrokenLine, decode_line
 from simmer_tui.runlog.reader import LogReader

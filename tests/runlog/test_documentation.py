@@ -12,9 +12,9 @@ import numpy as np
 from msgspec import structs
 from msgspec.structs import replace
 
-from simmer_tui.belief_grid import grid_belief
-from simmer_tui.engine import Engine
-from simmer_tui.events import (
+from simmer_tui.robot.engine import Engine
+from simmer_tui.run.belief_grid import grid_belief
+from simmer_tui.run.events import (
     ActionName,
     Belief,
     Goal,

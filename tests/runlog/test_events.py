@@ -13,7 +13,7 @@ import pytest
 from msgspec import structs
 from msgspec.structs import replace
 
-from simmer_tui.events import (
+from simmer_tui.run.events import (
     Action,
     ActionName,
     CommandResult,
@@ -212,7 +212,7 @@ def test_a_belief_told_long_ago_holds_until_the_robot_is_put_elsewhere(start_run
 def test_a_gripper_and_a_held_block_come_back(tmp_path: Path, configuration: Any) -> None:
     gripper = GripperSpec(code="p1", reach=6.0, width=6.0)
     simulation = replace(configuration.simulation, gripper=gripper, bot_center=(18.0, 41.0))
-    from simmer_tui.engine import Engine
+    from simmer_tui.robot.engine import Engine
 
     simulator = Simulator(simulation, 7)
     engine = Engine(simulator)

@@ -17,6 +17,7 @@ from rich.console import Console
 
 from simmer_tui.document.as_terminal import print_document
 from simmer_tui.errors import SimmerError
+from simmer_tui.live.snapshot import LogEntry
 from simmer_tui.report.content import report_document, svg_picture
 from simmer_tui.report.page import report_page
 from simmer_tui.report.run_statistics import CommandTable, RunStatistics
@@ -26,7 +27,6 @@ from simmer_tui.runlog.index import EntryFlag, RunLogIndex
 from simmer_tui.runlog.playback import Playback
 from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.runlog.rerun import Rerun
-from simmer_tui.snapshot import LogEntry
 from simmer_tui.tui.event_text import entry_line
 from simmer_tui.tui.line_panel import text_of
 

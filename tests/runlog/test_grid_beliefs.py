@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from simmer_tui.belief_grid import GridBelief, grid_belief
-from simmer_tui.events import ActionName, Belief, Event
+from simmer_tui.run.belief_grid import GridBelief, grid_belief
+from simmer_tui.run.events import ActionName, Belief, Event
 from simmer_tui.runlog.index import RunLogIndex
 from simmer_tui.runlog.log_records import BrokenLine, decode_line
 from simmer_tui.runlog.playback import Playback

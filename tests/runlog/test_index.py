@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from simmer_tui.errors import RunLogError
-from simmer_tui.events import ActionName
+from simmer_tui.run.events import ActionName
 from simmer_tui.run.reducer import LEGS
 from simmer_tui.run.run_history import ElapsedTime
 from simmer_tui.runlog.index import EntryFlag, RunLogIndex

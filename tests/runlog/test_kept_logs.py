@@ -14,11 +14,12 @@ import pytest
 from msgspec import structs
 from msgspec.structs import replace
 
-from simmer_tui.belief_grid import grid_belief
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.sets import find_set, init_set
-from simmer_tui.engine import Engine
-from simmer_tui.events import (
+from simmer_tui.robot.engine import Engine
+from simmer_tui.robot.sessions import LinkDelay
+from simmer_tui.run.belief_grid import grid_belief
+from simmer_tui.run.events import (
     Action,
     ActionName,
     Belief,
@@ -41,7 +42,6 @@ from simmer_tui.runlog.playback import Playback
 from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.runlog.rerun import Rerun
 from simmer_tui.runlog.writer import RunLog
-from simmer_tui.sessions import LinkDelay
 from simmer_tui.sim import Pose, Simulator, Status, parse_command
 from simmer_tui.sim.records import LidarScan
 from tests.brief_events import brief, sums

@@ -17,11 +17,11 @@ import pytest
 from msgspec.structs import replace
 
 from simmer_tui import platform_has
-from simmer_tui.belief_grid import grid_belief
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.set_devices import DeviceStatus
 from simmer_tui.errors import RunLogError
-from simmer_tui.events import ActionName, Belief, Notice, NoticeKind
+from simmer_tui.run.belief_grid import grid_belief
+from simmer_tui.run.events import ActionName, Belief, Notice, NoticeKind
 from simmer_tui.run.state import checkpoint_of
 from simmer_tui.runlog import reader, saved_runs, writer
 from simmer_tui.runlog.encode import LogEncoder, checkpoint_record

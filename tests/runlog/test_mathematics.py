@@ -28,7 +28,7 @@ import sys
 from pathlib import Path
 from simmer_tui.config.loader import Override, load
 from simmer_tui.config.sets import find_set
-from simmer_tui.engine import Engine
+from simmer_tui.robot.engine import Engine
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.sim import Simulator, parse_command
 

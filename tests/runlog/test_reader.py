@@ -16,7 +16,7 @@ import pytest
 
 from simmer_tui.cli.log_commands import build_report, run_rerun
 from simmer_tui.errors import RunLogError
-from simmer_tui.events import ActionName
+from simmer_tui.run.events import ActionName
 from simmer_tui.runlog.header import rebuild
 from simmer_tui.runlog.index import RunLogIndex
 from simmer_tui.runlog.log_records import (

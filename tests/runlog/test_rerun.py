@@ -14,8 +14,8 @@ from msgspec.structs import replace
 from simmer_tui.cli.log_commands import run_rerun
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_folder
-from simmer_tui.engine import Engine
-from simmer_tui.events import ActionName
+from simmer_tui.robot.engine import Engine
+from simmer_tui.run.events import ActionName
 from simmer_tui.runlog.log_records import ActionRecord, AnswerRecord, MoveRecord, PlanRecord, ReadingRecord
 from simmer_tui.runlog.reader import LogReader
 from simmer_tui.runlog.rerun import Rerun

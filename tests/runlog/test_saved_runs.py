@@ -16,13 +16,13 @@ from simmer_tui.cli.log_commands import run_report, run_rerun
 from simmer_tui.config import load_default
 from simmer_tui.config.loader import Override, load
 from simmer_tui.config.sets import bundled_folder
-from simmer_tui.engine import Engine
 from simmer_tui.errors import RunLogError
-from simmer_tui.events import Action, ActionName, Notice, NoticeKind
+from simmer_tui.live.server import Server
+from simmer_tui.robot.engine import Engine
+from simmer_tui.run.events import Action, ActionName, Notice, NoticeKind
 from simmer_tui.runlog import saved_runs
 from simmer_tui.runlog.reader import LogReader
 from simmer_tui.runlog.saved_runs import BEFORE, SavedRun, last_run, make_room, saved_runs_folder
-from simmer_tui.server import Server
 from simmer_tui.sim import Simulator, parse_command
 from tests.runlog.conftest import log_of
 

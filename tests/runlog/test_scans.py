@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.sets import bundled_folder, init_set
 from simmer_tui.errors import RunLogError
-from simmer_tui.events import ActionName, CommandResult
+from simmer_tui.run.events import ActionName, CommandResult
 from simmer_tui.runlog.index import RunLogIndex
 from simmer_tui.runlog.log_records import BrokenLine
 from simmer_tui.runlog.logged_scans import packed_ranges, unpacked_ranges

@@ -20,8 +20,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from simmer_tui.errors import RunLogError
-from simmer_tui.events import NoticeKind
 from simmer_tui.links.belief_parser import parse_belief
+from simmer_tui.run.events import NoticeKind
 from simmer_tui.runlog.encode import LogEncoder
 from simmer_tui.runlog.log_records import (
     AnswerRecord,
@@ -240,8 +240,8 @@ LIMITED = """
 import resource, sys
 from pathlib import Path
 from simmer_tui.config import load_default
-from simmer_tui.engine import Engine
-from simmer_tui.events import Notice, NoticeKind
+from simmer_tui.robot.engine import Engine
+from simmer_tui.run.events import Notice, NoticeKind
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.sim import Simulator, parse_command
 

@@ -12,7 +12,7 @@ import pytest
 
 from simmer_tui.config.loader import find_set, load
 from simmer_tui.errors import InterruptedTrialError, ProgramError
-from simmer_tui.events import CommandResult
+from simmer_tui.run.events import CommandResult
 from simmer_tui.runlog.header import rebuild
 from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.trials.run import TrialRun, fault_result

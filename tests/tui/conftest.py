@@ -16,9 +16,9 @@ from textual.widgets import Input
 from simmer_tui.client import Robot
 from simmer_tui.config.loader import Override, load
 from simmer_tui.config.sets import MISSION_SET, bundled_folder, bundled_sets, init_set
-from simmer_tui.events import Event, MovementPlanned
-from simmer_tui.mission import plan_run
-from simmer_tui.server import Server
+from simmer_tui.live.server import Server
+from simmer_tui.run.events import Event, MovementPlanned
+from simmer_tui.run.mission import plan_run
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.records import CommandResult, FloorPatch, Pose, RangeScan
 from simmer_tui.sim.specs import MazeSpec, RobotSpec

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from textual.widgets import Static
 
-from simmer_tui.events import Goal, MissionEvent, OutputLine, ProgramEnded
+from simmer_tui.run.events import Goal, MissionEvent, OutputLine, ProgramEnded
 from simmer_tui.tui.help import HelpScreen, ReportScreen
 
 Fly = Callable[..., int | None]

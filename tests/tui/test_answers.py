@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from simmer_tui.events import OutputLine, ProgramEnded
+from simmer_tui.run.events import OutputLine, ProgramEnded
 from simmer_tui.sim.specs import Axes, DriveKind
 from simmer_tui.tui.answers import bias_answer, first_steps, program_output
 from simmer_tui.tui.help import folded

@@ -17,7 +17,7 @@ import pytest
 from textual.widgets import Input
 from textual.widgets._toast import Toast
 
-from simmer_tui.operating.orders import CONSOLE_COMMANDS
+from simmer_tui.live.operating.orders import CONSOLE_COMMANDS
 from simmer_tui.sim.angles import half_turn
 from simmer_tui.sim.records import Pose
 from simmer_tui.sim.specs import Axes

@@ -11,7 +11,7 @@ import pytest
 from textual.events import Paste
 from textual.widgets import Input
 
-from simmer_tui.events import ProgramEnded
+from simmer_tui.run.events import ProgramEnded
 from simmer_tui.tui.help import HelpScreen
 from simmer_tui.tui.log_panel import LogPanel
 from simmer_tui.tui.terminal import GlyphMode

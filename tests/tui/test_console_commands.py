@@ -8,8 +8,7 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from simmer_tui.errors import ConsoleCommandError
-from simmer_tui.events import Action, ActionName
-from simmer_tui.operating.orders import (
+from simmer_tui.live.operating.orders import (
     CONSOLE_COMMANDS,
     ConsoleCommand,
     Local,
@@ -17,6 +16,7 @@ from simmer_tui.operating.orders import (
     completions,
     read_console_command,
 )
+from simmer_tui.run.events import Action, ActionName
 from simmer_tui.sim import SimulationSpec
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.noise import SEEDS

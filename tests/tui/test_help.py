@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from simmer_tui.config.settings import KeySettings, all_settings
 from simmer_tui.links.port_list import SerialPort
-from simmer_tui.operating.orders import CONSOLE_COMMANDS
+from simmer_tui.live.operating.orders import CONSOLE_COMMANDS
 from simmer_tui.sim.specs import GripperSpec, SimulationSpec
 from simmer_tui.tui.app import SimmerApp
 from simmer_tui.tui.console import _ConsoleInput

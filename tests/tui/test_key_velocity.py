@@ -6,14 +6,14 @@ from typing import cast
 
 import pytest
 
-from simmer_tui.backend import BackendSession, BackendSwitch, Message, SimulatorBackend
 from simmer_tui.config.loader import Override, load
 from simmer_tui.config.sets import bundled_folder
-from simmer_tui.engine import Engine
-from simmer_tui.events import Event, VelocityEnd, VelocityEnded
+from simmer_tui.links.backend import BackendSession, BackendSwitch, Message, SimulatorBackend
 from simmer_tui.links.link import typed_message
-from simmer_tui.operating.robot_operator import Operator
-from simmer_tui.server import Server
+from simmer_tui.live.operating.robot_operator import Operator
+from simmer_tui.live.server import Server
+from simmer_tui.robot.engine import Engine
+from simmer_tui.run.events import Event, VelocityEnd, VelocityEnded
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.records import CommandResult
 from simmer_tui.sim.simulator import Simulator

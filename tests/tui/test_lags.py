@@ -7,11 +7,11 @@ from dataclasses import replace
 import pytest
 from msgspec.structs import replace as changed
 
-from simmer_tui.engine import Engine
+from simmer_tui.live.snapshot import Recorder, Snapshot
+from simmer_tui.robot.engine import Engine
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import checkpoint_of
 from simmer_tui.sim import Pose, SimulationSpec, Simulator
-from simmer_tui.snapshot import Recorder, Snapshot
 from simmer_tui.tui.frame_pace import Lags
 
 PARTS = {"events", "values", "radar"}

@@ -10,13 +10,13 @@ import pytest
 from textual.app import App, ComposeResult
 from textual.pilot import Pilot
 
-from simmer_tui.events import Action, ActionDone, ActionName, Notice, NoticeKind
+from simmer_tui.live.snapshot import EVENTS, LogEntry
+from simmer_tui.run.events import Action, ActionDone, ActionName, Notice, NoticeKind
 from simmer_tui.sim.command import parse_command
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import CommandResult, Reading, Status
 from simmer_tui.sim.sensors import Ultrasonic
 from simmer_tui.sim.specs import SensorSpec
-from simmer_tui.snapshot import EVENTS, LogEntry
 from simmer_tui.tui.event_text import event_words
 from simmer_tui.tui.log_panel import LogPanel
 

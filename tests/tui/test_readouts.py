@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from simmer_tui.belief_grid import grid_belief
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import MISSION_SET, bundled_sets
-from simmer_tui.engine import Engine
-from simmer_tui.events import (
+from simmer_tui.live.snapshot import EVENTS, LogEntry, Recorder, Snapshot
+from simmer_tui.robot.engine import Engine
+from simmer_tui.run.belief_grid import grid_belief
+from simmer_tui.run.events import (
     Action,
     ActionName,
     Belief,
@@ -26,7 +27,7 @@ from simmer_tui.events import (
     Result,
     TwinReading,
 )
-from simmer_tui.mission import MissionState, Referee, plan_run
+from simmer_tui.run.mission import MissionState, Referee, plan_run
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import TimeSpent, checkpoint_of
 from simmer_tui.sim import Pose, SimulationSpec, Simulator, parse_command
@@ -34,7 +35,6 @@ from simmer_tui.sim.arcs import Twist
 from simmer_tui.sim.noise import SEEDS
 from simmer_tui.sim.specs import WheelLayout, WheelsSpec
 from simmer_tui.sim.wheels import WheelKinematics
-from simmer_tui.snapshot import EVENTS, LogEntry, Recorder, Snapshot
 from simmer_tui.tui.answers import end_answer, now_answer
 from simmer_tui.tui.event_text import (
     clock_text,

@@ -10,8 +10,9 @@ import pytest
 from textual.pilot import Pilot
 
 from simmer_tui.config import load_default
-from simmer_tui.engine import Engine
-from simmer_tui.events import (
+from simmer_tui.live.snapshot import EventFeed
+from simmer_tui.robot.engine import Engine
+from simmer_tui.run.events import (
     Action,
     ActionName,
     Belief,
@@ -28,7 +29,6 @@ from simmer_tui.runlog.log_records import BrokenLine, MissionRecord
 from simmer_tui.runlog.playback import Playback
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.sim import Pose, Simulator, parse_command
-from simmer_tui.snapshot import EventFeed
 from simmer_tui.tui.event_text import entry_line
 from simmer_tui.tui.line_panel import LinePanel, text_of
 from simmer_tui.tui.log_panel import LogPanel

@@ -13,8 +13,8 @@ from msgspec.structs import replace
 
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_folder, init_set
-from simmer_tui.engine import Engine
-from simmer_tui.events import Action, ActionName
+from simmer_tui.robot.engine import Engine
+from simmer_tui.run.events import Action, ActionName
 from simmer_tui.run.state import SensorRow
 from simmer_tui.runlog.index import RunLogIndex
 from simmer_tui.runlog.writer import RunLog

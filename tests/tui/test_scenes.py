@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from simmer_tui.engine import Engine
-from simmer_tui.events import Belief
+from simmer_tui.live.snapshot import Recorder
+from simmer_tui.robot.engine import Engine
+from simmer_tui.run.events import Belief
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import checkpoint_of
 from simmer_tui.sim import FloorPatch, Pose, RangeScan, SimulationSpec, Simulator, parse_command
-from simmer_tui.snapshot import Recorder
 from simmer_tui.tui.maze.scene import Scene, scene_of
 
 

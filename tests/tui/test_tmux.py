@@ -24,7 +24,7 @@ from msgspec.structs import replace
 
 from simmer_tui.cli.log_commands import build_report
 from simmer_tui.config import load_default
-from simmer_tui.engine import Engine
+from simmer_tui.robot.engine import Engine
 from simmer_tui.runlog.rerun import Rerun
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.sim import Simulator, parse_command

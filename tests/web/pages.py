@@ -14,8 +14,8 @@ from websockets.sync.client import ClientConnection, connect
 from simmer_tui.config.loader import Configuration, Override, load
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.errors import PortError
-from simmer_tui.events import Event
-from simmer_tui.server import Server
+from simmer_tui.live.server import Server
+from simmer_tui.run.events import Event
 from simmer_tui.sim.command import parse_command
 from simmer_tui.web.page_server import PageServer
 

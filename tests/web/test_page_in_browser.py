@@ -15,8 +15,8 @@ import pytest
 
 from simmer_tui.cli.log_commands import build_report
 from simmer_tui.config.sets import bundled_sets
-from simmer_tui.events import Action, ActionDone, ActionName, Belief, MovementEnded
 from simmer_tui.report.page import report_page
+from simmer_tui.run.events import Action, ActionDone, ActionName, Belief, MovementEnded
 from simmer_tui.runlog.index import RunLogIndex
 from simmer_tui.runlog.playback import Playback
 from simmer_tui.sim import Pose

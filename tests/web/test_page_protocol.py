@@ -15,7 +15,9 @@ from http.client import HTTPConnection, HTTPResponse
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus, WebSocketException
 
-from simmer_tui.events import (
+from simmer_tui.report.player import RecordingEncoder
+from simmer_tui.report.verdict import Outcome, Verdict
+from simmer_tui.run.events import (
     Action,
     ActionDone,
     ActionName,
@@ -26,8 +28,6 @@ from simmer_tui.events import (
     Notice,
     NoticeKind,
 )
-from simmer_tui.report.player import RecordingEncoder
-from simmer_tui.report.verdict import Outcome, Verdict
 from simmer_tui.web import page_server, run_frames, viewer
 from tests.links.test_access import as_nobody, two_users
 from tests.web.pages import SECONDS, PageRun, PageViewer, Recorded, page_run

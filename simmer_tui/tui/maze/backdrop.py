@@ -7,7 +7,7 @@ from copy import copy
 
 import numpy as np
 
-from simmer_tui.belief_grid import Levels
+from simmer_tui.run.belief_grid import Levels
 from simmer_tui.sim.arrays import FloatArray, NDArray
 from simmer_tui.sim.specs import TILES_PER_CELL, WALL
 from simmer_tui.tui.maze.glyphs import BLANK, BRAILLE, DOT_BITS, Cells, Mask, Signs, by_cell

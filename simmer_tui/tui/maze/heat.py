@@ -8,7 +8,7 @@ import math
 import numpy as np
 from msgspec import Struct
 
-from simmer_tui.belief_grid import GridBelief, Levels, Probabilities, covered, even_share, heat_levels
+from simmer_tui.run.belief_grid import GridBelief, Levels, Probabilities, covered, even_share, heat_levels
 from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.specs import MazeSpec
 from simmer_tui.tui.maze.viewport import Viewport

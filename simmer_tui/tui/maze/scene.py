@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from msgspec import Struct
 
+from simmer_tui.live.snapshot import Snapshot
 from simmer_tui.run.state import SensorRow, State
 from simmer_tui.sim.arrays import FloatArray, NDArray
 from simmer_tui.sim.maze import Maze
@@ -17,7 +18,6 @@ from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.scan_rays import ScanRays, rays_of
 from simmer_tui.sim.sensors import ObservingSensor, View, World, modelled_sensor
 from simmer_tui.sim.specs import BLOCK, CELL_SIZE, TILES_PER_CELL, MazeSpec, RobotSpec, SimulationSpec
-from simmer_tui.snapshot import Snapshot
 from simmer_tui.tui.maze.glyphs import Mask
 from simmer_tui.tui.maze.heat import HeatMark
 

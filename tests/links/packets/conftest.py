@@ -14,18 +14,18 @@ from typing import Any
 
 import pytest
 
-from simmer_tui.backend import BackendSwitch, SimulatorBackend
 from simmer_tui.config.dialects import PACKET_REPLIES, PACKETS
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_sets
 from simmer_tui.config.settings import ServerSettings
 from simmer_tui.config.settings_file import Override
-from simmer_tui.engine import Engine
-from simmer_tui.events import Event, MovementPlanned, Notice
+from simmer_tui.links.backend import BackendSwitch, SimulatorBackend
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.packet_link import PacketLink
 from simmer_tui.links.ports import PortRequest, take_port
-from simmer_tui.server import Server
+from simmer_tui.live.server import Server
+from simmer_tui.robot.engine import Engine
+from simmer_tui.run.events import Event, MovementPlanned, Notice
 from simmer_tui.sim import CommandResult, Simulator, Status
 from tests.stepped_clock import SECONDS, StandingClock
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from simmer_tui.events import Action, ActionName
+from simmer_tui.run.events import Action, ActionName
 from simmer_tui.sim import CommandResult, Status
 
 Serve = Callable[..., Any]

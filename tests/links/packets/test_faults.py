@@ -16,8 +16,8 @@ import pytest
 
 from simmer_tui.config.dialects import PACKET_REPLIES, PACKETS
 from simmer_tui.errors import PortError
-from simmer_tui.events import Notice
-from simmer_tui.protocol.packets import MAX_REQUEST
+from simmer_tui.links.protocol.packets import MAX_REQUEST
+from simmer_tui.run.events import Notice
 from simmer_tui.sim import CommandResult, Status
 
 Serve = Callable[..., Any]

@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-from simmer_tui.events import Action, ActionName, MovementEnded
+from simmer_tui.robot.sessions import SLICE
+from simmer_tui.run.events import Action, ActionName, MovementEnded
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import checkpoint_of
-from simmer_tui.sessions import SLICE
 from simmer_tui.sim import Pose, Status
 
 LEGS = ["w0:36", "r0:90", "w0:36", "r0:90", "w0:12", "r0:-90", "w0:24", "r0:-90", "w0:6", "r0:720"]

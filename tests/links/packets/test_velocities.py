@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from simmer_tui.events import VelocityEnd, VelocityEnded
+from simmer_tui.run.events import VelocityEnd, VelocityEnded
 from tests.links.packets.test_keeping import IDLE, Program, Programs, long_after
 
 

@@ -14,8 +14,8 @@ from simmer_tui.config.dialects import COMMANDS, REPLIES
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.config.settings_file import Override
-from simmer_tui.events import Event, Notice
-from simmer_tui.server import Server
+from simmer_tui.live.server import Server
+from simmer_tui.run.events import Event, Notice
 from simmer_tui.sim import Simulator
 
 SECONDS = 120.0

@@ -15,10 +15,10 @@ from msgspec.structs import replace
 from simmer_tui.config.dialects import COMMANDS, PACKET_REPLIES, PACKETS, REPLIES
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import find_set
-from simmer_tui.engine import Engine
-from simmer_tui.events import Notice, NoticeKind
 from simmer_tui.links import binary_link, connection_doctor
 from simmer_tui.links.ports import Listener
+from simmer_tui.robot.engine import Engine
+from simmer_tui.run.events import Notice, NoticeKind
 from simmer_tui.sim import Simulator
 
 ONLY_LINUX = pytest.mark.skipif(sys.platform != "linux", reason="only Linux says what was read")

@@ -13,8 +13,8 @@ from typing import Any
 
 import pytest
 
-from simmer_tui.backend import MOST_COMMANDS
-from simmer_tui.events import MovementEnded
+from simmer_tui.links.backend import MOST_COMMANDS
+from simmer_tui.run.events import MovementEnded
 
 BAD_LINES = [
     b"",
@@ -418,7 +418,7 @@ def test_out_of_file_descriptors_it_waits_and_goes_on() -> None:
         from simmer_tui.config.sets import bundled_folder
         from simmer_tui.config.settings_file import Override
         from simmer_tui.links import ports
-        from simmer_tui.server import Server
+        from simmer_tui.live.server import Server
 
         ports.ACCEPT_PAUSE = 0.01
         server = Server(load(bundled_folder(), {"server.port": Override("--port", 0)}))

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from simmer_tui.config.dialects import REPLIES
-from simmer_tui.events import Notice, NoticeKind
+from simmer_tui.run.events import Notice, NoticeKind
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells whose a connection is")
 SILENT = """

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from simmer_tui.belief_grid import Bounds, grid_belief
+from simmer_tui.run.belief_grid import Bounds, grid_belief
 from simmer_tui.sim import Pose
 from simmer_tui.sim.specs import MazeSpec, RobotSpec
 from simmer_tui.tui.maze.heat import HeatMap, HeatMark, heat_numbers

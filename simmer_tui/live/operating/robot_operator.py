@@ -1,0 +1,131 @@
+"""The operator: a person's commands and actions, put into the robot's queue."""
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from simmer_tui.live.server import Server
+from simmer_tui.run.events import Action, ActionName, Notice, NoticeKind
+from simmer_tui.run.state import State
+from simmer_tui.sim.command import Command, parse_command
+from simmer_tui.sim.distance_errors import AXIS_KINDS
+from simmer_tui.sim.records import CommandResult
+from simmer_tui.sim.specs import DriveKind, SimulationSpec, VelocityKind
+from simmer_tui.sim.velocity_commands import WAIT
+
+# Drive of each driving key, and the sign of its step. In drive.csv forward is +X, left is +Y, and a turn to
+# the left is positive.
+DRIVES: dict[str, tuple[DriveKind, float]] = {
+    "forward": (DriveKind.RIGHT, 1.0),
+    "back": (DriveKind.LEFT, 1.0),
+    "turn_left": (DriveKind.ROT, 1.0),
+    "turn_right": (DriveKind.ROT, -1.0),
+    "sideways_left": (DriveKind.UP, 1.0),
+    "sideways_right": (DriveKind.DOWN, 1.0),
+}
+# A robot with one of two opposite drives moves the other way by a negative value.
+_OPPOSITE = {kind: other for pair in AXIS_KINDS for kind, other in (pair, pair[::-1])}
+
+
+class Operator:
+    """Puts a person's commands and actions into the robot's queue. No method waits for the robot's thread."""
+
+    def __init__(self, server: Server) -> None:
+        self._server = server
+        self._spec = server.configuration.simulation
+        self._screen = server.configuration.settings.screen
+        self._session = server.open_session()
+        self._block_told = False
+        self._block_at = self._spec.block_center
+        self._block_since = -1
+        """Number of the movement, if any, that was the last when the block came to its place."""
+
+    def send(self, command: Command, refused: Callable[[str], None] | None = None) -> None:
+        """Send a command, as a program would. If the robot refuses it, `refused` is called with the reason,
+        in the robot's thread."""
+
+        def answered(results: Sequence[CommandResult], data: bytes | None) -> None:
+            for result in results:
+                if refused is not None and result.reason and math.isnan(result.reply):
+                    refused(f"{result.command.shown}: {result.reason}")
+
+        self._server.call(self._session.submit, self._server.message(command), answered)
+
+    def perform(self, action: Action) -> str:
+        """Perform an action. Returns a warning if it will have no effect."""
+        self._server.call(self._server.engine.perform, action)
+        if action.name is ActionName.TIME_SCALE and not self._server.engine.timed:
+            return "no effect: motion is instant (--motion timed makes it take its time)"
+        return ""
+
+    def hint(self, text: str) -> None:
+        """Show a hint about the robot among the events. It is not logged."""
+        self._server.call(self._server.engine.tell, Notice(NoticeKind.HINT, text))
+
+    def note_block(self, state: State) -> None:
+        """Report once that the robot drives through a block that is not solid."""
+        if self._block_at != (place := (state.block.x, state.block.y)):
+            self._block_at, self._block_since = place, state.moved
+        # A movement before the block was put there did not lead through it.
+        is_new = state.moved != self._block_since
+        if is_new and not self._block_told and drives_through_block(state, self._spec):
+            self._block_told = True
+            self.hint("drives through the block: motion.block_solid is false")
+
+    def press(self, name: str, paused: bool) -> str:
+        """Do the action of a key: `stop`, `poll`, `reset`, `pause` or `step`. Returns an error text, or an
+        empty one."""
+        if name == "poll":
+            for sensor in self._spec.sensors:
+                if sensor.enabled:
+                    self.send(parse_command(sensor.code, "keys"))
+        elif name == "step":
+            self._server.call(self._server.engine.step)
+            return "" if paused else "step: nothing is paused"
+        else:
+            name = "resume" if name == "pause" and paused else name
+            self.perform(Action(ActionName(name), source="keys"))
+        return ""
+
+    @property
+    def velocity_code(self) -> str:
+        """Code of the command that sets the whole velocity, empty if the set has none."""
+        velocities = self._spec.velocities
+        return next((each.code for each in velocities if each.kind is VelocityKind.ALL and each.enabled), "")
+
+    def drive_for(self, values: str, refused: Callable[[str], None]) -> str:
+        """Drive at a velocity `VX;VY;OMEGA;T` for its time; in instant motion a wait lets that time pass.
+
+        Returns an error text if the set has no such command. `refused` is called as for `send`.
+        """
+        if not self.velocity_code:
+            return "vv: this set's drive.csv has no enabled row velocity"
+        for text in (f"{self.velocity_code}-{values}", f"{WAIT}-{values.rpartition(';')[2]}"):
+            self.send(parse_command(text, "console"), refused)
+        return ""
+
+    def drive(self, name: str, fine: bool) -> str:
+        """Drive or turn by a key's step. Returns an error text if the robot cannot."""
+        kind, sign = DRIVES[name]
+        if kind is DriveKind.ROT:
+            value = self._screen.fine_turn if fine else self._screen.turn
+        else:
+            value = self._screen.fine_step if fine else self._screen.step
+        codes = {drive.kind: drive.code for drive in self._spec.drives if drive.enabled}
+        # The left and right keys also work on a robot with only one of the two drives.
+        if kind not in codes and _OPPOSITE.get(kind) in codes:
+            kind, sign = _OPPOSITE[kind], -sign
+        if kind not in codes:
+            return f"this robot has no drive for {name.replace('_', ' ')}"
+        self.send(parse_command(f"{codes[kind]}-{sign * value:g}", "keys"))
+        return ""
+
+
+def drives_through_block(state: State, spec: SimulationSpec) -> bool:
+    """True if the robot's last movement leads through a block that does not stop it."""
+    block = state.block
+    if spec.block_solid or not block.size or state.holding or not state.legs:
+        return False
+    path = state.legs[-1]
+    return bool(np.hypot(path[:, 0] - block.x, path[:, 1] - block.y).min() < spec.robot.reach)

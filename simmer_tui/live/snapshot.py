@@ -1,0 +1,369 @@
+"""Samples for the screen: the state of a run at one moment, and the events that led to it."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from msgspec.structs import replace
+
+from simmer_tui.report.live_verdict import LiveVerdict
+from simmer_tui.report.verdict import Verdict
+from simmer_tui.robot.engine import Engine
+from simmer_tui.run.events import (
+    ActionDone,
+    Belief,
+    CommandResult,
+    Event,
+    EventHandler,
+    LegBegun,
+    LegEnded,
+    MovementEnded,
+    MovementPlanned,
+    Notice,
+    NoticeKind,
+    ProgramEnded,
+    TwinReading,
+)
+from simmer_tui.run.facts import BESIDE, degrees_beside
+from simmer_tui.run.mission import MissionState, Referee, mission_state
+from simmer_tui.run.reducer import Reducer
+from simmer_tui.run.state import State
+from simmer_tui.runlog.writer import steady_clock
+from simmer_tui.sim.path import Contact
+from simmer_tui.sim.records import LidarScan, Reading, Status, VelocityChange
+from simmer_tui.sim.scan_rays import extremes
+
+# Judged: nobody scrolls further back in a live list, and the log has all of them.
+EVENTS = 2000
+"""Entries kept in the list of events."""
+KEPT_READINGS = 40
+"""Readings of one folded entry that are kept to be unfolded: the latest."""
+# Judged: time to look up and read two lines.
+ADVICE = 15.0
+"""Seconds (real) for which advice on a program's connection is shown although the program continues."""
+# Judged: a program that changes it more often is steering, and a single change says little.
+_STEERING = 1.0
+"""Simulated seconds within which changes of the velocity are folded into one entry."""
+_BY_HAND = ("console",)
+"""Sources whose commands have an entry each: a person who types a command waits for it."""
+_NOTHING = np.empty(0)
+"""The true ranges of a scan in an entry: none are kept."""
+
+
+@dataclass(frozen=True, slots=True)
+class LogEntry:
+    """An event of the list, or the readings between two such events.
+
+    `number` is the running number of the (latest) event, `real_time` the time of day (seconds since the
+    epoch), `time` simulated time. Events are kept without large parts: a belief's particles and cells, a
+    result's path. Where readings are folded, `first` is the number of the first. `readings`, `beliefs` and
+    `velocities` count all of them; `kept` holds the latest and `missing` counts the others. `nearest` is the
+    latest reading of the sensor that points at a contact, since the movement before. `wedged` is true if the
+    robot keeps touching something in one place.
+    """
+
+    number: int
+    real_time: float
+    event: Event
+    time: float = 0.0
+    first: int = 0
+    readings: int = 0
+    beliefs: int = 0
+    velocities: int = 0
+    kept: tuple[LogEntry, ...] = ()
+    nearest: Reading | None = None
+    missing: int = 0
+    wedged: bool = False
+
+    @property
+    def folds(self) -> bool:
+        """True if the entry represents several events."""
+        return self.readings + self.beliefs + self.velocities > 0
+
+
+class _Folded:
+    """Readings since the last event with an entry of its own. All are counted, the latest kept."""
+
+    def __init__(self, first: int) -> None:
+        self.first = self.number = first
+        self.readings = self.beliefs = self.velocities = 0
+        self.kept: deque[tuple[LogEntry, bool]] = deque(maxlen=KEPT_READINGS)
+        """The latest, each with True if it is among those counted."""
+
+    def entry(self) -> LogEntry:
+        kept = tuple(entry for entry, _ in self.kept)
+        last, all_of_them = kept[-1], self.readings + self.beliefs + self.velocities
+        return LogEntry(
+            self.number, last.real_time, last.event, last.time, self.first, self.readings, self.beliefs,
+            self.velocities, kept, missing=all_of_them - sum(counted for _, counted in self.kept),
+        )  # fmt: skip
+
+
+class EventFeed(EventHandler[None]):
+    """Events as people read them: an entry for each important one, readings in between folded into one.
+
+    A movement has an entry only at its end. None is lost by coming too fast: folded events are counted.
+    """
+
+    def __init__(self) -> None:
+        self._entries: deque[LogEntry | _Folded] = deque(maxlen=EVENTS)
+        self._number = 0
+        self._real_time = 0.0
+        self._advice = ""
+        self._advised = self._answered = 0.0
+        self._steered = -math.inf
+        """Simulated time at which the velocity changed last."""
+        self.is_judged = False
+        """True from the line of a verdict until a program connects or the run restarts."""
+        self.total = 0
+        """Entries so far, those that have given way included."""
+
+    def take(self, reducer: Reducer, real_time: float, event: Event, number: int | None = None) -> None:
+        """Add an event that the reducer has applied. `number` is by default the reducer's."""
+        self._reducer, self._real_time = reducer, real_time
+        self._number = reducer.number if number is None else number
+        self.handle(event)
+
+    def since(self, number: int) -> tuple[LogEntry, ...]:
+        """The entries with events after number `number`. The first may be an older entry that has grown
+        since."""
+        found = []
+        for entry in reversed(self._entries):
+            if entry.number <= number:
+                break
+            found.append(entry.entry() if isinstance(entry, _Folded) else entry)
+        return tuple(reversed(found))
+
+    def advice_at(self, real_time: float) -> str:
+        """Advice on the connection of the program that drives now. Empty after its time, if commands are
+        answered."""
+        is_shown = real_time - self._advised < ADVICE or self._answered <= self._advised
+        return self._advice if is_shown else ""
+
+    # -- events ----------------------------------------------------------------------------------
+
+    def on_result(self, event: CommandResult) -> None:
+        self._answered = self._real_time
+        reading = event.reading
+        if reading is not None and (reading.view is not None or reading.scan is not None):
+            event = replace(event, reading=_light(reading))
+        if event.velocity is not None:
+            self._take_velocity(event, event.velocity)
+            return
+        if event.status in (Status.DONE, Status.ACCEPTED):
+            return
+        # A person who types a command waits for its answer, so the command has an entry of its own.
+        if event.status is Status.READING and event.command.source not in _BY_HAND:
+            self._fold(event).readings += 1
+        else:
+            self.other(event)
+
+    def _take_velocity(self, event: CommandResult, velocity: VelocityChange) -> None:
+        """Add an entry for a velocity that changes.
+
+        Changes by a program that steers are folded, since they come by the hundred. A repeated velocity has
+        no entry.
+        """
+        if not velocity.changed:
+            return
+        since, self._steered = event.time - self._steered, event.time
+        if 0.0 <= since < _STEERING and event.command.source not in _BY_HAND:
+            self._fold(event).velocities += 1
+        else:
+            self.other(event)
+
+    def on_leg_begun(self, event: LegBegun) -> None:
+        """No entry: the command that set its velocity has one."""
+
+    def on_leg_ended(self, event: LegEnded) -> None:
+        if event.contact is not None:
+            self.other(event.as_movement(), self._nearest(event.contact), wedged=self._reducer.wedged)
+
+    def on_planned(self, event: MovementPlanned) -> None:
+        """No entry: the movement's end has one."""
+
+    def on_ended(self, event: MovementEnded) -> None:
+        # No entry shows wheels and turns, and entries are kept by the thousand.
+        light = replace(event, trajectory=replace(event.trajectory, wheels={}, turns={}))
+        nearest = None if event.contact is None else self._nearest(event.contact)
+        self.other(light, nearest, wedged=self._reducer.wedged)
+
+    def on_program_ended(self, event: ProgramEnded) -> None:
+        """No entry: the verdict has one."""
+
+    def on_notice(self, event: Notice) -> None:
+        self.other(event)
+        if event.kind in (NoticeKind.VERDICT, NoticeKind.CONNECTED):
+            self.is_judged = event.kind is NoticeKind.VERDICT
+        if event.advice:
+            self._advice, self._advised = event.text, self._real_time
+
+    def on_action(self, event: ActionDone) -> None:
+        self.other(event)
+        self.is_judged = self.is_judged and not event.restarts
+        self._advice = "" if event.restarts else self._advice
+
+    def on_belief(self, event: Belief) -> None:
+        if event.again:
+            return
+        grid = None if event.grid is None else replace(event.grid, cells=b"")
+        light = replace(event, particles=(), grid=grid)
+        if event.note:
+            self.other(light)
+        else:
+            self._fold(light).beliefs += 1
+
+    def on_twin(self, event: TwinReading) -> None:
+        self._fold(event, counted=False)
+
+    def other(self, event: Event, nearest: Reading | None = None, *, wedged: bool = False) -> None:
+        """Add an entry of its own for an event."""
+        self._entries.append(self._entry(event, self._number, nearest, wedged=wedged))
+        self.total += 1
+
+    # -- within ----------------------------------------------------------------------------------
+
+    def _entry(
+        self, event: Event, first: int = 0, nearest: Reading | None = None, *, wedged: bool = False
+    ) -> LogEntry:
+        # Notices have no simulated time of their own.
+        moment = getattr(event, "time", self._reducer.time)
+        return LogEntry(self._number, self._real_time, event, moment, first, nearest=nearest, wedged=wedged)
+
+    def _fold(self, event: Event, *, counted: bool = True) -> _Folded:
+        last = self._entries[-1] if self._entries else None
+        if not isinstance(last, _Folded):
+            last = _Folded(self._number)
+            self._entries.append(last)
+            self.total += 1
+        last.number = self._number
+        last.kept.append((self._entry(event), counted))
+        return last
+
+    def _nearest(self, contact: Contact) -> Reading | None:
+        """The last reading of the range sensor that points at a contact, since the movement before."""
+        best, least = None, BESIDE
+        for result in self._reducer.seen.values():
+            reading = result.reading
+            if reading is None or not reading.sensor.kind.is_range:
+                continue
+            aside = degrees_beside(contact, reading.sensor)
+            if aside <= least:
+                best, least = _light(reading), aside
+        return best
+
+
+def _light(reading: Reading) -> Reading:
+    """A reading without its geometry, since entries are kept by the thousand.
+
+    A scan has some kilobytes. Only its number of rays and its nearest echo are kept: every ray of the result
+    has that range.
+    """
+    scan = reading.scan
+    if scan is not None:
+        near, at = extremes(scan).nearest or (math.inf, 0.0)
+        rays = len(scan.ranges)
+        scan = LidarScan(
+            scan.revolution, np.broadcast_to(near, rays), np.broadcast_to(at, rays), _NOTHING, _NOTHING
+        )
+    return replace(reading, view=None, scan=scan)
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Snapshot:
+    """A run at one moment. It never changes; any thread may read it.
+
+    `number` is that of the newest event. `entries` are the events since the number that was asked for, or, if
+    `is_full`, all entries to show. `total` counts all entries so far. `rate` is recent commands a second.
+    `waiting` is true if a command waits for a pause to end. `true_values` holds, by code, each sensor's value
+    without error, if asked for. `pace` is that of the movements shown, simulated seconds a second, 0 as fast
+    as possible.
+    """
+
+    state: State
+    number: int = 0
+    entries: tuple[LogEntry, ...] = ()
+    is_full: bool = False
+    total: int = 0
+    rate: float = 0.0
+    waiting: bool = False
+    true_values: Mapping[str, float] = field(default_factory=dict)
+    mission: MissionState | None = None
+    pace: float = 0.0
+    verdict: Verdict | None = None
+    """Outcome of the run, and its cause; None while it continues."""
+    advice: str = ""
+    """Advice on a mistake of a new program's connection, or empty."""
+
+
+class Recorder:
+    """A watcher that keeps the latest events and makes snapshots. Only for the robot's thread."""
+
+    def __init__(
+        self,
+        engine: Engine,
+        reducer: Reducer,
+        referee: Referee | None = None,
+        verdict: LiveVerdict | None = None,
+    ) -> None:
+        """`reducer` must be a watcher before this one: it applies each event first."""
+        self._verdict = verdict
+        self._engine = engine
+        self._reducer = reducer
+        self._referee = referee
+        self._feed = EventFeed()
+        self._clock = steady_clock()
+        self._rate = 0.0
+        self._rated = (time.monotonic(), 0)
+
+    def watch(self, event: Event) -> None:
+        """Add an event."""
+        self._feed.take(self._reducer, self._clock(), event)
+
+    @property
+    def number(self) -> int:
+        """The running number of the newest event. Any thread may read it."""
+        return self._reducer.number
+
+    def snapshot(self, since: int = 0, true_values: bool = False) -> Snapshot:
+        """The state that is to be shown now, with the entries after number `since`. Call it in the robot's
+        thread."""
+        engine = self._engine
+        state = self._reducer.at(engine.shown_time())
+        throttle = engine.throttle
+        return Snapshot(
+            state=state,
+            number=self._reducer.number,
+            entries=self._feed.since(since),
+            total=self._feed.total,
+            rate=self._measured_rate(state.commands),
+            waiting=engine.has_waiting,
+            true_values=engine.simulator.true_values() if true_values else {},
+            mission=self._mission_at(state),
+            pace=throttle.pace if throttle is not None else 0.0,
+            advice=self._feed.advice_at(self._clock()),
+            verdict=self._verdict.verdict if self._verdict is not None and self._feed.is_judged else None,
+        )
+
+    def _mission_at(self, state: State) -> MissionState | None:
+        if self._referee is None:
+            return None
+        throttle = self._engine.throttle
+        # the referee already knows the end of the movement, which is not shown yet
+        if throttle is not None and throttle.busy:
+            return mission_state(self._referee.plan, state)
+        return self._referee.state(state.time)
+
+    def _measured_rate(self, commands: int) -> float:
+        moment, before = self._rated
+        elapsed = time.monotonic() - moment
+        # A shorter window would make the rate flicker.
+        if elapsed >= 1.0:
+            self._rate = max(commands - before, 0) / elapsed
+            self._rated = (time.monotonic(), commands)
+        return self._rate
