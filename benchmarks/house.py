@@ -100,9 +100,9 @@ def decisions(function: ast.AST) -> int:
 
 
 def event_names(package: Path) -> set[str]:
-    """Classes that the union `Event` of events.py names, in a folder or in one above it."""
-    home = next(each for each in (package, *package.parents) if (each / "events.py").is_file())
-    tree = ast.parse((home / "events.py").read_text("utf-8"))
+    """Classes that the union `Event` of run/events.py names, of a folder or of one above it."""
+    home = next(each for each in (package, *package.parents) if (each / "run" / "events.py").is_file())
+    tree = ast.parse((home / "run" / "events.py").read_text("utf-8"))
     for node in tree.body:
         if isinstance(node, ast.Assign) and "Event" in {getattr(each, "id", "") for each in node.targets}:
             return {each.id for each in ast.walk(node.value) if isinstance(each, ast.Name)}

@@ -4,7 +4,7 @@
     python benchmarks/mutants.py map tests/sim tests/grade  # only these tests
     python benchmarks/mutants.py run --count 200            # survivors are listed at the end
     python benchmarks/mutants.py run --only 17 43           # these of the draw again
-    python benchmarks/mutants.py run --rooms sim protocol   # faults in these rooms
+    python benchmarks/mutants.py run --rooms sim runlog     # faults in these rooms
 
 Faults are those of cosmic-ray: an operator, comparison, number, constant or loop is changed. One is drawn for
 each place, all places with the same chance, from the rooms that decide numbers (`ROOMS`). Annotations and the
@@ -47,7 +47,7 @@ from queue import SimpleQueue
 from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
-ROOMS = ("sim", "engine", "protocol", "runlog", "trials", "grade", "calibrate")
+ROOMS = ("sim", "robot/engine", "links/protocol", "runlog", "trials", "grade", "calibrate")
 COVERED = ROOT / ".mutants"
 """Results of `map`: coverage by test, and the seconds of each test."""
 FIRST, MOST = (60, 20.0), (1500, 240.0)
@@ -207,7 +207,7 @@ class Coverage:
         lines = self._statements.get(mutant.path, {}).get(mutant.line, range(0))
         found = set().union(*(by_line.get(line, set()) for line in lines))
         found = found or set().union(*by_line.values())
-        own = (f"tests/{room_of(mutant)}/", f"tests/test_{room_of(mutant)}.py")
+        own = tests_of(room_of(mutant))
         return sorted(found, key=lambda test: (not test.startswith(own), self.seconds(test), test))
 
     def most(self, tests: list[str], count: int, seconds: float) -> list[str]:
@@ -222,8 +222,15 @@ class Coverage:
 
 
 def room_of(mutant: Mutant) -> str:
-    """The room or the module of the package with a fault."""
-    return mutant.path.split("/")[1].removesuffix(".py")
+    """The one of `ROOMS` with a fault."""
+    place = mutant.path.removeprefix("simmer_tui/").removesuffix(".py")
+    return next(room for room in ROOMS if f"{place}/".startswith(f"{room}/"))
+
+
+def tests_of(room: str) -> tuple[str, str]:
+    """The folder and the file that the tests of a room may be in: tests mirror the package."""
+    folder, _, name = room.rpartition("/")
+    return f"tests/{room}/", f"tests/{folder}/test_{name}.py".replace("//", "/")
 
 
 def mutate(copy: Path, mutant: Mutant) -> str:
@@ -299,7 +306,7 @@ def found_by(copy: Path, mutant: Mutant, known: Coverage) -> str:
         first = known.most(covering, *FIRST)
         then = known.most(covering[len(first) :], *MOST)
         room = room_of(mutant)
-        own = [place for place in (f"tests/{room}", f"tests/test_{room}.py") if (copy / place).exists()]
+        own = [place for place in tests_of(room) if (copy / place).exists()]
         # What a shared fixture runs counts for the first of its tests alone: the others look at it too.
         files = {test.partition("::")[0] for test in covering}
         last = sorted(file for file in files if file.startswith(tuple(own))) if covering else own

@@ -336,25 +336,26 @@ def messages() -> str:
     ]
     rooms: dict[str, dict[str, None]] = {}
     for path in sorted((ROOT / "simmer_tui").rglob("*.py")):
-        room = path.relative_to(ROOT / "simmer_tui").parts[0].removesuffix(".py")
+        place = path.relative_to(ROOT / "simmer_tui").with_suffix("").as_posix()
+        part = next((name for name in _PARTS if f"{place}/".startswith(f"{name}/")), "")
         for text in _messages_of(path):
-            rooms.setdefault(_ROOMS.get(room, "Elsewhere"), {})[text] = None
-    for title in (*_ROOMS.values(), "Elsewhere"):
+            rooms.setdefault(_PARTS.get(part, "Elsewhere"), {})[text] = None
+    for title in (*_PARTS.values(), "Elsewhere"):
         if title in rooms:
             texts = sorted(rooms.pop(title), key=lambda text: text.strip(". \"'").lower())
             parts += [f"## {title}\n", "\n".join(f"- {_escaped(text)}" for text in texts), ""]
     return "\n".join(parts)
 
 
-_ROOMS = {
+_PARTS = {
+    "config/importer": "Import",
     "config": "The files of a set, and options",
     "sim": "Where robot and block stand, and what a robot lacks",
-    "mission": "Missions",
+    "run/mission": "Missions",
     "client": "The client library",
     "links": "Ports, connections and the serial port",
-    "server": "Ports, connections and the serial port",
+    "live/server": "Ports, connections and the serial port",
     "program": "The program of --run",
-    "importer": "Import",
     "runlog": "Run logs",
     "report": "Reports",
     "trials": "Trials",
@@ -364,7 +365,7 @@ _ROOMS = {
     "tui": "Orders in the console",
     "cli": "The command line",
 }
-"""Names of the parts of the package for people."""
+"""Names of the parts of the package for people; the first that fits a file is its part."""
 
 
 _CALL = re.compile("|".join(rf"{call}\(" for call in (*_PROBLEM_CALLS, _ERRORS)))

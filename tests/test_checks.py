@@ -145,17 +145,6 @@ def rooms() -> set[str]:
     return {name.split(".")[1] for name in modules() if "." in name} - {"__main__"}
 
 
-@pytest.mark.parametrize(
-    ("name", "users"),
-    [
-        ("Only the command line reads options and knows exit codes", {"cli"}),
-        ("Only the app imports Textual", {"cli", "tui"}),
-    ],
-)
-def test_all_rooms_but_its_users_are_forbidden_a_tool(name: str, users: set[str]) -> None:
-    assert set(contract(name)["source_modules"]) == {f"simmer_tui.{room}" for room in rooms() - users}
-
-
 def test_errors_stand_in_one_tree_that_is_drawn() -> None:
     """The client library has its own, since it stands alone; what starts with _ never leaves its file."""
     drawn = set(
@@ -204,8 +193,9 @@ def test_ci_finds_both_commands_and_ends_with_the_first_that_fails(tmp_path: Pat
     assert ci("false") == (1, [])
 
 
-def test_every_file_that_the_map_names_is_there() -> None:
-    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+def test_every_file_that_the_papers_name_is_there() -> None:
+    pages = [ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs" / "developing").glob("*.*"))]
+    text = "\n".join(path.read_text(encoding="utf-8") for path in pages)
     named = set(re.findall(r"`([a-z_0-9/]+(?:\.py|\.toml|\.md|/))`", text))
     assert len(named) > 40
     missing = [name for name in named if not ((PACKAGE / name).exists() or (ROOT / name).exists())]
@@ -213,8 +203,8 @@ def test_every_file_that_the_map_names_is_there() -> None:
 
 
 def test_the_map_has_every_room_in_the_order_of_the_import_contract() -> None:
-    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
-    table = text.partition("## The map")[2].partition("\n## ")[0]
+    text = (ROOT / "docs" / "developing" / "architecture.md").read_text(encoding="utf-8")
+    table = text.partition("## The rooms")[2].partition("\n## ")[0]
     cells = [line.split(" | ")[0] for line in table.splitlines() if line.startswith("| `")]
     mapped = [
         name.strip("/").removesuffix(".py") for cell in cells for name in re.findall(r"`([\w./]+)`", cell)
@@ -224,6 +214,26 @@ def test_the_map_has_every_room_in_the_order_of_the_import_contract() -> None:
     level = {room: number for number, layer in enumerate(layers) for room in layer.split(" | ")}
     mapped.remove("client")  # the last of the table, since it is for programs; it imports no room
     assert mapped == sorted(mapped, key=level.__getitem__)
+
+
+def test_the_picture_of_the_architecture_is_of_files_that_are_there() -> None:
+    sys.path.insert(0, str(ROOT / "scripts"))
+    import make_architecture_picture as script
+
+    assert [name for name, _ in script.DOWN + script.BESIDE if not (PACKAGE / name).exists()] == []
+    assert script.PICTURE.read_text("utf-8") == script.picture()
+
+
+def test_every_room_says_what_it_is_and_what_goes_in_and_out() -> None:
+    for path in sorted(PACKAGE.rglob("__init__.py")):
+        said = ast.get_docstring(ast.parse(path.read_text("utf-8"))) or ""
+        assert path.parent == PACKAGE or re.search(r"^In: .+^Out: ", said, re.M | re.S), path
+
+
+def test_the_papers_for_the_first_hour_are_short() -> None:
+    assert len((ROOT / "CONTRIBUTING.md").read_bytes()) <= 6 * 1024
+    unreleased = (ROOT / "CHANGELOG.md").read_text("utf-8").partition("## [Unreleased]")[2]
+    assert len(unreleased.partition("\n## ")[0].splitlines()) <= 60
 
 
 def test_the_readme_names_only_options_and_commands_there_are() -> None:

@@ -37,7 +37,7 @@ from simmer_tui.version import REPOSITORY, requirement
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 WRITTEN = [ROOT / "README.md", *sorted(path for path in DOCS.glob("*.md"))]
-PAGES = [*WRITTEN, *sorted((DOCS / "reference").glob("*.md"))]
+PAGES = [*WRITTEN, *sorted((DOCS / "reference").glob("*.md")), *sorted((DOCS / "developing").glob("*.md"))]
 STEPS = sorted((ROOT / "scripts" / "course").glob("step*.py"))
 BLOCK = re.compile(
     r"(?:<!-- not run: (?P<why>.*?) -->\n)?^```(?P<language>\w*)\n(?P<text>.*?)^```$", re.M | re.S
@@ -276,24 +276,6 @@ def test_pages_list_the_outcomes_and_all_causes() -> None:
     assert re.findall(r"`([^`]+)`", listed[1]) == [outcome.value for outcome in Outcome]
     first_cells = " ".join(re.findall(r"^\| (`[^|]*) \|", causes, re.MULTILINE))
     assert set(re.findall(r"`([^`]+)`", first_cells)) == {kind.value for kind in Kind}
-
-
-def test_the_map_of_the_rooms_is_that_of_the_import_contracts() -> None:
-    """From the lowest to the highest; a layer of the contracts may be two rows."""
-    text = (ROOT / "CONTRIBUTING.md").read_text("utf-8").partition("## The map")[2]
-    cells = " ".join(re.findall(r"^\| (`[^|]*) \|", text.partition("\n\nBeside")[0], re.MULTILINE))
-    rooms = [name.rstrip("/").removesuffix(".py") for name in re.findall(r"`([^`]+)`", cells)]
-    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["importlinter"][
-        "contracts"
-    ]
-    layers = next(each["layers"] for each in contracts if each["type"] == "layers")
-    level = {
-        name: number for number, layer in enumerate(reversed(layers)) for name in re.findall(r"\w+", layer)
-    }
-    assert set(rooms) == level.keys() - {"__main__"}
-    # The client is the last row, since it is for programs; it imports no room.
-    levels = [level[name] for name in rooms if name != "client"]
-    assert levels == sorted(levels)
 
 
 def test_each_step_of_the_course_is_short_and_has_a_picture() -> None:

@@ -23,11 +23,9 @@ def defined() -> dict[str, list[tuple[str, int]]]:
 
 
 def glossary() -> list[tuple[str, str, str]]:
-    """The rows of the glossary in CONTRIBUTING.md: term, name, module."""
-    text = (ROOT / "CONTRIBUTING.md").read_text("utf-8")
-    _, section = text.split("\n## Glossary\n")
-    section = section.partition("\n## ")[0]
-    return re.findall(r"^\| ([^|]+) \|[^|]+\| `(\w+)` \| `([\w/.]+)` \|$", section, re.MULTILINE)
+    """The rows of the glossary: term, name, module."""
+    text = (ROOT / "docs" / "developing" / "glossary.md").read_text("utf-8")
+    return re.findall(r"^\| ([^|]+) \|[^|]+\| `(\w+)` \| `([\w/.]+)` \|$", text, re.MULTILINE)
 
 
 def test_no_two_modules_define_the_same_public_name(defined: dict[str, list[tuple[str, int]]]) -> None:

@@ -1,7 +1,9 @@
-"""The composition root: it reads options, puts the parts together, runs one of them, and makes its end an
-exit code.
+"""The composition root: it reads options, puts the parts together, and runs one of them.
 
-Only this package imports argparse and knows exit codes (`simmer_tui.cli.command_line`). Progress bars and the
+In: the words of a command line.
+Out: text, files, and an exit code.
+
+Only this room imports argparse and knows exit codes (`simmer_tui.cli.command_line`). Progress bars and the
 start of the screen are here too. `simmer_tui.cli.main` has the table of commands. It imports each command
 only when that is used, and the screen only where one is drawn.
 """

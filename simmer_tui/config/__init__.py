@@ -1,4 +1,8 @@
-"""Configuration sets: the five files of a folder, read into frozen specs with every mistake listed."""
+"""Configuration sets: the files of a folder, read into specifications with every mistake listed.
+
+In: CSV and TOML files, options of the command line, and foreign configurations.
+Out: a frozen `Configuration`, or one error with all problems and their places.
+"""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """One table of dialects: the languages that programs speak to the robot, and the ports they need.
 
-A new dialect is three files: its codec `protocol/NAME.py`, its link `links/NAME_link.py`, and its row here.
-The server, the options, the settings, the variables of programs, `check` and `doctor` use this table.
+A new dialect is three files: its codec `links/protocol/NAME.py`, its link `links/NAME_link.py`, and its row
+here. The server, the options, the settings, the variables of programs, `check` and `doctor` use this table.
 """
 
 from msgspec import Struct

@@ -1,1 +1,5 @@
-"""A team's own language, from the dialect.toml of its set: the rules, and the device that follows them."""
+"""A team's own language, by the rules of its dialect.toml, and the device that plays the robot.
+
+In: bytes of a team's program, and the results of the robot's commands.
+Out: the robot's commands, and bytes of the team's replies.
+"""

@@ -1,1 +1,5 @@
-"""The document model: typed tables, prose and figures, and their four renderers."""
+"""Documents: tables of typed values, prose and figures.
+
+In: values with their columns, and text.
+Out: the same as terminal text, HTML, JSON or CSV.
+"""

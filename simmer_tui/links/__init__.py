@@ -1,1 +1,8 @@
-"""Links move bytes to and from programs and robots. Import each where it is needed."""
+"""Bytes in, bytes out: the ports of programs, the wire to a real robot, and the choice of the robot that
+answers.
+
+In: bytes of connections, serial ports and pseudo-terminals.
+Out: messages with their commands to a robot's session, and replies as bytes.
+
+Import each link where it is needed.
+"""

@@ -1,6 +1,6 @@
 """The course's own protocols on a serial port: bytes in, commands of the driven robot, replies out.
 
-`[frame] kind` of a dialect.toml names them. The messages mean the same as over TCP (`protocol/`).
+`[frame] kind` of a dialect.toml names them. The messages mean the same as over TCP (`links/protocol/`).
 """
 
 from __future__ import annotations

@@ -1,4 +1,9 @@
-"""The simulation, without files, clocks or sockets: a public API for notebooks and programs.
+"""The world as functions of time: maze, robot, sensors, motion, contact and noise.
+
+In: a `SimulationSpec`, a seed, and commands with their simulated times.
+Out: a `CommandResult` for each command: reply, true value, path, contact and rays.
+
+A public API for notebooks and programs, without files, clocks or sockets:
 
     from simmer_tui.config import load_default
     from simmer_tui.sim import Simulator

@@ -1,2 +1,5 @@
-"""Import of configuration sets from teams' files: a simmer-python `config.py`, or a MATLAB `Main.m` with its
-`config` folder."""
+"""Foreign configurations: a simmer-python `config.py`, or a MATLAB `Main.m` with its `config` folder.
+
+In: those files, read as data and never executed.
+Out: a set's files, with what was assumed or could not be taken.
+"""

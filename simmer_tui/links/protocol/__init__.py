@@ -1,1 +1,5 @@
-"""The wire formats without any input or output: bytes in, commands out, replies to bytes, per dialect."""
+"""The wire formats, without input or output.
+
+In: bytes of a program, and results of its commands.
+Out: commands, and the bytes of their replies.
+"""

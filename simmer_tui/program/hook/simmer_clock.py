@@ -32,8 +32,8 @@ INPUT = 5.0
 # 1 January 2026, UTC: any fixed date will do.
 EPOCH = 1767225600 * 10**9
 """Nanoseconds of `time.time_ns()` at the beginning of the run."""
-# The limit of `program_clock.py`. On several processors bytes of one connection may arrive after later bytes
-# of another.
+# The limit of `robot/program_clock.py`. On several processors bytes of one connection may arrive after later
+# bytes of another.
 _IN_FLIGHT = 0.2
 """Longest real time for bytes to arrive, seconds."""
 # The system's buffer of an unread connection is larger, and no program asks for more at once.

@@ -1,4 +1,7 @@
-"""The kinds of sensor. Each is one class: its columns, true value, errors, unit and geometry.
+"""The kinds of sensor, each one class: its columns, true value, errors, unit and geometry.
+
+In: a `SensorSpec`, the world and the robot's pose or path.
+Out: a `Reading` with its true value, and what to draw of it.
 
 Functions that read names of kinds from files take a mapping such as `KINDS`; `sensor_kinds` makes one with
 kinds of your own:

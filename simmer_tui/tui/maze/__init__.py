@@ -1,1 +1,5 @@
-"""The picture of the maze: scenes in, terminal cells out."""
+"""The picture of the maze.
+
+In: a scene: maze, robot, rays, trail, beliefs and contacts, inches.
+Out: terminal cells.
+"""

@@ -1,0 +1,5 @@
+"""One robot behind one queue, and its clock.
+
+In: commands of programs and people, and people's actions.
+Out: a `CommandResult` for each command, and events for the watchers.
+"""
