@@ -18,8 +18,9 @@
     ├── ConsoleCommandError     a line typed in the console that is no command (a ValueError too)
     ├── ExpressionError         a value in a dialect's expression does not fit it (a ValueError too)
     └── NotUnderstoodError      an expression of a foreign file is beyond its reader
+        └── RaisedError         Python itself would raise an exception there
 
-Two of them never leave their package (the last, and the interrupted trial). The client library stands
+Three of them never leave their package (the last two, and the interrupted trial). The client library stands
 alone and has a tree of its own.
 """
 
@@ -151,3 +152,11 @@ class ConsoleCommandError(SimmerError, ValueError):
 
 class NotUnderstoodError(SimmerError):
     """An expression of a foreign file is beyond its reader; the message says why."""
+
+
+class RaisedError(NotUnderstoodError):
+    """Python itself would raise an exception here; `kind` is its name, such as `KeyError`."""
+
+    def __init__(self, kind: str, what: str) -> None:
+        super().__init__(what)
+        self.kind = kind

@@ -50,14 +50,14 @@ PHRASES = {
         "more than {cli.atlas_command._MANY:,} poses needs `--yes`",
         "in steps of {atlas.c_header._UNIT} in",
         "arrays of at most {atlas.c_header._PART:,} bytes",
-        "up to {belief_grid.MOST_STATES:,} poses",
+        "up to {run.belief_grid.MOST_STATES:,} poses",
     ],
     "beliefs.md": [
         "the belief port ({config.dialects.BELIEFS.default}, or `{config.dialects.BELIEFS.variable}`)",
         "at most {links.belief_link.LONGEST_LINE/1048576:g} MB long",
-        "1 to {belief_grid.MOST_ROWS:,}, and 1 to {belief_grid.MOST_HEADINGS} headings; "
-        "at most {belief_grid.MOST_STATES:,} states in all",
-        "more than {100*belief_grid.SURELY_ELSEWHERE:g} % of the probability",
+        "1 to {run.belief_grid.MOST_ROWS:,}, and 1 to {run.belief_grid.MOST_HEADINGS} headings; "
+        "at most {run.belief_grid.MOST_STATES:,} states in all",
+        "more than {100*run.belief_grid.SURELY_ELSEWHERE:g} % of the probability",
         "more than {run.facts.COVERED!w} spreads, {run.facts.SLIGHT:g} in, and half a cell's diagonal",
         "**unsure** with a spread of more than {run.facts.UNSURE:g} in",
         "a text of at most {links.belief_parser.LONGEST_NOTE} characters",
@@ -124,7 +124,7 @@ PHRASES = {
     "coming-from.md": [
         "ports {config.dialects.COMMANDS.default} and {config.dialects.REPLIES.default} "
         "({config.dialects.PACKETS.default} and {config.dialects.PACKET_REPLIES.default} for simmer-python)",
-        "At most {backend.MOST_COMMANDS:,} commands or {backend._MOST_BYTES/1024:g} KB",
+        "At most {links.backend.MOST_COMMANDS:,} commands or {links.backend._MOST_BYTES/1024:g} KB",
         "for {links.packet_presence.LONGEST_KEPT/60!w} minutes at most",
     ],
     "course.md": [
@@ -185,7 +185,7 @@ PHRASES = {
         "at most {trials.figures._MOST}, with some for every cause",
         "at most {report.animation.USUAL_SECONDS:g} s long",
         "The last {program.program_output.LAST_LINES} lines of each stream",
-        "the program's last {phrases.SHOWN_OUTPUT!w} lines if it crashed",
+        "the program's last {run.phrases.SHOWN_OUTPUT!w} lines if it crashed",
         "It needs {report.finding.FEWEST[set]} readings or movements",
         "Only rows that differ are tested, from {report.finding.FEWEST[nominal]} readings on",
         "any finding of a run is wrong is at most {100*report.finding._ERROR:g} % (Holm)",
@@ -200,7 +200,7 @@ PHRASES = {
         "more than {runlog.encode.LARGE_GRID:,} states",
         "the last {program.program_output.LAST_LINES} lines of each",
         "{runlog.logged_scans._MISSED} is infinity",
-        "-{belief_grid._STEPS:g} log2(p/p_best), {belief_grid.RULED_OUT} for none",
+        "-{run.belief_grid._STEPS:g} log2(p/p_best), {run.belief_grid.RULED_OUT} for none",
     ],
     "screen.md": [
         "Blue dots show its last {run.reducer.LEGS} movements",

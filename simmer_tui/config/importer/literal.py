@@ -34,7 +34,6 @@ from simmer_tui.config.importer.python_values import (
     Function,
     Instance,
     Located,
-    RaisedError,
     Reference,
     Unreadable,
     Vector,
@@ -42,7 +41,7 @@ from simmer_tui.config.importer.python_values import (
     compared,
     truth,
 )
-from simmer_tui.errors import NotUnderstoodError
+from simmer_tui.errors import NotUnderstoodError, RaisedError
 from simmer_tui.sim.command import escape_word
 
 MAX_TURNS = 1000

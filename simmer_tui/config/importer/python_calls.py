@@ -16,7 +16,6 @@ from simmer_tui.config.importer.python_values import (
     Class,
     Instance,
     Located,
-    RaisedError,
     Vector,
     as_key,
     as_text,
@@ -29,7 +28,7 @@ from simmer_tui.config.importer.python_values import (
     readable,
     truth,
 )
-from simmer_tui.errors import NotUnderstoodError
+from simmer_tui.errors import NotUnderstoodError, RaisedError
 
 # Functions of `math` and `numpy`, of numbers only.
 _FUNCTIONS: Mapping[str, Callable[..., Any]] = {

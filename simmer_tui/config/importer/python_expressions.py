@@ -31,7 +31,6 @@ from simmer_tui.config.importer.python_values import (
     Instance,
     Located,
     Partial,
-    RaisedError,
     Reference,
     Unreadable,
     Vector,
@@ -50,7 +49,7 @@ from simmer_tui.config.importer.python_values import (
     truth,
     vector,
 )
-from simmer_tui.errors import ConfigurationError, NotUnderstoodError
+from simmer_tui.errors import ConfigurationError, NotUnderstoodError, RaisedError
 from simmer_tui.sim.command import escape_word
 
 MAX_STEPS = 100_000

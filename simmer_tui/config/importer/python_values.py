@@ -9,7 +9,7 @@ from typing import Any
 
 from msgspec import Struct, field
 
-from simmer_tui.errors import NotUnderstoodError
+from simmer_tui.errors import NotUnderstoodError, RaisedError
 from simmer_tui.sim.command import escape
 
 MAX_NUMBER = 1e300
@@ -143,14 +143,6 @@ class Instance(Struct, frozen=True, eq=False):
 
     def __str__(self) -> str:
         return "an object"
-
-
-class RaisedError(NotUnderstoodError):
-    """Python itself would raise an exception here; `kind` is its name, such as `KeyError`."""
-
-    def __init__(self, kind: str, what: str) -> None:
-        super().__init__(what)
-        self.kind = kind
 
 
 def numbers_only(arguments: tuple[Any, ...]) -> tuple[Any, ...]:
