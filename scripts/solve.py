@@ -267,9 +267,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--drop-zone",
         type=place,
-        default=os.environ.get("SIMMER_DROP_ZONE"),
         metavar="X,Y",
-        help="where the block is to go, inches (default: SIMMER_DROP_ZONE, which a mission sets)",
+        help="where the block is to go, inches (default: that of the simulator's mission)",
     )
     for sort, what in (("drive", "of the robot's drive"), ("sensor", "of its sensors, with commas between")):
         variable = f"SIMMER_{sort.upper()}_PROFILE"
@@ -280,8 +279,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
             help=f"the profile {what} (default: {variable}, which the simulator sets)",
         )
     options = parser.parse_args(arguments)
-    if options.drop_zone is None:
-        parser.error("where is the block to go? Give --drop-zone X,Y or run it in simmer-tui --mission")
     try:
         profiles = {
             name: Override(f"--{name.replace('_', '-')}", value)
@@ -299,7 +296,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
             which = options.maze or f"of set {options.config!r}"
             parser.error(f"the maze {which} has no cell of value {LOADING} to find a block in")
         with Robot() as robot:
-            delivered = Mission(robot, spec, np.random.default_rng(options.seed)).run(options.drop_zone)
+            drop_zone = options.drop_zone
+            if drop_zone is None:
+                drop_zone = np.array(robot.mission().drop_zone)
+            delivered = Mission(robot, spec, np.random.default_rng(options.seed)).run(drop_zone)
     except (ConfigurationError, RobotError) as error:
         print(f"solve: {error}", file=sys.stderr)
         return 1

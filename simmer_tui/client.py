@@ -48,6 +48,10 @@ _BELIEF_TIMEOUT = 0.2  # s; a program must not wait for what is only drawn
 _QUESTION_TIMEOUT = 1.0  # s; older simulators never answer this question, and are asked only once
 _MOST_RANGES = 4000  # ranges of a scan; a larger number is no count
 _MOST_STATES, _MOST_ROWS, _MOST_HEADINGS = 65536, 1000, 360  # of a grid; the simulator takes no more
+# The simulator's protocol/mission_query.py; its mission.py has the order of the facts.
+_MISSION_QUERY = "?m"
+_LEAST_FACTS = 7  # the drop zone, time limit, gripper and start; the cells of the loading zone follow
+_ALL_FACTS = frozenset(("drop_zone", "loading_zone", "time_limit", "gripper"))  # the start is not always told
 _EMPTY_READ_WAIT = 0.005  # s, between two reads while there is no reply yet
 _BUSY_WAIT = 0.02  # s, between two tries while the robot still moves
 _LONGEST_TIMEOUT = 1e6  # s; the system's sockets on Windows take 2**31 ms
@@ -79,6 +83,10 @@ class UnknownCodeError(CommandRefusedError):
     """The robot has no sensor or drive with this code, or it is disabled."""
 
 
+class NoMissionError(RobotError):
+    """The simulator has no mission, or is too old to tell its facts."""
+
+
 class InvalidInputError(RobotError, ValueError):
     """A command, number, port or environment variable that cannot be right; nothing was sent."""
 
@@ -97,6 +105,21 @@ class Movement(NamedTuple):
     def ended(self) -> bool:
         """True if the robot says that the movement is over."""
         return self.reply == math.inf
+
+
+class Mission(NamedTuple):
+    """The facts of a mission that a program may know. Places are the middles of cells, inches.
+
+    `time_limit` is in simulated seconds, `gripper` the code of the gripper, `start` x, y and heading if
+    mission.toml gives them. If not, the robot has to find out where it is. Facts that nobody tells are empty,
+    the time limit is then infinite.
+    """
+
+    drop_zone: tuple[float, float]
+    loading_zone: tuple[tuple[float, float], ...] = ()
+    time_limit: float = math.inf
+    gripper: str = ""
+    start: tuple[float, float, float] | None = None
 
 
 class Robot:
@@ -262,6 +285,27 @@ class Robot:
         cells: tuple[tuple[int, ...], ...] = self.configuration().simulation.maze.cells
         return cells
 
+    def mission(self) -> Mission:
+        """The facts of the mission. The SIMMER_* variables that the simulator gives to a program that it runs
+        count first; what they leave open is asked for over this connection. That takes no simulated time.
+
+        Raises:
+            NoMissionError: the simulator has no mission. The message has the command that starts one.
+        """
+        variables = _mission_variables()
+        numbers: list[float] = []
+        if not _ALL_FACTS.issubset(variables):
+            with self._exchange(_MISSION_QUERY), contextlib.suppress(CommandRefusedError):
+                numbers = self._link.scan(_MISSION_QUERY, self.timeout, asks_why=False)
+        known = _mission_facts(numbers) if len(numbers) >= _LEAST_FACTS else {}
+        known.update(variables)
+        if "drop_zone" not in known:
+            raise NoMissionError(
+                f"the simulator on {self.host} port {self.port} has no mission: end it, and start "
+                f"'simmer-tui --mission{self._link.options}'"
+            )
+        return Mission(**known)
+
     def configuration(self) -> Any:
         """The whole set (`simmer_tui.config.loader.Configuration`): maze, robot, sensors, drives.
 
@@ -425,13 +469,16 @@ class _Dial:
                 ) from error
             raise RobotUnreachableError(
                 f"no simulator answers on {self.host} port {port} ({error.strerror or error}): is it "
-                f"running? Start it with 'simmer-tui{options}' (add --no-ui for no screen), or give this "
-                "program its host and port"
+                f"running? Start it with 'simmer-tui{options}' (--mission for a mission, --no-ui for no "
+                "screen), or give this program its host and port"
             ) from error
 
 
 class _BinaryLink:
     """Commands as lines, replies of eight (or four) bytes, over permanent connections."""
+
+    options = ""
+    """Options of simmer-tui that make it answer here."""
 
     def __init__(
         self,
@@ -465,10 +512,10 @@ class _BinaryLink:
         """The numbers that come back for commands sent in one go, in their order."""
         return self._numbers(self._reply(commands, timeout))
 
-    def scan(self, code: str, timeout: float) -> list[float]:
+    def scan(self, code: str, timeout: float, *, asks_why: bool = True) -> list[float]:
         ranges = self._numbers(self._reply([code], timeout, scan=True))
         if math.isnan(ranges[0]):
-            raise _not_scanned(self._reasons.why(code), code)
+            raise _not_scanned(self._reasons.why(code) if asks_why else _Why(), code)
         return ranges[1:]
 
     def _numbers(self, reply: bytes) -> list[float]:
@@ -589,6 +636,9 @@ class _BinaryLink:
 class _PacketLink:
     """`[u0]` on a connection of its own, `[u0:12.345]` from another."""
 
+    options = " --listeners packets"
+    """Options of simmer-tui that make it answer here."""
+
     def __init__(self, dial: _Dial, port: int, reply_port: int, timeout: float, reasons: _Reasons) -> None:
         self._dial = dial
         self._reasons = reasons
@@ -627,10 +677,10 @@ class _PacketLink:
                 raise _is_lidar(command) from None
             raise RobotError(f"the reply to {command!r} is {answer!r}, which is no number") from error
 
-    def scan(self, code: str, timeout: float) -> list[float]:
+    def scan(self, code: str, timeout: float, *, asks_why: bool = True) -> list[float]:
         [answer] = self._ask([code], time.monotonic() + timeout, timeout)
         if answer in ("Not Found", "False"):
-            why = self._reasons.why(code)
+            why = self._reasons.why(code) if asks_why else _Why()
             # A yes-or-no sensor says False, too.
             if answer == "Not Found" or why.scan or why.kind != "sensor":
                 raise _not_scanned(why, code)
@@ -930,6 +980,44 @@ def _token(given: str | None) -> str:
     if not isinstance(token, str) or not token.isprintable():
         raise InvalidInputError("the token must be a line of text, as the simulator's --token has it")
     return token
+
+
+def _mission_facts(numbers: Sequence[float]) -> dict[str, Any]:
+    """The answer to the query for a mission, by the fields of `Mission`."""
+    drop_x, drop_y, time_limit, gripper, x, y, heading, *cells = numbers
+    return {
+        "drop_zone": (drop_x, drop_y),
+        "loading_zone": tuple(zip(cells[::2], cells[1::2])),
+        "time_limit": time_limit,
+        "gripper": bytes(divmod(int(gripper), 256)).decode("latin-1"),
+        "start": None if math.isnan(x) else (x, y, heading),
+    }
+
+
+def _mission_variables() -> dict[str, Any]:
+    """The environment's facts of the mission, by the fields of `Mission`. Raises InvalidInputError."""
+    known: dict[str, Any] = {}
+    for name, count in (("drop_zone", 2), ("time_limit", 1), ("start", 3), ("loading_zone", 2)):
+        variable = f"SIMMER_{name.upper()}"
+        text = os.environ.get(variable, "").strip()
+        if text:
+            rows = tuple(_numbers_of(variable, row, count) for row in text.split(";"))
+            known[name] = rows if name == "loading_zone" else rows[0] if count > 1 else rows[0][0]
+    if gripper := os.environ.get("SIMMER_GRIPPER", "").strip():
+        known["gripper"] = _checked_code(gripper)
+    return known
+
+
+def _numbers_of(variable: str, text: str, count: int) -> tuple[float, ...]:
+    """So many numbers with commas between. Raises InvalidInputError."""
+    try:
+        numbers = tuple(map(float, text.split(",")))
+    except ValueError:
+        numbers = ()
+    if len(numbers) != count or not all(map(math.isfinite, numbers)):
+        shape = ("a number, such as 300", "x,y, such as 30,18", "x,y,heading, such as 9.5,42,0")[count - 1]
+        raise InvalidInputError(f"the environment variable {variable} is {text!r}: it must be {shape}")
+    return numbers
 
 
 def _finite(name: str, value: Number) -> float:

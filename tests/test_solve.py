@@ -431,7 +431,6 @@ def test_it_does_the_mission_in_the_simulator() -> None:
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ([], "give --drop-zone x,y"),
         (["--drop-zone", "1"], "'1' is not x,y in inches, such as 30,18"),
         (["--drop-zone", "1,nan"], "'1,nan' is not x,y"),
         (["--drop-zone", "30,18", "--config", "default"], "the robot of set 'default' has no l1, p1"),
@@ -442,9 +441,7 @@ def test_what_it_cannot_do_is_said_at_once(
     options: list[str],
     said: str,
     capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.delenv("SIMMER_DROP_ZONE", raising=False)
     with pytest.raises(SystemExit) as end:
         parts["solve"].main(options)
     assert end.value.code == 2

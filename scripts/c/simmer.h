@@ -67,6 +67,7 @@ enum { SIMMER_OK = 0, SIMMER_REFUSED = 1, SIMMER_FAILED = 2 };
 #endif
 enum { SIMMER_MOST = 64, SIMMER_LONGEST = 255 }; /* commands in one go; characters of a command */
 enum { SIMMER_MOST_RANGES = 4000 };              /* of a scan; a number above that is no count */
+enum { SIMMER_FACTS = 7, SIMMER_MOST_CELLS = 64 }; /* of a mission, and cells of its loading zone after them */
 
 typedef struct simmer_robot {
     simmer_socket commands, replies, beliefs;
@@ -294,6 +295,47 @@ static inline int simmer_scan(simmer_robot *robot, const char *code, double *ran
     for (i = 0; i < *count && result == SIMMER_OK; i++)
         result = simmer_receive(robot, code, 1, i < most ? ranges + i : &rest);
     return result;
+}
+
+/* The facts of a mission that a program may know. Places are the middles of cells, inches; the time limit is in
+ * simulated seconds. Where the robot has to find its start, start_x, start_y and start_heading are NaN. */
+typedef struct simmer_mission {
+    double drop_x, drop_y, time_limit;
+    char gripper[3]; /* its code, "" where nobody tells it */
+    double start_x, start_y, start_heading;
+    int cells; /* of the loading zone: the first ones are in loading_x, loading_y */
+    double loading_x[SIMMER_MOST_CELLS], loading_y[SIMMER_MOST_CELLS];
+} simmer_mission;
+
+/* Ask for the facts of the mission, over the command connection; it takes no simulated time. The variables
+ * SIMMER_DROP_ZONE and SIMMER_TIME_LIMIT, where they are set, count first. Without a mission: SIMMER_REFUSED. */
+static inline int simmer_get_mission(simmer_robot *robot, simmer_mission *mission) {
+    double facts[SIMMER_FACTS + 2 * SIMMER_MOST_CELLS];
+    const char *zone = getenv("SIMMER_DROP_ZONE"), *limit = getenv("SIMMER_TIME_LIMIT");
+    int i, given, count = 0, result = simmer_scan(robot, "?m", facts, (int)(sizeof facts / sizeof facts[0]), &count);
+    memset(mission, 0, sizeof *mission);
+    if (result == SIMMER_FAILED) return result;
+    for (i = count; i < SIMMER_FACTS; i++) facts[i] = i == 3 ? 0 : i == 2 ? HUGE_VAL : NAN;
+    mission->drop_x = facts[0];
+    mission->drop_y = facts[1];
+    mission->time_limit = facts[2];
+    mission->gripper[0] = (char)((int)facts[3] / 256);
+    mission->gripper[1] = (char)((int)facts[3] % 256);
+    mission->start_x = facts[4];
+    mission->start_y = facts[5];
+    mission->start_heading = facts[6];
+    mission->cells = count > SIMMER_FACTS ? (count - SIMMER_FACTS) / 2 : 0;
+    if (mission->cells > SIMMER_MOST_CELLS) mission->cells = SIMMER_MOST_CELLS;
+    for (i = 0; i < mission->cells; i++) {
+        mission->loading_x[i] = facts[SIMMER_FACTS + 2 * i];
+        mission->loading_y[i] = facts[SIMMER_FACTS + 2 * i + 1];
+    }
+    given = zone != NULL && sscanf(zone, "%lf,%lf", &mission->drop_x, &mission->drop_y) == 2;
+    if (limit != NULL && limit[0]) mission->time_limit = atof(limit);
+    if (count < SIMMER_FACTS && !given)
+        return simmer_fail(robot, SIMMER_REFUSED,
+                           "the simulator has no mission: end it, and start 'simmer-tui --mission'", "");
+    return SIMMER_OK;
 }
 
 /* Move by so many inches or degrees; returns when the movement has ended. What the robot answered is in

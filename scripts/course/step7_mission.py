@@ -1,5 +1,6 @@
 """Step 7, the whole mission, in which readings take time: localize, fetch the block, deliver it.
 
+    simmer-tui --mission    (and in a second terminal: python samples/course/step7_mission.py)
     simmer-tui --mission --run "python samples/course/step7_mission.py"
     simmer-tui trials --runs 50 --run "python samples/course/step7_mission.py" --require 0.9
 
@@ -9,7 +10,6 @@ block together are too long to turn in a corridor, so this robot keeps its headi
 
 from __future__ import annotations
 
-import os
 import sys
 
 import numpy as np
@@ -18,7 +18,7 @@ from step4_particle_filter import look
 from step5_planning import LostError, Pilot, cell_at
 from step6_block import BLOCK, GAP, RADIUS, Fetcher
 
-from simmer_tui import Robot
+from simmer_tui.client import NoMissionError, Robot, RobotUnreachableError
 
 LENGTH = 2 * RADIUS + GAP + BLOCK  # in, of robot and block together
 MIDDLE = LENGTH / 2 - RADIUS  # in, from the robot's centre to the middle of both
@@ -86,9 +86,12 @@ class Mission:
 
 
 if __name__ == "__main__":
-    x, y = (float(part) for part in os.environ["SIMMER_DROP_ZONE"].split(","))
     random = np.random.default_rng(0)
-    with Robot() as robot:
-        delivered = Mission(Pilot(robot, random), random).run((x, y))
+    try:
+        with Robot() as robot:
+            drop_zone = robot.mission().drop_zone  # in, in: what a program may know of its mission
+            delivered = Mission(Pilot(robot, random), random).run(drop_zone)
+    except (NoMissionError, RobotUnreachableError) as error:
+        sys.exit(f"step7: {error}")
     print("delivered" if delivered else "failed")
     sys.exit(0 if delivered else 1)

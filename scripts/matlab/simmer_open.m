@@ -10,7 +10,8 @@ function robot = simmer_open(host, port, reply_port)
 %   robot('byte_order') = 'little' afterwards. robot('timeout') is in seconds.
 %
 %   Needs MATLAB R2021a, or Octave with the instrument-control package.
-%   See also SIMMER_READ, SIMMER_DRIVE, SIMMER_SEND, SIMMER_MAZE, SIMMER_CLOSE, WANDER.
+%   See also SIMMER_READ, SIMMER_DRIVE, SIMMER_SEND, SIMMER_MAZE, SIMMER_MISSION,
+%   SIMMER_CLOSE, WANDER.
 
 if exist('OCTAVE_VERSION', 'builtin')
     pkg('load', 'instrument-control');

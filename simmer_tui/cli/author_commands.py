@@ -1,9 +1,10 @@
 """The commands for authors of programs: `examples` copies samples to be changed, `env` prints the environment
-variables with which a program in an IDE finds a running simulator."""
+variables with which a program in an IDE finds a running simulator, and knows its mission."""
 
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import shlex
 import socket
@@ -34,6 +35,9 @@ from simmer_tui.sim.command import counted, shown_path
 # Loopback answers in less than a millisecond, another machine of the same network in a few.
 _LOOK = 0.5
 """Seconds within which a running simulator must answer."""
+# Paths have at most 4,096 bytes, and there are fewer than 20 variables.
+_LONGEST_ANSWER = 128 * 1024
+"""Longest answer of a simulator, bytes."""
 _FORMS: dict[str, Callable[[str, str], str]] = {
     "sh": lambda name, value: f"export {name}={shlex.quote(value)}",
     "powershell": lambda name, value: "$env:{} = '{}'".format(name, value.replace("'", "''")),
@@ -72,23 +76,65 @@ def _env_options(parser: OneLineParser) -> None:
         default="sh" if platform_has.POSIX else "powershell",
         help="as lines of a shell, or as an object for an IDE (default: powershell on Windows, else sh)",
     )
-    add_setting_options(parser, names=("server.host", "server.dialect_port", "server.serial_names"))
+    names = ("host", "belief_port", "dialect_port", "serial_names")
+    add_setting_options(parser, names=[f"server.{name}" for name in names])
 
 
 @subcommand("env", _env_options)
 def run_env(options: argparse.Namespace) -> int:
-    """Print the variables with which an IDE must start a Python program, so that its serial.Serial leads to
-    a simmer-tui that runs a set with a dialect. Give the same set and options."""
+    """Print the variables with which an IDE or another terminal must start a program: those of the run that
+    is live, with the facts of its mission. In a set with a dialect they make a Python program's serial.Serial
+    lead to the simulator; give the same set and options as to it."""
     configuration = load(find_set(options.config), overrides_from(options), devices=DeviceUse.PARSE)
-    variables = variables_of(configuration, os.environ)
+    live = live_variables(configuration, os.environ)
+    has_dialect = TEAM in configuration.settings.server.listeners
+    variables = variables_of(configuration, os.environ) if has_dialect or not live else {}
+    # The options of this command count, where both have a variable.
+    variables = _hooked(live | variables, os.environ)
     if options.form == _JSON:
         sys.stdout.write(json_text(variables))
     else:
         sys.stdout.writelines(f"{_FORMS[options.form](*each)}\n" for each in variables.items())
-    host, port = variables[HOST], int(variables[SERIAL.variable])
-    if not _answers(host, port):
-        sys.stderr.write(f"no simulator answers at {host}, port {port}: start simmer-tui with this set\n")
+    if has_dialect:
+        host, port = variables[HOST], int(variables[SERIAL.variable])
+        if not _answers(host, port):
+            text = f"no simulator answers at {host}, port {port}: start simmer-tui with this set"
+            sys.stderr.write(f"{text}\n")
     return ExitCode.DONE
+
+
+def live_variables(configuration: Configuration, environment: Mapping[str, str]) -> dict[str, str]:
+    """The variables of a program, by name, as the run that is live tells them on its port for beliefs.
+    Empty if nobody answers there, or another program than this simulator.
+
+    Args:
+        configuration: The set, with the host and the port.
+        environment: What is set here: its token counts.
+    """
+    from simmer_tui.links.belief_link import VARIABLES_QUESTION
+    from simmer_tui.live.server import TOKEN, reachable_host
+
+    server = configuration.settings.server
+    host, token = reachable_host(server.host), server.token or environment.get(TOKEN, "").strip()
+    try:
+        with socket.create_connection((host, server.belief_port), _LOOK) as connection:
+            first = f"{token}\n" if token else ""
+            connection.sendall(f"{first}{json.dumps(VARIABLES_QUESTION)}\n".encode())
+            with connection.makefile("rb") as lines:
+                told = json.loads(lines.readline(_LONGEST_ANSWER))["variables"]
+    except (OSError, ValueError, LookupError, TypeError):
+        return {}
+    if not isinstance(told, dict) or not all(isinstance(each, str) for each in told.values()):
+        return {}
+    return told | {HOST: host} | ({TOKEN: token} if token else {})
+
+
+def _hooked(variables: dict[str, str], environment: Mapping[str, str]) -> dict[str, str]:
+    """With the module path that leads a Python program's serial port to the simulator, if there is one."""
+    if SERIAL.variable not in variables or "PYTHONPATH" in variables:
+        return variables
+    before = {"PYTHONPATH": environment["PYTHONPATH"]} if environment.get("PYTHONPATH") else {}
+    return with_hook(variables | before)
 
 
 def variables_of(configuration: Configuration, environment: Mapping[str, str]) -> dict[str, str]:
@@ -105,7 +151,11 @@ def variables_of(configuration: Configuration, environment: Mapping[str, str]) -
 
     server = configuration.settings.server
     if TEAM not in server.listeners:
-        what = "it has no dialect.toml: its programs connect over TCP, and need no variables"
+        what = (
+            "it has no dialect.toml: its programs connect over TCP, and need no variables. A live run tells "
+            f"more, and none answers on {reachable_host(server.host)} port {server.belief_port} (beliefs): "
+            "start simmer-tui --mission"
+        )
         raise ConfigurationError([Problem(f"the set {configuration.name}", what)])
     if not server.dialect_port:
         what = "is any free one: name one, for the simulator as well"
@@ -116,8 +166,7 @@ def variables_of(configuration: Configuration, environment: Mapping[str, str]) -
     token = server.token or environment.get(TOKEN, "").strip()
     if token:
         variables[TOKEN] = token
-    before = {"PYTHONPATH": environment["PYTHONPATH"]} if environment.get("PYTHONPATH") else {}
-    return with_hook(variables | before)
+    return _hooked(variables, environment)
 
 
 def _answers(host: str, port: int) -> bool:

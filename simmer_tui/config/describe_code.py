@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 from simmer_tui.sim.angles import half_turn, side_name
 from simmer_tui.sim.columns import FIELD_OF_VIEW, CsvColumn
-from simmer_tui.sim.command import counted, escape_word
+from simmer_tui.sim.command import MISSION_QUERY, counted, escape_word
 from simmer_tui.sim.rules import did_you_mean
 from simmer_tui.sim.specs import DriveSpec, GripperSpec, SensorSpec, SimulationSpec, VelocitySpec
 from simmer_tui.sim.velocity_commands import WAIT, velocity_shape
@@ -28,6 +28,12 @@ def describe_code(spec: SimulationSpec, code: str) -> list[str]:
             return lines
     if code == WAIT:
         return [f"{WAIT}  wait: simulated time advances by S seconds", f"Give   {WAIT}-S, such as {WAIT}-0.5"]
+    if code == MISSION_QUERY:
+        what = "the facts of the mission: drop zone, time limit, gripper, loading zone; no time passes"
+        return [
+            f"{MISSION_QUERY}  {what}",
+            f"Give   {MISSION_QUERY} for all, or {MISSION_QUERY}-1 for the first",
+        ]
     codes = [known for known, _, _ in parts]
     hint = did_you_mean(code, codes) or f"; there are {' '.join(codes)}"
     return [f"{escape_word(code)}: no sensor or drive has that code{hint}"]

@@ -15,6 +15,7 @@ from typing import Protocol
 
 from msgspec import Struct
 
+from simmer_tui.links.protocol.mission_query import MissionQuery
 from simmer_tui.links.protocol.replies import ReplyForm
 from simmer_tui.robot.engine import Engine
 from simmer_tui.robot.sessions import Session
@@ -48,7 +49,7 @@ class Message(Struct, frozen=True):
 
 Answered = Callable[[Sequence[CommandResult], bytes | None], None]
 """Takes the results, one a command, and the bytes to pass on unchanged as the reply. Without bytes (None) the
-link writes the results in its own dialect."""
+link writes the results in its own dialect. A query is no command: it has bytes and no results."""
 
 
 class Backend(Protocol):
@@ -155,6 +156,8 @@ class BackendSwitch:
         """The real robot, if it is one whose language is the team's own."""
         self.program: Callable[[bytes], None] | None = None
         """Takes that robot's bytes for the program that has the serial port open."""
+        self.query: MissionQuery | None = None
+        """Answers queries for the facts of the mission. None if their code is one of the robot's."""
 
     def open_session(
         self, *, answer_at_end: bool = True, lane: str = "", budget: CommandBudget | None = None
@@ -185,7 +188,7 @@ class CommandBudget:
         self._again = 0.0
         self._commands = self._bytes = 0
         self.refused = 0
-        """Messages answered busy whose replies have not had their turn yet."""
+        """Messages answered busy, and queries, whose replies have not had their turn yet."""
 
     @property
     def has_room(self) -> bool:
@@ -228,7 +231,7 @@ class _Pending(Struct, eq=False):
     answered: Answered
     counted: Message | None = None
     refused: bool = False
-    """True if nothing of it was passed on."""
+    """True if nothing of it was passed on to the robot: it was answered busy, or is a query."""
     results: Sequence[CommandResult] | None = None
     data: bytes | None = None
 
@@ -254,9 +257,17 @@ class BackendSession:
         self._pending: deque[_Pending] = deque()
         self._handing_out = False
         """True if the next turn of the event loop continues to give answers."""
+        self._has_asked = False
+        """True if the newest message was a query."""
 
     def submit(self, message: Message, answered: Answered) -> None:
         """Queue a message; `answered` may be called before this returns."""
+        query = self._switch.query
+        reply = None if query is None else query.answer(message.commands, message.form)
+        self._has_asked = reply is not None
+        if reply is not None:
+            self._answer_query(reply, answered)
+            return
         backend = self._switch.backend
         if backend is not self._backends[-1]:
             if not self._pending:  # the previous backends have no answers left to give
@@ -278,6 +289,14 @@ class BackendSession:
         if self._budget is not None:
             self._budget.take(message)
             pending.counted = message
+
+    def _answer_query(self, reply: bytes, answered: Answered) -> None:
+        """Answer a query in its turn. No robot is asked, simulated or real."""
+        pending = _Pending(answered, refused=True)
+        self._pending.append(pending)
+        if self._budget is not None:
+            self._budget.refused += 1
+        self._answered(pending, (), reply)
 
     def _submit_urgent(self, message: Message, answered: Answered, budget: CommandBudget) -> None:
         """Pass on the stops of a message, and answer the rest busy, in its turn."""
@@ -309,7 +328,8 @@ class BackendSession:
 
     def append_late(self, data: bytes) -> None:
         """Late bytes that belong to the end of the previous message."""
-        self._backends[-1].append_late(data, self)
+        if not self._has_asked:
+            self._backends[-1].append_late(data, self)
 
     def cut_waits(self) -> None:
         """End the waits of this client: nobody will read its answers."""

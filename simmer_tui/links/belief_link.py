@@ -1,12 +1,13 @@
 """The port where programs report the pose they believe in: newline-delimited JSON, one belief a line.
 
-A line may also ask why a command was refused, and what its code represents. The answer goes back on the same
-connection.
+A line may also ask why a command was refused, and what its code represents, or for the variables of a program
+that somebody else starts. The answer goes back on the same connection.
 """
 
 from __future__ import annotations
 
 import socket
+from collections.abc import Callable, Mapping
 
 from simmer_tui.config.dialects import BELIEFS
 from simmer_tui.errors import UnknownSensorError
@@ -18,23 +19,29 @@ from simmer_tui.run.events import EventHandler
 from simmer_tui.sim.command import parse_command
 from simmer_tui.sim.records import REFUSALS, CommandResult
 
+VARIABLES_QUESTION = {"variables": True}
+"""The question for the variables of a program."""
+
 # A program asks right after a refusal; few other commands are refused in between.
 MOST_KEPT = 64
 """Refused commands whose reasons are kept, the newest."""
 
 
-class RefusalReasons(EventHandler[None]):
+class Questions(EventHandler[None]):
     """Answers `{"why": "d1-1e9"}` with this simulator's ports, the kind of the code, and the reason of the
-    refusal.
+    refusal, and `{"variables": true}` with the variables of a program, by name.
 
     The reason is that of the newest refusal of the command. For a lidar's code the answer also says that its
     reply is a scan. In the protocols NaN is the only sign of a refusal.
     """
 
-    def __init__(self, engine: Engine, ports: list[int]) -> None:
+    def __init__(
+        self, engine: Engine, ports: list[int], variables: Callable[[], Mapping[str, str]] = dict
+    ) -> None:
         """`ports` are this simulator's: a program that asks the wrong simulator notices it by them."""
         self._engine = engine
         self._ports = ports
+        self._variables = variables
         self._reasons: dict[str, str] = {}
         engine.watch(self.handle)
 
@@ -54,7 +61,7 @@ class RefusalReasons(EventHandler[None]):
     def answer(self, line: bytes) -> bytes | None:
         """The answer to a line, with its end; None if the line asks nothing."""
         # Nearly every line is a belief, and may be long: it is parsed only once.
-        if len(line) > 1024 or b'"why"' not in line:
+        if len(line) > 1024 or not (b'"why"' in line or b'"variables"' in line):
             return None
         import json  # few programs ask, and it takes time to load
 
@@ -62,6 +69,8 @@ class RefusalReasons(EventHandler[None]):
             question = json.loads(line)
         except (ValueError, RecursionError):
             return None
+        if question == VARIABLES_QUESTION:
+            return json.dumps({"variables": dict(self._variables())}).encode() + b"\n"
         if not isinstance(question, dict) or set(question) != {"why"} or not isinstance(question["why"], str):
             return None
         text = question["why"].strip()
@@ -153,7 +162,7 @@ class _BeliefPeer(Peer):
             self._take_lines()
 
     def _take(self, line: bytes) -> None:
-        answer = self._link.reasons.answer(line)
+        answer = self._link.questions.answer(line)
         if answer is not None:
             if not self.write(answer):  # it keeps asking, and never reads
                 self.abort()
@@ -189,7 +198,8 @@ class BeliefLink:
         self.whole = (0.0, 0.0, maze.width, maze.height)
         """Bounds of the maze, inches."""
         self.budget = ReadBudget(_TURN)
-        self.reasons = RefusalReasons(context.engine, [each.port for each in context.listeners.values()])
+        ports = [each.port for each in context.listeners.values()]
+        self.questions = Questions(context.engine, ports, context.variables)
         self._peers: dict[_BeliefPeer, None] = {}
         self._acceptor = context.accept(BELIEFS, self._welcome)
 
@@ -229,6 +239,6 @@ class BeliefLink:
     def close(self) -> None:
         """Stop listening and end all connections."""
         self._acceptor.close()
-        self.reasons.close()
+        self.questions.close()
         for peer in tuple(self._peers):
             peer.abort()

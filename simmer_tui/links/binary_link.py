@@ -160,11 +160,12 @@ class Client(Peer):
 
     def _answer(self, results: Sequence[CommandResult], data: bytes | None) -> None:
         self._waiting -= 1
-        self.commands += 1
+        self.commands += len(results)
         # As late as possible: the client may open its reply connection after its first command.
         if self.replies is None:
             self.replies = self._link.reply_route(self)
-        self._watch.answered(results[0], self.replies)
+        if results:
+            self._watch.answered(results[0], self.replies)
         if data is None:
             data = self._link.encoder.reply(results[0])
         if not self.replies.write(data):

@@ -44,6 +44,7 @@ class LinkContext(Struct, frozen=True):
     that has sent something, and `probe_left` in its place after a request of HTTP, as health checks send.
     `clock` is the program's, if that is in force. `dialect` is the team's own, and `terminal` a
     pseudo-terminal for its programs. With a `driver_lock` one program at a time drives, over all links.
+    `variables` returns those of a program, for a program that somebody else starts.
     """
 
     engine: Engine
@@ -59,6 +60,7 @@ class LinkContext(Struct, frozen=True):
     terminal: PtyDevice | None = None
     driver_lock: DriverLock | None = None
     probe_left: Callable[[], None] | None = None
+    variables: Callable[[], Mapping[str, str]] = dict
 
     def answers_at_end(self, *, in_packets: bool) -> bool:
         """True if a drive is answered when it has ended, not at once."""

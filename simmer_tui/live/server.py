@@ -33,13 +33,14 @@ from simmer_tui.links.link import Link, LinkContext, open_links, port_requests, 
 from simmer_tui.links.owners import OwnerLookup
 from simmer_tui.links.ports import Listener, PortRequest, take_port
 from simmer_tui.links.processes import ProcessLookup
+from simmer_tui.links.protocol.mission_query import MissionQuery
 from simmer_tui.links.pty_port import NOT_ON_WINDOWS, PtyDevice
 from simmer_tui.robot.engine import Engine
 from simmer_tui.robot.playback_throttle import checked_pace
 from simmer_tui.robot.program_clock import ProgramClock, ProgramClockLoop
 from simmer_tui.robot.sessions import LinkDelay
 from simmer_tui.run.events import Event, MissionEnd, Notice, NoticeKind
-from simmer_tui.sim.command import Command, escape
+from simmer_tui.sim.command import MISSION_QUERY, Command, escape
 from simmer_tui.sim.simulator import Simulator
 
 if TYPE_CHECKING:  # Modules that only some runs need are imported in those.
@@ -165,6 +166,7 @@ class Server:
         """The run in the folder of saved runs, if there is one."""
         self._simulated = SimulatorBackend(self.engine)
         self._backend = BackendSwitch(self._simulated)
+        self._backend.query = self._mission_query()
         self.robot: RealRobot | None = None
         """The connection to the real robot, if clients drive one. Other threads only read its properties."""
         self._robot_link = robot_link or _serial_link
@@ -256,7 +258,41 @@ class Server:
             return given
         from simmer_tui.run.mission import environment
 
-        return given | environment(self.referee.plan)
+        return given | environment(self.referee.plan, self._gripper)
+
+    @property
+    def told_variables(self) -> dict[str, str]:
+        """The variables that are told to those who ask (`simmer-tui env`): all but the token, which they have
+        if there is one, and the program's clock, which is only for programs of `--run`."""
+        return {name: text for name, text in self.environment.items() if name not in (TOKEN, CLOCK.variable)}
+
+    @property
+    def mission_told(self) -> str:
+        """The facts of the mission that a program may know, in a line."""
+        if self.referee is None:
+            return "no mission: end this run, and start simmer-tui --mission"
+        from simmer_tui.run.mission import environment
+
+        known = environment(self.referee.plan, self._gripper)
+        return ", ".join(f"{name} {text}" for name, text in known.items())
+
+    @property
+    def _gripper(self) -> str:
+        """The code of the robot's gripper, which a mission needs."""
+        gripper = self.configuration.simulation.gripper
+        assert gripper is not None, "a mission without a gripper is refused"
+        return gripper.code
+
+    def _mission_query(self) -> MissionQuery | None:
+        """The answers to queries for the mission's facts. None if the set's robot has their code itself."""
+        spec = self.configuration.simulation
+        if MISSION_QUERY in {row.code for row in (*spec.sensors, *spec.drive_rows, *spec.velocities)}:
+            return None
+        if self.referee is None:
+            return MissionQuery()
+        from simmer_tui.run.mission import facts
+
+        return MissionQuery(facts(self.referee.plan, self._gripper))
 
     @property
     def _listening(self) -> list[socket.socket]:
@@ -610,6 +646,7 @@ class Server:
             self.terminal,
             DriverLock(self.clock, self._processes) if SERIAL.purpose in self._listeners else None,
             probe_left=self._probe_left,
+            variables=lambda: self.told_variables,
         )
         self._links += open_links(context)
         if self.clock is not None:

@@ -39,7 +39,7 @@ from simmer_tui.sim.legs import Leg
 from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose
 
-__all__ = ["Cell", "MissionPlan", "MissionState", "Referee", "environment", "plan_run", "planned"]
+__all__ = ["Cell", "MissionPlan", "MissionState", "Referee", "environment", "facts", "plan_run", "planned"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -133,17 +133,39 @@ def planned(configuration: Configuration, plan: MissionPlan, seed: int) -> Confi
     )
 
 
-def environment(plan: MissionPlan) -> dict[str, str]:
+def environment(plan: MissionPlan, gripper: str) -> dict[str, str]:
     """Variables for a control program: `SIMMER_DROP_ZONE` (the middle of the cell, `30,18`),
-    `SIMMER_TIME_LIMIT` (simulated seconds) and, if mission.toml gives it, `SIMMER_START`
-    (`9.5,42.0,0.0`: x, y, heading)."""
+    `SIMMER_LOADING_ZONE` (the middles of its cells, `66,6;78,6`), `SIMMER_TIME_LIMIT` (simulated seconds),
+    `SIMMER_GRIPPER` (its code) and, if mission.toml gives it, `SIMMER_START` (`9.5,42.0,0.0`: x, y,
+    heading)."""
     known = {
-        "SIMMER_DROP_ZONE": f"{plan.drop_zone.x:g},{plan.drop_zone.y:g}",
+        "SIMMER_DROP_ZONE": _middle(plan.drop_zone),
+        "SIMMER_LOADING_ZONE": ";".join(map(_middle, plan.loading_zone)),
         "SIMMER_TIME_LIMIT": f"{plan.time_limit:g}",
+        "SIMMER_GRIPPER": gripper,
     }
     if plan.start_known:
         known["SIMMER_START"] = f"{plan.start.x!r},{plan.start.y!r},{plan.start.heading!r}"
     return known
+
+
+def _middle(cell: Cell) -> str:
+    return f"{cell.x:g},{cell.y:g}"
+
+
+def facts(plan: MissionPlan, gripper: str) -> tuple[float, ...]:
+    """The answer to a query (`protocol/mission_query.py`): the same as `environment`, as numbers.
+
+    Drop zone x and y, time limit, the two characters of the gripper's code as 256 * first + second, start x,
+    y and heading (NaN if the robot has to find them), and x and y of each cell of the loading zone.
+    """
+    start = plan.start
+    first, second = gripper.encode("latin-1", "replace")
+    return (
+        *(plan.drop_zone.x, plan.drop_zone.y, plan.time_limit, 256.0 * first + second),
+        *((start.x, start.y, start.heading) if plan.start_known else (math.nan,) * 3),
+        *(place for cell in plan.loading_zone for place in (cell.x, cell.y)),
+    )
 
 
 class Referee(EventHandler[bool]):

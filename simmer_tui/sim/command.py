@@ -15,6 +15,9 @@ NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 LARGEST_VALUE = 1e6
 """Greatest movement (times Gain) that one command may ask for, inches or degrees, and greatest speed, in/s or
 deg/s."""
+# No bundled or imported set has it: codes of robots begin with a letter. A set that has it keeps it.
+MISSION_QUERY = "?m"
+"""Code of the query for the facts of the mission."""
 PEOPLE = frozenset(("console", "keys"))
 """Sources of commands by people at the screen; all others are programs. Only programs send theirs over the
 link."""

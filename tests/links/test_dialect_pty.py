@@ -321,7 +321,7 @@ def test_the_variables_of_env_lead_a_program_to_a_running_simulator(
 
 def test_env_writes_for_each_shell(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     configuration(tmp_path)
-    words = ["env", "--config", str(tmp_path / "set"), "--serial-names", "COM6,COM8"]
+    words = ["env", "--config", str(tmp_path / "set"), "--serial-names", "COM6,COM8", "--belief-port", "1"]
     assert main([*words, "--form", "sh"]) == 0
     answer = capsys.readouterr()
     shell = f"{answer.out}\necho $SIMMER_SERIAL_NAMES $SIMMER_DIALECT_PORT"
@@ -334,7 +334,7 @@ def test_env_writes_for_each_shell(tmp_path: Path, capsys: pytest.CaptureFixture
 
 
 def test_env_of_a_set_without_a_dialect_says_so(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["env", "--config", "default"]) == 2
+    assert main(["env", "--config", "default", "--belief-port", "1"]) == 2
     assert "no dialect.toml" in capsys.readouterr().err
 
 

@@ -166,13 +166,15 @@ def test_a_set_without_a_mission_and_a_real_robot_are_refused(mission_set: Confi
 
 
 def test_a_program_is_told_the_drop_zone_and_a_start_that_is_given(exact_set: Configuration) -> None:
-    known = environment(Game(exact_set).plan)
+    known = environment(Game(exact_set).plan, "p1")
     assert known == {
         "SIMMER_DROP_ZONE": "18,42",
+        "SIMMER_LOADING_ZONE": "6,42;18,42;6,30;18,30",
         "SIMMER_TIME_LIMIT": "300",
+        "SIMMER_GRIPPER": "p1",
         "SIMMER_START": "18.0,30.0,180.0",
     }
-    assert "SIMMER_START" not in environment(Game(exact_set, heading=Heading.QUARTER).plan)
+    assert "SIMMER_START" not in environment(Game(exact_set, heading=Heading.QUARTER).plan, "p1")
 
 
 # -- refereeing ----------------------------------------------------------------------------------

@@ -46,6 +46,8 @@ class Operator:
         in the robot's thread."""
 
         def answered(results: Sequence[CommandResult], data: bytes | None) -> None:
+            if not results:  # a query, which is no command and makes no event
+                self.hint(self._server.mission_told)
             for result in results:
                 if refused is not None and result.reason and math.isnan(result.reply):
                     refused(f"{result.command.shown}: {result.reason}")
