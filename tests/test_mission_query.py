@@ -256,7 +256,8 @@ int main(void) {
     int i;
     if (simmer_open(&robot, NULL, 0, -1) != SIMMER_OK) { puts(robot.error); return 1; }
     if (simmer_get_mission(&robot, &known) != SIMMER_OK) { puts(robot.error); return 1; }
-    printf("%g,%g,%g,%s,%d", known.drop_x, known.drop_y, known.time_limit, known.gripper, isnan(known.start_x));
+    printf("%g,%g,%g,%s,", known.drop_x, known.drop_y, known.time_limit, known.gripper);
+    printf("%d", isnan(known.start_x) != 0);
     for (i = 0; i < known.cells; i++) printf(",%g,%g", known.loading_x[i], known.loading_y[i]);
     return 0;
 }

@@ -78,8 +78,9 @@ async def _session(configuration: Configuration, guide: SessionPlanner, log: Pat
     with RunLog(log, configuration, twin) as written:
         engine.watch(written)
         switch = BackendSwitch(SimulatorBackend(engine))
-        link = SerialLink(settings.serial.port, settings.serial.baud)
-        bridge = bridge_to(configuration, engine, link, settings.serial, switch)
+        serial = settings.serial
+        link = SerialLink(serial.port, serial.baud, moves_dtr=serial.dtr)
+        bridge = bridge_to(configuration, engine, link, serial, switch)
         switch.use(bridge)
         session = switch.open_session()
 

@@ -21,6 +21,7 @@ from simmer_tui.sim.rules import (
     FlagRule,
     IntegerRule,
     NamesRule,
+    NumberOrAutoRule,
     NumberOrOffRule,
     NumberRule,
     PairRule,
@@ -275,6 +276,13 @@ class LinkSettings(Struct, frozen=True, kw_only=True):
     jitter: Annotated[float, _number(0, 10, "largest random addition to it", "s")] = 0.0
 
 
+# A sketch on an Uno, Nano or Mega begins 1.5 to 2 s after its port was opened: the boot loader waits first.
+BOOT_TIME = 2.0
+"""Seconds that a board takes to start when its port is opened."""
+AUTO_BOOT = "auto"
+"""The time that fits the kind of the port: see the setting."""
+
+
 class SerialSettings(Struct, frozen=True, kw_only=True):
     """The port of a real robot, and the form of its messages."""
 
@@ -285,6 +293,20 @@ class SerialSettings(Struct, frozen=True, kw_only=True):
     timeout: Annotated[
         float, _number(0.01, 3600, "time after which a command without a reply is answered NaN", "s", _SERIAL)
     ] = 5.0
+    boot: Annotated[
+        str,
+        Setting(
+            NumberOrAutoRule(0, 60),
+            "time that commands wait after the port is opened, unless the board says something before; auto: "
+            f"{BOOT_TIME:g} for a USB adapter, else 0",
+            "s",
+            option=_SERIAL,
+        ),
+    ] = AUTO_BOOT
+    dtr: Annotated[
+        bool,
+        _flag("opening the port moves its line DTR, at which most boards start again", _SERIAL),
+    ] = True
     suffix: Annotated[str, _choice("none lf crlf", "line end added to commands that have none", _SERIAL)] = (
         "none"
     )

@@ -136,6 +136,8 @@ class DialectRobot(MonitoredRobot):
 
     def _advance(self) -> None:
         """Begin the next command, unless one is under way."""
+        if self._starting:
+            return
         while self._queue and self._asking is None:
             request = self._queue[0]
             problem = self._prepare(request)
@@ -180,7 +182,7 @@ class DialectRobot(MonitoredRobot):
     def _hindrance(self, command: Command) -> str:
         """The reason why no message can be sent for a command now; empty if one can."""
         if not self._open:
-            return f"{self.port} is closed"
+            return self.hindrance
         if self.switch.program is not None:
             return _TAKEN
         is_unsafe = command.source in PEOPLE and self._drives(command)
@@ -287,6 +289,8 @@ class DialectRobot(MonitoredRobot):
         if message is None:
             text = 'the robot cannot be stopped: no rule of the dialect is a plain stop (do = "stop")'
             self._tell(NoticeKind.FAULT, text)
+        elif self._starting:  # it goes instead of what the program has written, as in an open port
+            self._early[:] = message.data
         elif not self._open:
             self._tell(NoticeKind.FAULT, self.unsent_stop)
         else:

@@ -43,6 +43,9 @@ from simmer_tui.sim.records import REFUSALS, CommandResult
 # A stream at 240 Hz would fill the log and the screen.
 STREAM_READINGS = 0.1
 """Seconds between two readings of a stream that become events."""
+# A minute of a program that sends at 9600 baud.
+_MOST_EARLY = 64 * 1024
+"""Most bytes of a program that wait until the board has started."""
 
 
 class Twin(SimulatedHost):
@@ -99,6 +102,8 @@ class MonitoredRobot(RealRobot):
         self._reader = ReplyReader(rules, self._device.state)
         self._silence = LoopTimer(self._fell_silent, self._loop)
         self._lost_reported = False
+        self._early = bytearray()
+        """Bytes that the program has written while the board starts."""
         self._streamed = 0
         self._stream_reported = -math.inf
 
@@ -133,13 +138,20 @@ class MonitoredRobot(RealRobot):
             self._tell(NoticeKind.ROBOT, text)
 
     def wrote(self, data: bytes) -> None:
-        """A program has written bytes: they go to the robot unchanged."""
+        """A program has written bytes: they go to the robot unchanged, once its board has started."""
+        if self._starting and len(self._early) + len(data) <= _MOST_EARLY:
+            self._early += data
+            return
         if not self._open:
             if not self._lost_reported:
                 self._lost_reported = True
-                text = f"what the program writes is lost: {self.port} is closed"
+                text = f"what the program writes is lost: {self.hindrance}"
                 self._tell(NoticeKind.FAULT, text)
             return
+        self._pass_on(data)
+
+    def _pass_on(self, data: bytes) -> None:
+        """Send the program's bytes to the robot; the twin does the same."""
         self._twin.source = "client"
         self.link.write(data)
         self._note_sent(data)
@@ -157,10 +169,13 @@ class MonitoredRobot(RealRobot):
 
     # -- what the robot says --------------------------------------------------------------------------
 
-    def received(self, data: bytes) -> None:
-        """Bytes have come from the robot."""
+    def greeted(self, data: bytes) -> None:
+        """Pass a board's first words to the program, as its own port would."""
         if self.switch.program is not None:
             self.switch.program(data)
+
+    def replied(self, data: bytes) -> None:
+        self.greeted(data)
         for reply in self._reader.receive(data):
             self._note_received(reply)
         self._silence.set_in(SILENCE if self._reader.waits else None)
@@ -169,13 +184,16 @@ class MonitoredRobot(RealRobot):
         for reply in self._reader.silence():
             self._note_received(reply)
 
-    def opened(self) -> None:
-        super().opened()
+    def ready(self) -> None:
         self._lost_reported = False
+        early, self._early = bytes(self._early), bytearray()
+        if early:
+            self._pass_on(early)
         self._advance()
 
     def lost(self, reason: str) -> None:
         super().lost(reason)
+        self._early.clear()
         self._drop(reason)
 
     def _note_message(self, rule: MessageRule, values: Mapping[str, FieldValue]) -> None:

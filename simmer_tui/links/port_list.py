@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import os
 import socket
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -72,8 +73,25 @@ def _mark(info: Any) -> str:
     return ""
 
 
-def open_port(name: str, baud: int) -> Any:
+def is_usb(name: str) -> bool:
+    """True if a port belongs to a USB adapter, or to a board with its own USB. Most of these boards start
+    again when their port is opened. Ports of Bluetooth, pseudo-terminals and URLs do not do that."""
+    from serial.tools.list_ports import comports
+
+    if "://" in name:
+        return False
+    # A name of udev, such as /dev/serial/by-id/..., is a link; macOS has two names for each port.
+    device = os.path.realpath(name) if platform_has.POSIX else name
+    device = device.replace("/dev/tty.", "/dev/cu.").lower()
+    return any(info.vid is not None and str(info.device).lower() == device for info in comports())
+
+
+def open_port(name: str, baud: int, *, moves_dtr: bool = True) -> Any:
     """A pyserial port, opened for this program only.
+
+    Without `moves_dtr` the line DTR stays where it is, as far as the system allows. Windows leaves it low.
+    Linux and macOS raise it whenever a port is opened, so there it stays high when the port is closed: from
+    the second time on, opening it does not move it.
 
     Raises OSError, ValueError for an invalid URL or baud rate, and any other error that pyserial lets through
     (termios.error on Unix). `explain` puts it into words.
@@ -83,7 +101,24 @@ def open_port(name: str, baud: int) -> Any:
     if "://" in name:
         # Not every kind of URL can limit the time of a write.
         return serial.serial_for_url(name, baudrate=baud)
-    return serial.Serial(name, baud, write_timeout=WRITE_TIMEOUT, exclusive=True)
+    port = serial.Serial(None, baud, write_timeout=WRITE_TIMEOUT, exclusive=True)
+    port.port = name
+    if not (moves_dtr or platform_has.POSIX):
+        # RTS as well: boards with an ESP32 start again by either.
+        port.dtr = port.rts = False
+    port.open()
+    if not moves_dtr and platform_has.POSIX:
+        _keep_dtr(port.fileno())
+    return port
+
+
+def _keep_dtr(descriptor: int) -> None:
+    """Have a terminal's lines stay as they are when it is closed."""
+    import termios
+
+    attributes = termios.tcgetattr(descriptor)
+    attributes[2] &= ~termios.HUPCL
+    termios.tcsetattr(descriptor, termios.TCSANOW, attributes)
 
 
 def close_port(port: Any) -> None:

@@ -6,13 +6,24 @@ import asyncio
 from abc import abstractmethod
 from dataclasses import dataclass
 
-from simmer_tui.config.settings import SerialSettings
+from simmer_tui.config.settings import AUTO_BOOT, BOOT_TIME, SerialSettings
 from simmer_tui.links.backend import Backend
 from simmer_tui.links.serial_link import RobotLink
 from simmer_tui.robot.engine import Engine
+from simmer_tui.robot.sessions import LoopTimer
 from simmer_tui.run.events import ActionDone, ActionName, EventHandler, Notice, NoticeKind
-from simmer_tui.sim.command import Command
+from simmer_tui.sim.command import Command, escape
 from simmer_tui.sim.records import CommandResult
+
+# Judged: the pieces of a greeting come closer together, at 9600 baud and over USB too.
+_GREETED = 0.1
+"""Seconds of silence after its first words until a board that starts is taken to be ready."""
+# Noise on a line that is being opened is a byte or two, and seldom printable.
+_LEAST_WORDS = 2
+"""Printable characters that are words of a board."""
+# Several lines of a greeting: more is cut when it is shown.
+MOST_SAID = 1024
+"""Most bytes kept of a board that starts."""
 
 
 @dataclass(eq=False)
@@ -32,6 +43,13 @@ class RealRobot(EventHandler[None], Backend):
     def __post_init__(self) -> None:
         self._loop = asyncio.get_running_loop()
         self._open = False
+        """True if the port is open, and the board has had its time to start."""
+        self._starting = False
+        """True if the port is open and the board may still be starting."""
+        self._said = bytearray()
+        """Bytes that the board has sent since it starts."""
+        self._started = LoopTimer(self._board_started, self._loop)
+        self._greeted = LoopTimer(self._board_started, self._loop)
 
     def _begin_listening(self) -> None:
         """Open the port, and watch the twin."""
@@ -42,6 +60,7 @@ class RealRobot(EventHandler[None], Backend):
         """Release the port."""
         self.engine.unwatch(self.handle)
         self._open = False
+        self._end_start()
         self.link.close()
 
     @property
@@ -51,8 +70,13 @@ class RealRobot(EventHandler[None], Backend):
 
     @property
     def connected(self) -> bool:
-        """True if the port is open."""
+        """True if the port is open, and the board is not starting."""
         return self._open
+
+    @property
+    def hindrance(self) -> str:
+        """Reason why nothing can be sent to the robot now."""
+        return f"the board on {self.port} is starting" if self._starting else f"{self.port} is closed"
 
     @property
     def no_answer(self) -> str:
@@ -61,25 +85,69 @@ class RealRobot(EventHandler[None], Backend):
 
     @property
     def unsent_stop(self) -> str:
-        """Fault of a stop while the port is closed."""
-        return f"the stop cannot be sent: {self.port} is closed"
+        """Fault of a stop while the port is closed, or the board is starting."""
+        return f"the stop cannot be sent: {self.hindrance}"
 
     @abstractmethod
     def stop(self) -> None:
         """The emergency stop of a person."""
 
     @abstractmethod
+    def replied(self, data: bytes) -> None:
+        """Bytes have come from the robot, which is not starting."""
+
+    @abstractmethod
+    def ready(self) -> None:
+        """The port is open, and the board has had its time to start."""
+
+    def greeted(self, data: bytes) -> None:
+        """Bytes have come from a board that is starting: they are told, and are no reply."""
+
     def received(self, data: bytes) -> None:
         """Bytes have come from the robot."""
+        if not self._starting:
+            self.replied(data)
+            return
+        self.greeted(data)
+        self._said += data[: MOST_SAID - len(self._said)]
+        if sum(chr(each).isprintable() and each < 127 for each in self._said) >= _LEAST_WORDS:
+            self._greeted.set_in(_GREETED)
 
     def opened(self) -> None:
         """The port is open."""
+        boot = self.settings.boot
+        seconds = float(boot) if boot != AUTO_BOOT else BOOT_TIME * self.link.restarts_board
+        if not seconds:
+            self._tell(NoticeKind.ROBOT, f"robot: {self.port} is open")
+            self._set_open()
+            return
+        self._starting = True
+        text = f"robot: {self.port} is open; waiting {seconds:g} s for the board to start"
+        self._tell(NoticeKind.ROBOT, text)
+        self._started.set_in(seconds)
+
+    def _board_started(self) -> None:
+        self._end_start()
+        self._set_open()
+
+    def _end_start(self) -> None:
+        """End the wait for a board that starts; its words are told."""
+        self._starting = False
+        self._started.cancel()
+        self._greeted.cancel()
+        said, self._said = bytes(self._said), bytearray()
+        if said.strip():
+            shown = escape(said.strip().decode("latin-1"))
+            self._tell(NoticeKind.ROBOT, f"robot: the board said '{shown}' when it started")
+
+    def _set_open(self) -> None:
         self._open = True
-        self._tell(NoticeKind.ROBOT, f"robot: {self.port} is open")
+        self.ready()
 
     def lost(self, reason: str) -> None:
         """The port has closed, or cannot be opened."""
         self._open = False
+        self._end_start()
         self._tell(NoticeKind.FAULT, f"robot: {reason}; trying again")
 
     def refuse(self, command: Command) -> CommandResult:

@@ -196,7 +196,8 @@ class SerialBridge(RealRobot):
     def stop(self) -> None:
         """Send a person's emergency stop at once, or as soon as the port opens."""
         if not self._open:
-            self._tell(NoticeKind.FAULT, f"{self.unsent_stop}; it goes out as soon as that opens")
+            then = "has started" if self._starting else "opens"
+            self._tell(NoticeKind.FAULT, f"{self.unsent_stop}; it goes out as soon as that {then}")
         self._send_stop(_Exchange(self._stop_text(self._last), (), self._last.form, is_stop=True))
 
     def _send_stop(self, stop: _Exchange) -> None:
@@ -359,8 +360,7 @@ class SerialBridge(RealRobot):
 
     # -- what the robot says ----------------------------------------------------------------------
 
-    def received(self, data: bytes) -> None:
-        """Bytes have come from the robot."""
+    def replied(self, data: bytes) -> None:
         self._take(self._framer.receive(data))
 
     def _take(self, reply: bytes | None) -> None:
@@ -442,11 +442,9 @@ class SerialBridge(RealRobot):
 
     # -- faults -----------------------------------------------------------------------------------
 
-    def opened(self) -> None:
-        """The port is open."""
+    def ready(self) -> None:
         self._moving_until = -math.inf  # the robot's earlier commands are not known
         self._framer.doubt()
-        super().opened()
         self._due = math.inf
         self._advance()
 
@@ -477,6 +475,9 @@ class SerialBridge(RealRobot):
                 unanswered = [replace(each, status=Status.UNANSWERED) for each in late.simulated]
                 self._tell_velocity(late, unanswered)
             self._take(self._await_next())
+            return
+        if self._starting:  # it is not closed, and its board has a time limit of its own
+            self._set_deadline()
             return
         # The port has been closed for a whole time limit.
         given_up, self._waiting = self._waiting, deque()

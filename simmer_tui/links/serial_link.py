@@ -16,7 +16,7 @@ from typing import Any, Protocol
 
 from simmer_tui import platform_has
 from simmer_tui.config.settings import USUAL_BAUD
-from simmer_tui.links.port_list import close_port, explain, open_port
+from simmer_tui.links.port_list import close_port, explain, is_usb, open_port
 from simmer_tui.links.serial_channel import SerialChannel, channel_for
 from simmer_tui.robot.sessions import LoopTimer
 
@@ -37,6 +37,10 @@ class RobotLink(Protocol):
 
     name: str
     """Name of the port, as the user gave it."""
+
+    @property
+    def restarts_board(self) -> bool:
+        """True if opening the port probably has the board start again; known when it is open."""
 
     def start(self, listener: LinkListener) -> None:
         """Open the port, and open it again whenever it is lost. Call once, in a running loop."""
@@ -63,9 +67,14 @@ class BackOff:
 class SerialLink:
     """A serial port, or a URL that pyserial opens (`socket://`, `rfc2217://`, `loop://`)."""
 
-    def __init__(self, port: str, baud: int = USUAL_BAUD, back_off: BackOff | None = None) -> None:
+    def __init__(
+        self, port: str, baud: int = USUAL_BAUD, back_off: BackOff | None = None, *, moves_dtr: bool = True
+    ) -> None:
+        """`moves_dtr`: see `open_port`."""
         self.name = port
+        self.restarts_board = False
         self._baud = baud
+        self._moves_dtr = moves_dtr
         self._back_off = back_off or BackOff()
         self._delay = self._back_off.first
         self._listener: LinkListener | None = None
@@ -101,7 +110,9 @@ class SerialLink:
         port: Any = None
         reason = ""
         try:
-            port = open_port(self.name, self._baud)
+            # Without DTR a board does not start again on Windows; elsewhere it may, the first time.
+            self.restarts_board = is_usb(self.name) and (self._moves_dtr or platform_has.POSIX)
+            port = open_port(self.name, self._baud, moves_dtr=self._moves_dtr)
         except Exception as error:  # noqa: BLE001 - pyserial lets through whatever its drivers raise
             reason = explain(error, self.name)
         try:
@@ -159,6 +170,11 @@ class RecordedLink:
         self._file = platform_has.expanded(path).open("w", encoding="utf-8", buffering=1)
         self._file.write(json.dumps({"baud": baud}) + "\n")
         self._listener: LinkListener
+
+    @property
+    def restarts_board(self) -> bool:
+        """As for the link that is recorded."""
+        return self._link.restarts_board
 
     def start(self, listener: LinkListener) -> None:
         self._listener = listener

@@ -693,7 +693,7 @@ def link_delay(link: LinkSettings, seed: int) -> LinkDelay | None:
 def _serial_link(serial: SerialSettings) -> RobotLink:
     from simmer_tui.links.serial_link import SerialLink
 
-    return SerialLink(serial.port, serial.baud)
+    return SerialLink(serial.port, serial.baud, moves_dtr=serial.dtr)
 
 
 async def _settle() -> None:

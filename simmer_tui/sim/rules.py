@@ -216,6 +216,37 @@ class PortOrOffRule(Rule[str], frozen=True):
         return accepted if accepted is _REFUSED else str(accepted)
 
 
+class NumberOrAutoRule(Rule[str], frozen=True):
+    """A number from `low` to `high`, or auto; the value is a text."""
+
+    low: float
+    high: float
+    metavar: ClassVar[str] = "N|auto"
+
+    @property
+    def allowed(self) -> str:
+        return f"{self._number.allowed}, or auto"
+
+    @property
+    def schema(self) -> dict[str, Any]:
+        return {"anyOf": [self._number.schema, {"enum": ["auto"]}]}
+
+    @property
+    def _number(self) -> NumberRule:
+        return NumberRule(self.low, self.high)
+
+    def _parsed(self, text: str) -> object:
+        return "auto" if text.strip().lower() == "auto" else self._number._parsed(text)
+
+    def _accepted(self, value: object) -> Any:
+        if isinstance(value, str):
+            value = self._parsed(value)
+        if value == "auto":
+            return "auto"
+        accepted = self._number._accepted(value)
+        return accepted if accepted is _REFUSED else f"{accepted:g}"
+
+
 class IntegerRule(Rule[int], frozen=True):
     """A whole number from `low` to `high`; `meaning` describes it in words."""
 

@@ -84,6 +84,8 @@ class MemoryEnd(OtherEnd):
 class MemoryLink:
     """The near end of a `MemoryEnd`."""
 
+    restarts_board = False
+
     def __init__(self, end: MemoryEnd) -> None:
         self._end = end
 

@@ -32,6 +32,7 @@ from simmer_tui.run.events import (
     MovementEnded,
     MovementPlanned,
     Notice,
+    NoticeKind,
     TwinReading,
     VelocityEnded,
     WireMessage,
@@ -382,6 +383,24 @@ def test_what_a_program_writes_to_a_closed_port_is_told_once(
     scene.wait_until(lambda: any("closed COM6" in text for text in scene.told))
     assert sum("what the program writes is lost" in text for text in scene.told) == 1
     assert not scene.of(MovementEnded)
+
+
+def test_what_a_program_writes_while_the_board_starts_is_sent_when_it_has_started(
+    stage: Callable[..., Scene], program: Callable[[Scene], Any]
+) -> None:
+    scene = stage(serial__boot=60)  # longer than this test may take
+    port = program(scene)
+    assert scene.server.robot is not None
+    scene.server.call(scene.server.robot.wrote, b"f 3\n")
+    scene.server.tell_at_once(Notice(NoticeKind.HINT, "it has been written"))
+    assert bytes(scene.robot.bytes) == b""
+    scene.robot.say(b"Ready\r\n")
+    assert port.readline() == b"Ready\r\n"
+    assert port.readline() == b"ok\r\n"
+    scene.wait_until(lambda: bool(scene.of(MovementEnded)))
+    assert bytes(scene.robot.bytes).startswith(b"f 3\n")
+    assert "robot: the board said 'Ready' when it started" in scene.told
+    assert not any("lost" in text or "no message" in text for text in scene.told)
 
 
 def test_another_rate_of_the_program_is_told(

@@ -46,9 +46,9 @@ def test_missing_port_is_told_of_once_and_tried_again(
     opened: list[str] = []
     tries: list[str] = []
 
-    def count(name: str, baud: int) -> Any:
+    def count(name: str, baud: int, **options: bool) -> Any:
         tries.append(name)
-        return open_port(name, baud)
+        return open_port(name, baud, **options)
 
     monkeypatch.setattr(serial_link, "open_port", count)
 
@@ -70,8 +70,8 @@ def test_stop_goes_ahead_of_what_a_stalled_port_has_not_taken(
 ) -> None:
     writing: list[bytes] = []
 
-    def watched(name: str, baud: int) -> Any:
-        port = open_port(name, baud)
+    def watched(name: str, baud: int, **options: bool) -> Any:
+        port = open_port(name, baud, **options)
         write = port.write
 
         def note(data: bytes) -> Any:

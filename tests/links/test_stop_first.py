@@ -29,6 +29,7 @@ class MuteRobot:
     """A way to a robot that takes everything and answers nothing, unless told to."""
 
     name = "robot"
+    restarts_board = False
 
     def __init__(self) -> None:
         self.heard: list[bytes] = []
