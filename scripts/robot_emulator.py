@@ -9,7 +9,7 @@ With `--port COM7` it uses an existing port, with `--tcp 5000` it serves `--seri
 The robot in it is a small simulation of its own. It is the default set's, which answers at once, or with
 `--config SET` that of a set, with the durations of its drives, sensors and link. Give it a set with hidden
 values, and `simmer-tui calibrate` can estimate them. `--slip`, `--stale`, `--weaken` and `--shortfall` are
-faults that no set can describe.
+faults that no set can describe. With `--boot 2` it starts again whenever its port is opened, as an Uno does.
 """
 
 from __future__ import annotations
@@ -44,6 +44,7 @@ from simmer_tui.sim.sensors import CountingSensor, sensor_of
 from simmer_tui.sim.specs import CELL_SIZE, DriveSpec
 
 GRACE = 0.005  # s of silence after which bytes without an end are a command
+LOOK = 0.01  # s between two looks whether a program has opened the port; a board takes far longer to start
 WHEEL_RADIUS = 3.0  # in, from the robot's centre to its wheels, as in the default set
 LONGEST = 256  # bytes of a command; a real microcontroller has even less memory
 GREETING = b"\xf8\x00SimMeR robot, firmware 1.0\r\nready\r\n"
@@ -236,6 +237,46 @@ class PtyWire:
             data = data[os.write(self._master, data) :]
 
 
+class RestartingPtyWire(PtyWire):
+    """A pty whose board starts again whenever it is opened, as by the line DTR. It is deaf for `boot`
+    seconds, and then sends its greeting."""
+
+    def __init__(self, boot: float, greeting: bytes) -> None:
+        super().__init__()
+        os.close(self._slave)  # while it is open, another opening cannot be seen
+        self._boot, self._greeting = boot, greeting
+        self._is_open = False
+
+    def read(self, timeout: float | None) -> bytes:
+        until = math.inf if timeout is None else time.monotonic() + timeout
+        while time.monotonic() < until:
+            if not self._look():
+                time.sleep(LOOK)
+            elif select.select([self._master], [], [], LOOK)[0]:
+                with contextlib.suppress(OSError):  # it has been closed
+                    return os.read(self._master, 4096)
+        return b""
+
+    def _look(self) -> bool:
+        """True if a program has the port open. A board that has just been opened starts first."""
+        poll = select.poll()
+        poll.register(self._master, select.POLLIN)
+        before, self._is_open = self._is_open, not any(how & select.POLLHUP for _, how in poll.poll(0))
+        if self._is_open and not before:
+            self._start()
+        return self._is_open
+
+    def _start(self) -> None:
+        ready = time.monotonic() + self._boot
+        while (left := ready - time.monotonic()) > 0:
+            if select.select([self._master], [], [], left)[0]:
+                try:
+                    os.read(self._master, 4096)  # lost
+                except OSError:  # it has been closed
+                    time.sleep(min(left, LOOK))
+        self.write(self._greeting)
+
+
 class SerialWire:
     """An existing serial port, or a URL that pyserial opens."""
 
@@ -312,6 +353,13 @@ def parse(arguments: Sequence[str] | None) -> argparse.Namespace:
         "--loss", type=_fraction, default=0.0, metavar="P", help="fraction of bytes lost, 0 to 1"
     )
     parser.add_argument("--boot-noise", action="store_true", help="send a greeting before the first reply")
+    parser.add_argument(
+        "--boot",
+        type=_not_negative,
+        metavar="S",
+        help="start again whenever the port that is made is opened: deaf for S seconds, then, with "
+        "--boot-noise, greet",
+    )
     parser.add_argument("--constant", type=float, metavar="X", help="what every sensor reads")
     parser.add_argument("--seed", type=int, default=0, help="of the robot's errors and of lost bytes")
     parser.add_argument(
@@ -377,6 +425,8 @@ def _fraction(text: str) -> float:
 
 def opened(options: argparse.Namespace) -> tuple[Wire, str]:
     """The wire of the options, and its name at the other end."""
+    if options.boot is not None and (options.tcp is not None or options.port is not None):
+        raise ValueError("--boot is for the port that is made: leave out --tcp and --port")
     if options.tcp is not None:
         tcp = TcpWire(options.tcp)
         return tcp, f"socket://127.0.0.1:{tcp.port}"
@@ -384,7 +434,8 @@ def opened(options: argparse.Namespace) -> tuple[Wire, str]:
         return SerialWire(options.port, options.baud), options.port
     if sys.platform == "win32":
         raise OSError("Windows has no ports that can be made; use --port or --tcp")
-    pty = PtyWire()
+    greeting = GREETING if options.boot_noise else b""
+    pty = PtyWire() if options.boot is None else RestartingPtyWire(options.boot, greeting)
     return pty, pty.name
 
 
@@ -412,7 +463,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 1
     print(name, flush=True)
     lost = random.Random(options.seed)
-    greeting = GREETING if options.boot_noise else b""
+    greeting = GREETING if options.boot_noise and options.boot is None else b""
     with contextlib.suppress(KeyboardInterrupt):
         for reply in replies(robot, wire):
             takes = options.latency

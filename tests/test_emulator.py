@@ -117,6 +117,22 @@ def test_emulator_loses_bytes_and_greets_repeatably(emulate: Emulate) -> None:
 
 @pytest.mark.slow
 @unix_only
+@pytest.mark.parametrize("greets", [False, True])
+def test_a_board_that_starts_again_at_each_opening_loses_no_command(emulate: Emulate, greets: bool) -> None:
+    """Deaf for a second after each opening, which the second program causes too."""
+    # It starts when it sees the opening: a busy machine may need a while for that.
+    boot = ("--serial-boot", "60" if greets else "4")
+    port = emulate("--boot", "1", *(["--boot-noise"] if greets else []))
+    for _ in range(2):
+        done = simmer("--serial", port, *boot, "--serial-timeout", "20", program=wander(2))
+        told = done.stdout + done.stderr
+        assert done.returncode == 0, told
+        assert f"waiting {boot[1]} s for the board to start" in told
+        assert ("robot: the board said " in told) is greets
+        assert "no answer" not in told
+
+
+@unix_only
 def test_emulator_is_the_robot_of_a_set(emulate: Emulate, tmp_path: Path) -> None:
     """Its readings, distances and durations are as the set says."""
     init_set(tmp_path, bundled_folder())

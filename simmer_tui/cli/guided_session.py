@@ -101,7 +101,7 @@ async def _session(configuration: Configuration, guide: SessionPlanner, log: Pat
         with Live(console=console, refresh_per_second=4) as live:
 
             def show(what: str) -> None:
-                link = bridge.port if bridge.connected else f"{bridge.port} is closed; trying again"
+                link = bridge.port if bridge.connected else bridge.hindrance
                 live.update(progress_picture(guide, what, link, console.height))
 
             try:

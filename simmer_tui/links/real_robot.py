@@ -15,8 +15,9 @@ from simmer_tui.run.events import ActionDone, ActionName, EventHandler, Notice, 
 from simmer_tui.sim.command import Command, escape
 from simmer_tui.sim.records import CommandResult
 
-# Judged: the pieces of a greeting come closer together, at 9600 baud and over USB too.
-_GREETED = 0.1
+# Judged: the pieces of a greeting come closer together. After its messages the boot loader of an ESP32 takes
+# less to begin the sketch.
+_GREETED = 0.25
 """Seconds of silence after its first words until a board that starts is taken to be ready."""
 # Noise on a line that is being opened is a byte or two, and seldom printable.
 _LEAST_WORDS = 2
