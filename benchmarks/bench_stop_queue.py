@@ -37,6 +37,7 @@ class Watch:
     """A link to a robot that answers nothing, with the measured times."""
 
     name = "mute"
+    restarts_board = False
 
     def __init__(self) -> None:
         self.refused = 0

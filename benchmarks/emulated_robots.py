@@ -105,6 +105,7 @@ class FunctionLink:
     works."""
 
     name = "emulated"
+    restarts_board = False
 
     def __init__(self, robot: Robot) -> None:
         self.robot = robot
