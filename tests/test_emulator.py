@@ -132,6 +132,7 @@ def test_a_board_that_starts_again_at_each_opening_loses_no_command(emulate: Emu
         assert "no answer" not in told
 
 
+@pytest.mark.slow
 @unix_only
 def test_emulator_is_the_robot_of_a_set(emulate: Emulate, tmp_path: Path) -> None:
     """Its readings, distances and durations are as the set says."""
