@@ -6,8 +6,7 @@ The protocol is lines of text, with times in nanoseconds. A process sends
 - `S UNTIL SENT` when it sleeps and has sent `SENT` bytes to the robot,
 - `W UNTIL SENT` when it waits for a reply (`inf` without an end),
 - `F` when it waits for another process, `G` when that wait is over,
-- `X TEXT` when it does something that this clock cannot follow,
-- `E TEXT` when it ends because nothing will happen any more.
+- `X TEXT` when it ends because it does something that this clock cannot follow.
 
 S, W and G are answered with the time and the count of all bytes sent to programs, or with `never`.
 """
@@ -22,13 +21,14 @@ from simmer_tui.links.link import LinkContext
 from simmer_tui.links.peer import MOST_WAITING, PIECE, Peer, ReadBudget
 from simmer_tui.robot.program_clock import ProgramClock, ProgramWait
 from simmer_tui.run.events import Event, MissionEvent, Notice, NoticeKind, Result
-from simmer_tui.sim.command import escape_passage
 
 CLOCK = DialectPort("clock", "clock_port", 0, "")
 """The port of the clock: any free one. The program gets its number in its environment."""
 _NOT_REACHED = (
     "the program's clock does not reach this program: it is not Python, or was started with -I, -E or -S"
 )
+NOT_FOLLOWED = ", which the program's clock cannot follow"
+"""The words of the program after the name of what it did."""
 # Bytes. Enough for `W 0.123456789012345678` and for a text with a path.
 _LONGEST_LINE = 2000
 
@@ -71,10 +71,9 @@ class _Process(Peer):
         elif kind == "G":
             self.wait.away = False
             self._wake(clock.time())
-        elif kind in ("X", "E"):
-            if kind == "X":
-                clock.unfit = clock.unfit or rest.partition(". The program's clock")[0]
-            self._link.engine.tell_fault(escape_passage(rest))
+        elif kind == "X":
+            # The program has written it itself, on its own output.
+            clock.unfit = clock.unfit or rest.partition(NOT_FOLLOWED)[0]
 
     def _wake(self, now: float) -> None:
         self.write(f"{round(now * 1e9)} {self._link.clock.written}\n".encode())

@@ -7,18 +7,19 @@ on, and nothing of the package. `links/clock_link.py` is the other end and descr
 from __future__ import annotations
 
 import builtins
-import contextlib
 import functools
 import math
 import os
 import select
 import socket
-import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
-from typing import Any, NoReturn
+
+TYPE_CHECKING = False  # the module typing would cost every start some milliseconds
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from typing import Any, NoReturn
 
 # A loop that waits by reading the clock must end soon: 400,000 reads are two seconds.
 _LOOK = 5_000
@@ -43,18 +44,44 @@ _REAL_TIME, _REAL_PAUSE = time.monotonic, time.sleep
 """The system's functions, before they are replaced."""
 _PORT = "SIMMER_CLOCK_PORT"
 """The variable with the port of the clock."""
-_HINT = "The program's clock cannot follow that: use --clock real"
-_REFUSED: dict[str, tuple[str, ...]] = {
-    "asyncio.base_events": ("BaseEventLoop.run_forever", "BaseEventLoop.run_until_complete"),
-    "tkinter": ("Misc.mainloop", "Misc.after", "mainloop"),
-    "pygame.time": ("wait", "delay", "set_timer", "Clock"),
-    "matplotlib.pyplot": ("pause",),
-    "PyQt5.QtCore": ("QTimer",),
-    "PyQt6.QtCore": ("QTimer",),
-    "PySide2.QtCore": ("QTimer",),
-    "PySide6.QtCore": ("QTimer",),
+_REAL = "Or use --clock real"
+_IN_A_LOOP = "Call it yourself in a loop with time.sleep, which is followed"
+REFUSED: dict[str, dict[str, str]] = {
+    "tkinter": dict.fromkeys(
+        ("Misc.mainloop", "Misc.after", "Misc.wait_window", "Misc.wait_variable", "mainloop"),
+        "Call update() of the window in a loop with time.sleep, which are followed",
+    ),
+    "pygame.time": {"set_timer": "pygame.time.Clock().tick(50) in a loop is followed"},
+    "matplotlib.backend_bases": {
+        "TimerBase.start": "For FuncAnimation draw in a loop with plt.pause(0.1), which is followed"
+    },
+    "asyncio.base_events": dict.fromkeys(
+        ("BaseEventLoop.subprocess_exec", "BaseEventLoop.subprocess_shell"),
+        "The module subprocess is followed",
+    ),
+    "uvloop": dict.fromkeys(("new_event_loop", "run", "Loop"), "The loop of asyncio itself is followed"),
+    **dict.fromkeys(
+        ("PyQt5.QtCore", "PyQt6.QtCore", "PySide2.QtCore", "PySide6.QtCore"),
+        dict.fromkeys(("QTimer", "QThread"), _IN_A_LOOP),
+    ),
 }
-"""Functions that wait by a clock of their own, by module. docs/driving.md lists them."""
+"""Functions that wait by a clock of their own, by module, and what can be done instead."""
+_PATCHED = (
+    *REFUSED,
+    "matplotlib.pyplot",
+    "pygame.event",
+    "asyncio.selector_events",
+    "asyncio.windows_events",
+)
+"""Modules that `simmer_toolkits.py` changes."""
+
+
+# A person wonders why nothing happens, and a plan of a path is made by then.
+NAMED_AFTER = 1.5
+"""Real seconds after which a wait or a computation that nothing ends is named."""
+
+if TYPE_CHECKING:
+    Ready = tuple[list[Any], list[Any], list[Any]]
 
 
 class ProgramTime:
@@ -75,6 +102,11 @@ class ProgramTime:
         self._thread = threading.get_ident()
         self.sent = self.received = 0
         """Counts of bytes to the robot, and from it."""
+        self.loop_selector: Any = None
+        """Makes a selector for a loop of asyncio."""
+        self.is_away = False
+        """True during a wait for another process, which goes by the real clock."""
+        self._away_since = 0.0
         self._told = 0
         """The bytes to the robot that the simulator has answered, as far as it does at once."""
         self._written = 0
@@ -88,9 +120,16 @@ class ProgramTime:
         if os.getpid() != self._pid:  # after a fork: two processes would share one connection
             self.__init__()  # type: ignore[misc]
 
+    @property
+    def is_own_thread(self) -> bool:
+        """True in the thread that this clock follows."""
+        return threading.get_ident() == self._thread
+
     def look(self) -> int:
         """The time, nanoseconds. Each call adds a little time, so that a loop of calls comes to its end."""
         self.check_thread("looks at the clock")
+        if self.is_away:
+            return self._now + self._debt + round((_REAL_TIME() - self._away_since) * 1e9)
         self._debt += _LOOK
         return self._now + self._debt
 
@@ -123,38 +162,43 @@ class ProgramTime:
         """True if a wait until that time is over."""
         return self._now + self._debt >= until
 
-    def wait(self, until: float) -> None:
-        """Wait for a reply until a time, nanoseconds; the simulator may wake us earlier, to check for one."""
+    def wait(self, until: float) -> bool:
+        """Wait for a reply until a time, nanoseconds; the simulator may wake us earlier, to check for one.
+        False if nothing will ever come."""
         if self._debt:
             self.sleep(0.0)
-        else:
-            self._ask("W", str(until))
+            return True
+        return self._ask("W", str(until))
 
     def away(self, call: Callable[[], Any]) -> Any:
         """Call a function that waits for another process."""
         self._say("F\n")
+        self.is_away, self._away_since = True, _REAL_TIME()
         try:
             return call()
         finally:
+            self.is_away = False
             self._say("G\n")
             self._hear()
 
-    def tell(self, text: str, *, follows: bool) -> None:
-        """Have the simulator report why the program ends; False if it does what this clock cannot follow."""
-        line = "{} {}\n".format("E" if follows else "X", text.replace("\n", " "))
+    def report(self, text: str) -> None:
+        """Report to the simulator what this clock cannot follow."""
+        line = "X {}\n".format(text.replace("\n", " "))
         if threading.get_ident() == self._thread:
             self._say(line)
             return
         # The main thread may be in the middle of a line.
-        with contextlib.suppress(OSError):
+        try:
             other = socket.create_connection(self._sock.getpeername()[:2], 10.0)
             self._real_send(other, (_token_line() + line).encode())
             other.close()
+        except OSError:
+            pass  # the simulator has ended
 
-    def _ask(self, kind: str, until: str) -> None:
+    def _ask(self, kind: str, until: str) -> bool:
         self._debt, self._told = 0, self.sent
         self._say(f"{kind} {until} {self.sent}\n")
-        self._hear()
+        return self._hear()
 
     def _say(self, text: str) -> None:
         try:
@@ -162,7 +206,8 @@ class ProgramTime:
         except OSError:
             _gone()
 
-    def _hear(self) -> None:
+    def _hear(self) -> bool:
+        """Wait for the simulator's answer. False if nothing will ever come."""
         while b"\n" not in self._buffer:
             try:
                 piece = self._real_recv(self._sock, 4096)
@@ -173,14 +218,10 @@ class ProgramTime:
             self._buffer += piece
         line, _, self._buffer = self._buffer.partition(b"\n")
         if line == b"never":
-            last = getattr(sys.modules.get("simmer_serial"), "last_written", str)()
-            wrote = f"; it wrote {last!r} last" if last else ""
-            refuse(
-                f"the program waits for a reply that never comes{wrote}",
-                "Nothing more will happen in this run",
-            )
+            return False
         now, _, written = line.partition(b" ")
         self._now, self._written = int(now), int(written)
+        return True
 
     @property
     def timeout(self) -> float:
@@ -210,9 +251,32 @@ def _gone() -> NoReturn:
 
 def _end(code: int) -> NoReturn:
     for stream in (sys.stdout, sys.stderr):
-        with contextlib.suppress(OSError, ValueError):
-            stream.flush()
+        _write(stream, "")
     os._exit(code)
+
+
+def tell(text: str) -> None:
+    """Write a line where the program's errors go."""
+    _write(sys.stderr, text + "\n")
+
+
+def _write(stream: Any, text: str) -> None:
+    """Write to a stream, if there is one and it is open."""
+    try:
+        stream.write(text)
+        stream.flush()
+    except (OSError, ValueError, AttributeError):
+        return
+
+
+_SAID: set[str] = set()
+
+
+def said_once(text: str) -> None:
+    """Tell the person once what the program's clock does with the program's call."""
+    if text not in _SAID:
+        _SAID.add(text)
+        tell(f"{place()}: by the program's clock {text}")
 
 
 def place() -> str:
@@ -232,12 +296,22 @@ def place() -> str:
     return first or "?"
 
 
-def refuse(what: str, hint: str = _HINT) -> NoReturn:
+def refuse(what: str, advice: str = "") -> NoReturn:
     """End the program: it does what this clock cannot follow."""
-    text = f"{place()}: {what}. {hint}"
-    sys.stderr.write(text + "\n")
+    advice = f"{advice}. {_REAL}" if advice else "Use --clock real"
+    text = f"{place()}: {what}, which the program's clock cannot follow. {advice}"
+    tell(text)
     if PROGRAM_CLOCK:
-        PROGRAM_CLOCK[0].tell(text, follows=hint != _HINT)
+        PROGRAM_CLOCK[0].report(text)
+    _end(2)
+
+
+def refuse_waiting() -> NoReturn:
+    """End the program: it waits, and nothing will ever happen."""
+    last = getattr(sys.modules.get("simmer_serial"), "last_written", str)()
+    wrote = f"; it wrote {last!r} last" if last else ""
+    end = "Nothing more will happen in this run"
+    tell(f"{place()}: the program waits for a reply that never comes{wrote}. {end}")
     _end(2)
 
 
@@ -259,8 +333,10 @@ def install() -> None:
     # Only a program has this folder on its path.
     from simmer_imports import patch_when_imported  # type: ignore[import-not-found]
 
-    patch_when_imported(dict.fromkeys(_REFUSED, _patch))
-    for name in _REFUSED:
+    patch_when_imported({**dict.fromkeys(_PATCHED, _patch), "subprocess": _patch_subprocess})
+    if "subprocess" in sys.modules:
+        _patch_subprocess(sys.modules["subprocess"])
+    for name in _PATCHED:
         if name in sys.modules:
             _patch(sys.modules[name])
 
@@ -272,6 +348,9 @@ def _replace_clocks(clock: ProgramTime) -> None:
         """Sleep by the program's clock."""
         if (not isinstance(seconds, (int, float)) and not hasattr(seconds, "__index__")) or seconds < 0:
             real_sleep(seconds)  # the original has the right error message
+            return
+        if clock.is_away:
+            real_sleep(seconds)
             return
         clock.check_thread("sleeps")
         clock.sleep(float(seconds))
@@ -306,6 +385,21 @@ def _is_ours(sock: Any, ports: tuple[int, ...]) -> bool:
         return False
 
 
+def _is_connected(sock: Any) -> bool:
+    """False for a socket, or a socket's descriptor, whose connection is still being made."""
+    try:
+        borrowed = socket.socket(fileno=sock if isinstance(sock, int) else sock.fileno())
+    except (OSError, AttributeError, ValueError):
+        return True  # no socket
+    try:
+        borrowed.getpeername()
+    except OSError:
+        return False
+    finally:
+        borrowed.detach()
+    return True
+
+
 def _replace_sockets(clock: ProgramTime) -> None:
     # Those of all dialects (`DialectPort.variable`), as far as they are served.
     names = {name for name in os.environ if name.startswith("SIMMER_") and name.endswith("PORT")}
@@ -313,30 +407,48 @@ def _replace_sockets(clock: ProgramTime) -> None:
     kind: Any = socket.socket
     real_select = select.select
 
-    def look(readers: Any, writers: Any, others: Any) -> tuple[list[Any], list[Any], list[Any]]:
+    def look(readers: Any, writers: Any, others: Any, *, robot: bool) -> Ready:
         """Descriptors that are ready now, after waiting for bytes from the robot that are on their way."""
         clock.answered()
-        found: tuple[list[Any], list[Any], list[Any]] = real_select(readers, writers, others, clock.timeout)
-        if clock.timeout and not any(found):
+        on_its_way = clock.timeout if robot else 0.0
+        if not on_its_way and any(not _is_connected(each) for each in writers):
+            on_its_way = _IN_FLIGHT
+        found: Ready = real_select(readers, writers, others, on_its_way)
+        if robot and clock.timeout and not any(found):
             clock.give_up_missing()
         return found
 
     def await_any(
-        readers: Any, writers: Any, others: Any, timeout: float | None
-    ) -> tuple[list[Any], list[Any], list[Any]]:
-        """Descriptors that are ready within a time by the program's clock."""
+        readers: Any, writers: Any, others: Any, timeout: float | None, *, polls: bool = True, inner: Any = ()
+    ) -> Ready:
+        """Descriptors that are ready within a time by the program's clock. Nothing outside the program writes
+        to the `inner` ones. A look without a wait costs time if the caller `polls`."""
         until = clock.end_of(timeout)
+        robot = any(_is_ours(each, ports) for each in readers)
         while True:
-            found = look(readers, writers, others)
+            found = look(readers, writers, others, robot=robot)
             if any(found):
                 return found
-            clock.check_thread("talks to the robot")
+            clock.check_thread("waits")
             if timeout == 0:
+                if not (polls and robot):
+                    return found
                 clock.sleep(EMPTY_POLL)
                 return real_select(readers, writers, others, 0)
             if clock.is_over(until):
                 return found
-            clock.wait(until)
+            if not clock.wait(until):
+                if not writers and all(each in inner or _is_ours(each, ports) for each in readers):
+                    refuse_waiting()
+                return await_outside(readers, writers, others)
+
+    def await_outside(readers: Any, writers: Any, others: Any) -> Ready:
+        """Descriptors that are ready: only what is outside of the simulation can still write to them."""
+        found: Ready = real_select(readers, writers, others, NAMED_AFTER)
+        if any(found):
+            return found
+        said_once("this waits for something outside of the simulation: no simulated time passes")
+        return real_select(readers, writers, others, None)
 
     def await_data(sock: Any) -> None:
         """Wait as a blocking socket does."""
@@ -366,7 +478,7 @@ def _replace_sockets(clock: ProgramTime) -> None:
             if not _is_ours(sock, ports):
                 return real(sock, *arguments, **named)
             await_data(sock)
-            if clock.timeout and any(look([sock], [], [])):
+            if clock.timeout and any(look([sock], [], [], robot=True)):
                 gather(sock)
             result = real(sock, *arguments, **named)
             piece = result[0] if isinstance(result, tuple) else result
@@ -397,49 +509,45 @@ def _replace_sockets(clock: ProgramTime) -> None:
     for name in ("send", "sendall"):
         setattr(kind, name, sending(name))
 
-    def chosen(
-        readers: Any, writers: Any, others: Any, timeout: float | None = None
-    ) -> tuple[list[Any], list[Any], list[Any]]:
-        """Do as select.select, by the program's clock if one of the sockets is connected to the simulator."""
-        readers = list(readers)
-        if any(_is_ours(each, ports) for each in readers):
-            return await_any(readers, writers, others, timeout)
-        return real_select(readers, writers, others, timeout)
+    def chosen(readers: Any, writers: Any, others: Any, timeout: float | None = None, **how: Any) -> Ready:
+        """Do as select.select, by the program's clock."""
+        if clock.is_away:
+            return real_select(readers, writers, others, timeout)
+        return await_any(list(readers), list(writers), others, timeout, **how)
 
-    select.select = chosen
+    select.select = functools.wraps(real_select)(chosen)
     import selectors
 
     # Only this kind of selector uses select.select.
     module: Any = selectors
-    module.SelectSelector._select = staticmethod(chosen)
-    module.DefaultSelector = module.SelectSelector
+    simple = module.SelectSelector
+    simple._select = staticmethod(chosen)
+    for name in ("DefaultSelector", "PollSelector", "EpollSelector", "KqueueSelector", "DevpollSelector"):
+        if hasattr(module, name):
+            setattr(module, name, simple)
+    for name in ("poll", "epoll", "kqueue", "devpoll"):
+        if hasattr(select, name):
+            setattr(select, name, functools.partial(_refuse_select, name))
+
+    class LoopSelector(simple):  # type: ignore[misc, valid-type]
+        """Waits for a loop of asyncio."""
+
+        inner: Any = ()
+
+        def _select(self, r: Any, w: Any, x: Any, timeout: float | None = None) -> Ready:
+            return chosen(r, w, x, timeout, polls=False, inner=self.inner)
+
+    clock.loop_selector = LoopSelector
+
+
+def _refuse_select(name: str, *arguments: Any, **named: Any) -> NoReturn:
+    refuse(f"select.{name} waits by a clock of its own", "select.select and selectors are followed")
 
 
 def _replace_waits(clock: ProgramTime) -> None:
     """Waits for other processes take no time by themselves; waits for other threads are no sleep."""
-
-    def foreign(owner: Any, name: str) -> None:
-        real = getattr(owner, name, None)
-        if real is None:
-            return
-
-        @functools.wraps(real)
-        def wait(*arguments: Any, **named: Any) -> Any:
-            if threading.get_ident() != clock._thread or waiting:
-                return real(*arguments, **named)
-            waiting.append(True)
-            try:
-                return clock.away(functools.partial(real, *arguments, **named))
-            finally:
-                waiting.clear()
-
-        setattr(owner, name, wait)
-
-    waiting: list[bool] = []
-    for name in ("wait", "communicate"):
-        foreign(subprocess.Popen, name)
     for name in ("waitpid", "wait", "system", "waitid"):
-        foreign(os, name)
+        _wait_away(clock, os, name)
     real_wait = threading.Condition.wait
 
     @functools.wraps(real_wait)
@@ -454,19 +562,29 @@ def _replace_waits(clock: ProgramTime) -> None:
     condition_type.wait = wait
 
 
+def _wait_away(clock: ProgramTime, owner: Any, name: str) -> None:
+    """Have a function that waits for another process take no simulated time."""
+    real = getattr(owner, name, None)
+    if real is None:
+        return
+
+    @functools.wraps(real)
+    def wait(*arguments: Any, **named: Any) -> Any:
+        if clock.is_away or not clock.is_own_thread:
+            return real(*arguments, **named)
+        return clock.away(functools.partial(real, *arguments, **named))
+
+    setattr(owner, name, wait)
+
+
+def _patch_subprocess(module: Any) -> None:
+    for name in ("wait", "communicate"):
+        _wait_away(PROGRAM_CLOCK[0], module.Popen, name)
+
+
 def _patch(module: Any) -> None:
-    """Replace the functions of a module that wait by a clock of their own: they are refused."""
-    for dotted in _REFUSED[module.__name__]:
-        owner: Any = module
-        *path, name = dotted.split(".")
-        for part in path:
-            owner = getattr(owner, part, None)
-        if getattr(owner, name, None) is not None:
-            setattr(owner, name, _refusing("{} of {}".format(dotted, module.__name__.partition(".")[0])))
+    """Change a toolkit that the program has imported."""
+    # Only a program has this folder on its path. Imported by programs with a toolkit alone.
+    from simmer_toolkits import patch  # type: ignore[import-not-found]
 
-
-def _refusing(what: str) -> Callable[..., NoReturn]:
-    def refused(*arguments: object, **named: object) -> NoReturn:
-        refuse(f"{what} waits by a clock of its own")
-
-    return refused
+    patch(module)

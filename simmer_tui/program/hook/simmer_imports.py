@@ -6,11 +6,13 @@ on, and nothing of the package.
 
 from __future__ import annotations
 
-import importlib.abc
 import importlib.machinery
 import sys
-from collections.abc import Callable, Mapping
-from typing import Any
+
+TYPE_CHECKING = False  # the module typing would cost every start some milliseconds
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+    from typing import Any
 
 
 def patch_when_imported(patches: Mapping[str, Callable[[Any], None]]) -> None:
@@ -18,7 +20,8 @@ def patch_when_imported(patches: Mapping[str, Callable[[Any], None]]) -> None:
     sys.meta_path.insert(0, _Finder(patches))
 
 
-class _Loader(importlib.abc.Loader):
+# Not of the classes of importlib.abc, whose import takes time.
+class _Loader:
     """Loads a module as usual, and then patches it."""
 
     def __init__(self, loader: Any, patch: Callable[[Any], None]) -> None:
@@ -36,7 +39,7 @@ class _Loader(importlib.abc.Loader):
         return getattr(self._loader, name)
 
 
-class _Finder(importlib.abc.MetaPathFinder):
+class _Finder:
     """Finds the modules that are to be patched, with the other finders."""
 
     def __init__(self, patches: Mapping[str, Callable[[Any], None]]) -> None:
@@ -48,5 +51,5 @@ class _Finder(importlib.abc.MetaPathFinder):
             return None
         spec = importlib.machinery.PathFinder.find_spec(name, path, target)
         if spec is not None and spec.loader is not None:
-            spec.loader = _Loader(spec.loader, patch)
+            spec.loader = _Loader(spec.loader, patch)  # type: ignore[assignment]
         return spec
