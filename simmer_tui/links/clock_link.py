@@ -2,13 +2,17 @@
 
 The protocol is lines of text, with times in nanoseconds. A process sends
 
-- `H` when it begins,
-- `S UNTIL SENT` when it sleeps and has sent `SENT` bytes to the robot,
-- `W UNTIL SENT` when it waits for a reply (`inf` without an end),
-- `F` when it waits for another process, `G` when that wait is over,
+- `H PID TOKEN` when it begins; `PARENT.NUMBER` is the token that its parent gave it,
+- `S UNTIL SENT [again]` when it sleeps and has sent `SENT` bytes to the robot,
+- `W UNTIL SENT [again] [outside]` when it waits for a reply or for another process (`inf` without an end),
+- `F` when it waits for another process that may have no clock, `G` when that wait is over,
+- `B TOKEN` when it has started a process, `N TOKEN` when that has no clock,
+- `Z PID` when it has seen the end of a process that has left,
 - `X TEXT` when it ends because it does something that this clock cannot follow.
 
-S, W and G are answered with the time and the count of all bytes sent to programs, or with `never`.
+`again` and `outside` are those of `ProgramClock.wait`. S, W and G are answered with the time and `PORT=COUNT` for
+the ports to which bytes were sent meanwhile, or with `never`. B is answered with `joined` once that process has
+begun, N with `none`. `left PID` tells a parent that a process has left.
 """
 
 from __future__ import annotations
@@ -18,7 +22,7 @@ import socket
 
 from simmer_tui.config.dialects import DialectPort
 from simmer_tui.links.link import LinkContext
-from simmer_tui.links.peer import MOST_WAITING, PIECE, Peer, ReadBudget
+from simmer_tui.links.peer import MOST_CONNECTIONS, PIECE, Peer, ReadBudget
 from simmer_tui.robot.program_clock import ProgramClock, ProgramWait
 from simmer_tui.run.events import Event, MissionEvent, Notice, NoticeKind, Result
 
@@ -42,6 +46,11 @@ class _Process(Peer):
         super().__init__(sock, peer, link.budget)
         self._link = link
         self._buffer = b""
+        self._told: dict[int, int] = {}
+        self.pid = 0
+        """Its process ID."""
+        self.ended: set[int] = set()
+        """Its processes that have left the clock."""
         self.wait = ProgramWait(self._wake, self._stuck)
 
     def data_received(self, data: bytes) -> None:
@@ -56,7 +65,7 @@ class _Process(Peer):
         clock = self._link.clock
         kind, _, rest = line.partition(" ")
         if kind == "H":
-            clock.join(self.wait)
+            self._join(rest)
         elif kind in ("S", "W"):
             try:
                 until, sent = float(rest.split()[0]) / 1e9, int(rest.split()[1])
@@ -65,18 +74,38 @@ class _Process(Peer):
             if not until >= 0:
                 self.abort()
                 return
-            clock.wait(self.wait, until, listens=kind == "W", sent=sent)
+            clock.wait(
+                self.wait,
+                until,
+                listens=kind == "W",
+                sent=sent,
+                again="again" in rest,
+                outside="outside" in rest,
+            )
         elif kind == "F":
             self.wait.away = True
         elif kind == "G":
             self.wait.away = False
-            self._wake(clock.time())
+            clock.wait(self.wait, clock.now, listens=False, sent=self.wait.sent)
+        elif kind in ("B", "N"):
+            self._link.await_child(self, rest, has_clock=kind == "B")
+        elif kind == "Z" and rest.isdecimal():
+            clock.unconfirmed.discard(int(rest))
         elif kind == "X":
             # The program has written it itself, on its own output.
             clock.unfit = clock.unfit or rest.partition(NOT_FOLLOWED)[0]
 
+    def _join(self, rest: str) -> None:
+        pid, _, token = rest.partition(" ")
+        self.pid = int(pid) if pid.isdecimal() else 0
+        self._link.clock.join(self.wait)
+        self._link.join(self, token)
+
     def _wake(self, now: float) -> None:
-        self.write(f"{round(now * 1e9)} {self._link.clock.written}\n".encode())
+        written = self._link.clock.written
+        told = [f" {port}={count}" for port, count in written.items() if self._told.get(port) != count]
+        self._told = dict(written)
+        self.write(f"{round(now * 1e9)}{''.join(told)}\n".encode())
 
     def _stuck(self) -> None:
         self.wait.until, self.wait.listens = None, False
@@ -99,6 +128,8 @@ class ClockLink:
         self.budget = ReadBudget(PIECE, counted=False)
         self.engine = context.engine
         self._processes: set[_Process] = set()
+        self._joined: set[str] = set()
+        self._awaited: dict[str, _Process] = {}
         self._acceptor = context.accept(CLOCK, self._welcome)
         context.engine.watch(self._watch)
 
@@ -123,6 +154,31 @@ class ClockLink:
         """Remove a process that has ended."""
         self._processes.discard(process)
         self.clock.leave(process.wait)
+        self.clock.unconfirmed -= process.ended
+        parent = next((each for each in self._processes if each.wait is process.wait.parent), None)
+        if parent is not None and not parent.wait.away:
+            parent.ended.add(process.pid)
+            self.clock.unconfirmed.add(process.pid)
+            parent.write(f"left {process.pid}\n".encode())
+        self.clock.note()
+
+    def join(self, process: _Process, token: str) -> None:
+        """Take note of a process that has begun, by the token that its parent gave it."""
+        parent = token.partition(".")[0]
+        process.wait.parent = next((each.wait for each in self._processes if str(each.pid) == parent), None)
+        self._joined.add(token)
+        if (waiting := self._awaited.pop(token, None)) is not None:
+            waiting.write(b"joined\n")
+
+    def await_child(self, process: _Process, token: str, *, has_clock: bool) -> None:
+        """Answer a process once the process that it has started has begun, or at once if that has no clock."""
+        if not has_clock:
+            if self._awaited.pop(token, None) is not None:
+                process.write(b"none\n")
+        elif token in self._joined:
+            process.write(b"joined\n")
+        else:
+            self._awaited[token] = process
 
     def close(self) -> None:
         """End all connections."""
@@ -131,7 +187,7 @@ class ClockLink:
             process.close()
 
     def _welcome(self, sock: socket.socket, peer: str) -> None:
-        if len(self._processes) >= MOST_WAITING:
+        if len(self._processes) >= MOST_CONNECTIONS:
             self._acceptor.refuse(sock, peer)
             return
         process = _Process(sock, peer, self)

@@ -12,7 +12,7 @@ from simmer_tui.config.dialects import PACKET_REPLIES
 from simmer_tui.errors import reason_of
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.packet_presence import Presence
-from simmer_tui.links.peer import MOST_CONNECTIONS, Peer, ReadBudget, host_of
+from simmer_tui.links.peer import MOST_CONNECTIONS, Peer, ReadBudget, host_of, port_of
 from simmer_tui.links.protocol.packets import Mailbox, Reply
 from simmer_tui.robot.program_clock import clock_of
 from simmer_tui.robot.sessions import LoopTimer
@@ -159,7 +159,7 @@ class ReplyPort:
                 with contextlib.suppress(BlockingIOError):
                     sent = read.sock.send(rest)
                     if self._clock is not None:
-                        self._clock.written += sent
+                        self._clock.count_written(port_of(read.peer), sent)
                     rest = rest[sent:]
         except OSError as error:
             self._tell_fault(f"client {read.peer} broke off on the reply port: {reason_of(error)}")

@@ -29,16 +29,22 @@ _Ready = list[tuple[selectors.SelectorKey, int]]
 class ProgramWait(Struct, eq=False):
     """A process of the program. `wake` lets it continue, and is given the time.
 
-    It waits until the time `until`, or computes (None). With `listens` it waits for a reply too. With `away`
-    it waits for another process, which takes no time by itself.
+    It waits until the time `until`, or computes (None). With `listens` it waits for a reply too, or for what
+    another process does, and `looks` once something has happened. `outside` is true if something outside of
+    the simulation may end its wait. With `away` it waits for a process, `parent` of which it is, that may
+    have no clock: no time passes but that of its own descendants.
     """
 
     wake: Callable[[float], None]
     stuck: Callable[[], None]
     until: float | None = None
     listens: bool = False
+    looks: bool = False
+    outside: bool = False
     away: bool = False
     sent: int = 0
+    since: int = 0
+    parent: ProgramWait | None = None
 
 
 class ProgramClock:
@@ -57,16 +63,20 @@ class ProgramClock:
         self.frozen = False
         """True once time must not move: the mission has failed, and the program is about to be ended."""
         # On several processors bytes of one connection may arrive after later bytes of another.
-        self.received = self.written = 0
-        """Counts of bytes that came from the program, and that were sent to it."""
+        self.received = 0
+        """The count of bytes that came from the program."""
+        self.written: dict[int, int] = {}
+        """The counts of bytes that were sent to the program, by the ports of its ends."""
+        self.unconfirmed: set[int] = set()
+        """Processes that have left the clock, until another has seen their end: only then can all the others
+        see it too."""
         self.unfit = ""
         """Calls of the program that this clock cannot follow; empty if there are none."""
         self.settle_output: Callable[[], bool] | None = None
         """Waits until what the program has printed has got its time; False if that takes too long."""
         self._sent = 0
+        self._waits = 0
         self._processes: dict[ProgramWait, None] = {}
-        self._news = False
-        """True if something has happened since a process last looked whether its reply is there."""
         self._real_since: float | None = None
 
     # -- what the program says ---------------------------------------------------------------------
@@ -80,9 +90,26 @@ class ProgramClock:
         """Remove a process that has ended."""
         self._processes.pop(process, None)
 
-    def wait(self, process: ProgramWait, until: float, *, listens: bool, sent: int) -> None:
-        """Take note that a process waits until a time, or for a reply, and how many bytes it has sent."""
-        process.until, process.listens = max(until, self.now), listens
+    def wait(
+        self,
+        process: ProgramWait,
+        until: float,
+        *,
+        listens: bool,
+        sent: int,
+        again: bool = False,
+        outside: bool = False,
+    ) -> None:
+        """Take note that a process waits until a time, or for a reply, and how many bytes it has sent.
+
+        It waits `again` if it has only looked, and done nothing that another process may wait for.
+        """
+        process.until, process.listens, process.outside = max(until, self.now), listens, outside
+        if not again:
+            self._waits += 1
+            process.since = self._waits
+            for each in self._processes:
+                each.looks = each.looks or each is not process
         self._sent += sent - process.sent
         process.sent = sent
 
@@ -116,7 +143,12 @@ class ProgramClock:
 
     def note(self) -> None:
         """Take note of an event that may have brought a reply."""
-        self._news = True
+        for each in self._processes:
+            each.looks = True
+
+    def count_written(self, port: int, count: int) -> None:
+        """Count bytes that were sent to a port of the program."""
+        self.written[port] = self.written.get(port, 0) + count
 
     def advance(self, timer: float) -> bool:
         """Move time to `timer`, the loop's next timer, or let the program continue. False if only the program
@@ -128,38 +160,43 @@ class ProgramClock:
         if self.frozen or not waiting:
             return False
         self._settle_output()
-        listening = [each for each in waiting if each.listens]
-        if self._news and listening:
-            self._news = False
-            # All of them wake: only they know whose reply it is.
-            self._wake(listening)
-            return False
         until = min(_end_of(each) for each in waiting)
-        if min(until, timer) == math.inf:
-            for each in waiting:
-                each.stuck()
-            return False
-        self.now = max(self.now, min(timer, until))
-        if timer <= until:
-            self._news = True
-            return True
-        self._wake([each for each in waiting if _end_of(each) <= self.now + _HAIR])
+        # Only the processes know whose reply it is.
+        if not any(each.looks and each.listens for each in waiting):
+            if min(until, timer) == math.inf:
+                max(waiting, key=lambda each: each.outside).stuck()
+                return False
+            self.now = max(self.now, min(timer, until))
+            if timer <= until:
+                self.note()
+                return True
+        self._wake_one(waiting)
         return False
 
     def _waiting(self) -> list[ProgramWait]:
-        """The processes that do not wait for another one; none while one of them computes."""
-        present = [each for each in self._processes if not each.away]
-        return [] if any(each.until is None for each in present) else present
+        """The processes that do not wait for the end of another one; none while one of them computes, or ends."""
+        parents = [each.parent for each in self._processes]
+        # What it waits for has no clock, or none yet: as if it computed.
+        present = [each for each in self._processes if not (each.away and each in parents)]
+        if self.unconfirmed or any(each.until is None for each in present):
+            return []
+        return present
 
     def _settle_output(self) -> None:
         """Have everything printed so far get this time. The attempt that takes too long is the last."""
         if self.settle_output is not None and not self.settle_output():
             self.settle_output = None
 
-    def _wake(self, processes: list[ProgramWait]) -> None:
-        for each in processes:
-            each.until, each.listens = None, False
-            each.wake(self.now)
+    def _wake_one(self, waiting: list[ProgramWait]) -> None:
+        """Let one process continue: the one whose time came first, and of those the one that waits longest."""
+        ready = [
+            (min(_end_of(each), self.now), each.since, each)
+            for each in waiting
+            if (each.looks and each.listens) or _end_of(each) <= self.now + _HAIR
+        ]
+        process = min(ready, key=lambda each: each[:2])[2]
+        process.until, process.listens, process.looks = None, False, False
+        process.wake(self.now)
 
 
 def _end_of(process: ProgramWait) -> float:

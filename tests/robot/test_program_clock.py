@@ -259,6 +259,7 @@ def test_who_waits_for_a_reply_looks_first_and_for_ever_is_told() -> None:
 def test_a_process_that_waits_for_another_does_not_hold_time() -> None:
     clock = ProgramClock()
     parent, child = Process(clock), Process(clock)
+    child.wait.parent = parent.wait
     parent.wait.away = True
     clock.wait(child.wait, 2.0, listens=False, sent=0)
     assert not clock.advance(math.inf)

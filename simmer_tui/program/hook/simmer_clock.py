@@ -40,10 +40,11 @@ _IN_FLIGHT = 0.2
 # The system's buffer of an unread connection is larger, and no program asks for more at once.
 _GATHERED = 65536
 """Bytes on a connection that a read waits for at most."""
-_REAL_TIME, _REAL_PAUSE = time.monotonic, time.sleep
+_REAL_TIME, _REAL_PAUSE, _REAL_SELECT = time.monotonic, time.sleep, select.select
 """The system's functions, before they are replaced."""
 _PORT = "SIMMER_CLOCK_PORT"
 """The variable with the port of the clock."""
+_OVER = "Nothing more will happen in this run"
 _REAL = "Or use --clock real"
 _IN_A_LOOP = "Call it yourself in a loop with time.sleep, which is followed"
 REFUSED: dict[str, dict[str, str]] = {
@@ -59,6 +60,11 @@ REFUSED: dict[str, dict[str, str]] = {
         ("BaseEventLoop.subprocess_exec", "BaseEventLoop.subprocess_shell"),
         "The module subprocess is followed",
     ),
+    "multiprocessing.managers": dict.fromkeys(
+        ("BaseManager.start", "BaseManager.connect", "BaseManager.get_server"),
+        "Queue, Pipe, Value and Lock of multiprocessing are followed",
+    ),
+    "multiprocessing.popen_spawn_win32": {"Popen": "Threads are followed"},
     "uvloop": dict.fromkeys(("new_event_loop", "run", "Loop"), "The loop of asyncio itself is followed"),
     **dict.fromkeys(
         ("PyQt5.QtCore", "PyQt6.QtCore", "PySide2.QtCore", "PySide6.QtCore"),
@@ -85,109 +91,177 @@ if TYPE_CHECKING:
 
 
 class ProgramTime:
-    """The connection to the simulator's clock. Only for the main thread."""
+    """The connection to the simulator's clock. Only for the thread whose turn it is."""
 
     def __init__(self) -> None:
+        # Only a program has this folder on its path.
+        from simmer_processes import Processes  # type: ignore[import-not-found]
+        from simmer_turns import Turns  # type: ignore[import-not-found]
+
         self._real_recv = socket.socket.recv
         self._real_send = socket.socket.sendall
+        # Whole nanoseconds: sums of floats would depend on how often the simulator has woken us.
+        self._now = 0
+        self._debt = 0
+        self.received: dict[int, int] = {}
+        """Counts of bytes from the robot that were received, by our ports."""
+        self._written: dict[int, int] = {}
+        """Counts of those that it has sent."""
+        self.acted = True
+        """True if since the last wait this process has done something that another may wait for."""
+        self.is_away = False
+        """True during a wait for another process, which goes by the real clock."""
+        self._away_since = 0.0
+        self.is_moving = False
+        """True while the simulator is asked."""
+        self.count = 0
+        """The count of questions to the simulator."""
+        self.loop_selector: Any = None
+        """Makes a selector for a loop of asyncio."""
+        self.turns: Any = Turns(self)
+        self.processes: Any = Processes(self)
+        self._connect(self.processes.token)
+
+    def _connect(self, token: str) -> None:
         host = os.environ.get("SIMMER_HOST", "127.0.0.1")
         self._sock = socket.create_connection((host, int(os.environ[_PORT])), 10.0)
         self._sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._sock.settimeout(None)
         self._buffer = b""
-        # Whole nanoseconds: sums of floats would depend on how often the simulator has woken us.
-        self._now = 0
-        self._debt = 0
-        self._pid = os.getpid()
-        self._thread = threading.get_ident()
-        self.sent = self.received = 0
-        """Counts of bytes to the robot, and from it."""
-        self.loop_selector: Any = None
-        """Makes a selector for a loop of asyncio."""
-        self.is_away = False
-        """True during a wait for another process, which goes by the real clock."""
-        self._away_since = 0.0
+        self.sent = 0
+        """The count of bytes to the robot."""
         self._told = 0
         """The bytes to the robot that the simulator has answered, as far as it does at once."""
-        self._written = 0
-        self._say(_token_line() + "H\n")
-        self.sleep(0.0)
+        self.say(f"{_token_line()}H {os.getpid()} {token}\n")
+        self._ask("S", self.here)
 
-    def check_thread(self, what: str) -> None:
-        """Refuse a second thread."""
-        if threading.get_ident() != self._thread:
-            refuse(f"a second thread {what}")
-        if os.getpid() != self._pid:  # after a fork: two processes would share one connection
-            self.__init__()  # type: ignore[misc]
+    def begin_fork(self, token: str) -> None:
+        """Begin as a process of its own, after a fork."""
+        self._sock.close()
+        self.processes.begin()
+        self.processes.token = token
+        self.turns.reset()
+        self.acted, self.is_away, self.is_moving = True, False, False
+        try:
+            self._connect(token)
+        except OSError:
+            _gone()
+        self.turns.watch()
+
+    @property
+    def here(self) -> int:
+        """Our time, nanoseconds."""
+        return self._now + self._debt
+
+    @property
+    def is_shared(self) -> bool:
+        """True if there are several threads or processes."""
+        return bool(len(self.turns.threads) > 1 or self.processes.living or self.processes.token)
 
     @property
     def is_own_thread(self) -> bool:
-        """True in the thread that this clock follows."""
-        return threading.get_ident() == self._thread
+        """True in the thread whose turn it is."""
+        return bool(threading.get_ident() == self.turns.running.ident)
+
+    def check_thread(self, what: str) -> None:
+        """Refuse a thread that a library has started by itself."""
+        if threading.get_ident() != self.turns.running.ident:
+            refuse(f"a thread that is not one of Python's {what}", "Threads of threading are followed")
 
     def look(self) -> int:
         """The time, nanoseconds. Each call adds a little time, so that a loop of calls comes to its end."""
         self.check_thread("looks at the clock")
         if self.is_away:
-            return self._now + self._debt + round((_REAL_TIME() - self._away_since) * 1e9)
+            return self.here + round((_REAL_TIME() - self._away_since) * 1e9)
         self._debt += _LOOK
         return self._now + self._debt
 
     def pass_time(self, seconds: float) -> None:
         """Add to our time. The simulator learns of it when we send something or wait."""
         self.check_thread("talks to the robot")
-        self._debt += math.ceil(max(seconds, 0.0) * 1e9)
+        if self.is_shared:
+            self.sleep(max(seconds, 0.0))
+        else:
+            self._debt += math.ceil(max(seconds, 0.0) * 1e9)
 
     def answered(self) -> None:
         """Have the simulator answer everything that was sent: the arrived replies then do not depend on real
         time."""
         if self._told != self.sent:
             self.check_thread("talks to the robot")
-            self.sleep(0.0)
+            self._ask("S", self.here)
 
     def settle(self) -> None:
         """Have the simulator's time catch up with ours, so that bytes are sent at our time."""
         if self._debt:
-            self.sleep(0.0)
+            self._ask("S", self.here)
 
     def sleep(self, seconds: float) -> None:
         """Sleep for some seconds."""
-        self._ask("S", str(self._now + self._debt + round(seconds * 1e9)))
+        until = self.here + round(seconds * 1e9)
+        if not self.is_shared:
+            self._ask("S", until)
+        else:
+            # A loop that gives way must not hold time for ever.
+            self.turns.wait(max(until, self.here + _LOOK), listens=False)
 
     def end_of(self, timeout: float | None) -> float:
         """The end of a wait that begins now, nanoseconds: a whole number, or infinity."""
-        return math.inf if timeout is None else self._now + self._debt + max(round(timeout * 1e9), 0)
+        return (
+            math.inf if timeout is None or timeout == math.inf else self.here + max(round(timeout * 1e9), 0)
+        )
 
     def is_over(self, until: float) -> bool:
         """True if a wait until that time is over."""
         return self._now + self._debt >= until
 
-    def wait(self, until: float) -> bool:
-        """Wait for a reply until a time, nanoseconds; the simulator may wake us earlier, to check for one.
-        False if nothing will ever come."""
+    def wait(self, until: float, *, again: bool = False, outside: bool = False) -> bool:
+        """Wait for a reply, or for another process, until a time, nanoseconds; we may be woken earlier, to
+        check for it. False if nothing will ever come.
+
+        We wait `again` if we have only checked. `outside` is true for what comes from outside of the
+        simulation.
+        """
+        if self.is_shared:
+            return bool(self.turns.wait(until, listens=True, again=again, outside=outside))
+        return self.move(until, listens=True, outside=outside)
+
+    def move(self, until: float, *, listens: bool, outside: bool = False) -> bool:
+        """Have the simulator move time until then, or until it wakes us. False if nothing will ever happen."""
         if self._debt:
-            self.sleep(0.0)
-            return True
-        return self._ask("W", str(until))
+            return self._ask("S", self.here)
+        return self._ask("W" if listens else "S", until, outside=outside)
+
+    def await_state(self, is_there: Callable[[], bool], timeout: float | None) -> bool:
+        """Wait for what another process does. False if it has not happened by the end of the time."""
+        until, again = self.end_of(timeout), False
+        while not is_there():
+            if self.is_over(until):
+                return False
+            self.check_thread("waits")
+            if not self.wait(until, again=again):
+                self.refuse_lock()
+            again = True
+        return True
 
     def away(self, call: Callable[[], Any]) -> Any:
-        """Call a function that waits for another process."""
-        self._say("F\n")
+        """Call a function that waits for a process that may have no clock."""
+        self.say("F\n")
         self.is_away, self._away_since = True, _REAL_TIME()
         try:
             return call()
         finally:
             self.is_away = False
-            self._say("G\n")
+            self.say("G\n")
             self._hear()
 
     def report(self, text: str) -> None:
         """Report to the simulator what this clock cannot follow."""
         line = "X {}\n".format(text.replace("\n", " "))
-        if threading.get_ident() == self._thread:
-            self._say(line)
+        if self.is_own_thread:
+            self.say(line)
             return
-        # The main thread may be in the middle of a line.
+        # Another thread may be in the middle of a line.
         try:
             other = socket.create_connection(self._sock.getpeername()[:2], 10.0)
             self._real_send(other, (_token_line() + line).encode())
@@ -195,12 +269,37 @@ class ProgramTime:
         except OSError:
             pass  # the simulator has ended
 
-    def _ask(self, kind: str, until: str) -> bool:
-        self._debt, self._told = 0, self.sent
-        self._say(f"{kind} {until} {self.sent}\n")
-        return self._hear()
+    def refuse_lock(self) -> NoReturn:
+        """End the program: its threads and processes wait for one another."""
+        tell(
+            f"{place()}: the program waits for a thread or process of its own, and all of them wait. {_OVER}"
+        )
+        _end(2)
 
-    def _say(self, text: str) -> None:
+    named_after = NAMED_AFTER
+
+    def name_computing(self, frame: Any) -> None:
+        """Tell the person which line keeps all other threads and processes from their turns."""
+        tell(
+            f"{place(frame)}: here the program has run for {NAMED_AFTER:g} s of real time without a wait. By the "
+            "program's clock its threads and processes take turns, and the others wait: call time.sleep in the "
+            "loop, or use --clock real"
+        )
+
+    def _ask(self, kind: str, until: float, *, outside: bool = False) -> bool:
+        self._debt, self._told = 0, self.sent
+        again = "" if self.acted else " again"
+        self.acted = not self.is_shared
+        self.count += 1
+        self.is_moving = True
+        self.say(f"{kind} {until} {self.sent}{again}{' outside' if outside else ''}\n")
+        try:
+            return self._hear()
+        finally:
+            self.is_moving = False
+
+    def say(self, text: str) -> None:
+        """Send lines to the simulator."""
         try:
             self._real_send(self._sock, text.encode())
         except OSError:
@@ -208,33 +307,51 @@ class ProgramTime:
 
     def _hear(self) -> bool:
         """Wait for the simulator's answer. False if nothing will ever come."""
-        while b"\n" not in self._buffer:
-            try:
-                piece = self._real_recv(self._sock, 4096)
-            except OSError:
-                piece = b""
-            if not piece:
-                _gone()
-            self._buffer += piece
-        line, _, self._buffer = self._buffer.partition(b"\n")
-        if line == b"never":
+        now, *written = self.line(None).split()
+        if now == b"never":
             return False
-        now, _, written = line.partition(b" ")
-        self._now, self._written = int(now), int(written)
+        self._now = int(now)
+        for each in written:
+            port, _, count = each.partition(b"=")
+            self._written[int(port)] = int(count)
         return True
 
-    @property
-    def timeout(self) -> float:
-        """Real seconds within which the robot's sent bytes will arrive; 0 if all have."""
-        return _IN_FLIGHT if self._written > self.received else 0.0
+    def line(self, timeout: float | None) -> bytes:
+        """The next line of the simulator; empty if none comes within `timeout` seconds of real time."""
+        while True:
+            while b"\n" not in self._buffer:
+                if timeout is not None and not _REAL_SELECT([self._sock], [], [], timeout)[0]:
+                    return b""
+                try:
+                    piece = self._real_recv(self._sock, 4096)
+                except OSError:
+                    piece = b""
+                if not piece:
+                    _gone()
+                self._buffer += piece
+            line, _, self._buffer = self._buffer.partition(b"\n")
+            if not line.startswith(b"left "):
+                return line
+            pid = int(line[5:])
+            self.processes.see_end(pid)
+            self.say(f"Z {pid}\n")
 
-    def give_up_missing(self, here: int = 0) -> None:
+    def missing(self, ports: list[int]) -> float:
+        """Real seconds within which the robot's sent bytes will arrive at some ports; 0 if all have."""
+        here = any(self._written.get(port, 0) > self.received.get(port, 0) for port in ports)
+        return _IN_FLIGHT if here else 0.0
+
+    def give_up_missing(self, port: int, here: int = 0) -> None:
         """Stop waiting for bytes that have not come by now: nobody reads their connection."""
-        self.received = self._written - here
+        self.received[port] = self._written.get(port, 0) - here
 
-    def has_all(self, here: int) -> bool:
-        """True if `here` bytes are all that the robot has sent and nobody has received."""
-        return self._written <= self.received + here
+    def has_all(self, port: int, here: int) -> bool:
+        """True if `here` bytes are all that the robot has sent to a port and nobody has received."""
+        return self._written.get(port, 0) <= self.received.get(port, 0) + here
+
+    def count_received(self, port: int, count: int) -> None:
+        """Count bytes from the robot that were received at a port."""
+        self.received[port] = self.received.get(port, 0) + count
 
 
 def _token_line() -> str:
@@ -279,9 +396,12 @@ def said_once(text: str) -> None:
         tell(f"{place()}: by the program's clock {text}")
 
 
-def place() -> str:
-    """File and line of the innermost call that is in neither our code nor a library, pyserial among them."""
-    frame: Any = sys._getframe(1)
+def place(frame: Any = None) -> str:
+    """File and line of the innermost call that is in neither our code nor a library, pyserial among them.
+
+    It is that of the calling thread, or of the innermost `frame` of another.
+    """
+    frame = frame or sys._getframe(1)
     libraries = (os.path.dirname(os.__file__), os.path.dirname(os.path.abspath(__file__)))  # noqa: PTH100, PTH120
     first: str | None = None
     while frame is not None:
@@ -310,8 +430,7 @@ def refuse_waiting() -> NoReturn:
     """End the program: it waits, and nothing will ever happen."""
     last = getattr(sys.modules.get("simmer_serial"), "last_written", str)()
     wrote = f"; it wrote {last!r} last" if last else ""
-    end = "Nothing more will happen in this run"
-    tell(f"{place()}: the program waits for a reply that never comes{wrote}. {end}")
+    tell(f"{place()}: the program waits for a reply that never comes{wrote}. {_OVER}")
     _end(2)
 
 
@@ -329,16 +448,22 @@ def install() -> None:
     PROGRAM_CLOCK.append(clock)
     _replace_clocks(clock)
     _replace_sockets(clock)
-    _replace_waits(clock)
+    for name in ("system", "waitid"):
+        _wait_away(clock, os, name)
     # Only a program has this folder on its path.
+    import simmer_processes
+    import simmer_turns
     from simmer_imports import patch_when_imported  # type: ignore[import-not-found]
 
-    patch_when_imported({**dict.fromkeys(_PATCHED, _patch), "subprocess": _patch_subprocess})
-    if "subprocess" in sys.modules:
-        _patch_subprocess(sys.modules["subprocess"])
-    for name in _PATCHED:
+    simmer_turns.install(clock.turns)
+    simmer_processes.install(clock)
+    patches = dict.fromkeys(_PATCHED, _patch)
+    for name, patch in simmer_processes.PATCHES.items():
+        patches[name] = functools.partial(patch, clock)
+    patch_when_imported(patches)
+    for name, patch in patches.items():
         if name in sys.modules:
-            _patch(sys.modules[name])
+            patch(sys.modules[name])
 
 
 def _replace_clocks(clock: ProgramTime) -> None:
@@ -385,6 +510,17 @@ def _is_ours(sock: Any, ports: tuple[int, ...]) -> bool:
         return False
 
 
+def _port_of(sock: Any) -> int:
+    """Our port of a socket, or of a socket's descriptor, that is connected to the simulator."""
+    if not isinstance(sock, int):
+        return int(sock.getsockname()[1])
+    borrowed = socket.socket(fileno=sock)
+    try:
+        return int(borrowed.getsockname()[1])
+    finally:
+        borrowed.detach()
+
+
 def _is_connected(sock: Any) -> bool:
     """False for a socket, or a socket's descriptor, whose connection is still being made."""
     try:
@@ -407,15 +543,17 @@ def _replace_sockets(clock: ProgramTime) -> None:
     kind: Any = socket.socket
     real_select = select.select
 
-    def look(readers: Any, writers: Any, others: Any, *, robot: bool) -> Ready:
-        """Descriptors that are ready now, after waiting for bytes from the robot that are on their way."""
+    def look(readers: Any, writers: Any, others: Any, robot: list[int]) -> Ready:
+        """Descriptors that are ready now, after waiting for bytes from the robot that are on their way to the
+        ports `robot`."""
         clock.answered()
-        on_its_way = clock.timeout if robot else 0.0
+        on_its_way = clock.missing(robot)
         if not on_its_way and any(not _is_connected(each) for each in writers):
             on_its_way = _IN_FLIGHT
         found: Ready = real_select(readers, writers, others, on_its_way)
-        if robot and clock.timeout and not any(found):
-            clock.give_up_missing()
+        if on_its_way and not any(found):
+            for port in robot:
+                clock.give_up_missing(port)
         return found
 
     def await_any(
@@ -423,12 +561,19 @@ def _replace_sockets(clock: ProgramTime) -> None:
     ) -> Ready:
         """Descriptors that are ready within a time by the program's clock. Nothing outside the program writes
         to the `inner` ones. A look without a wait costs time if the caller `polls`."""
-        until = clock.end_of(timeout)
-        robot = any(_is_ours(each, ports) for each in readers)
+        until, again = clock.end_of(timeout), False
+        robot = [_port_of(each) for each in readers if _is_ours(each, ports)]
+        outside = bool(writers) or len(robot) + len(inner) < len(readers)
         while True:
-            found = look(readers, writers, others, robot=robot)
+            found = look(readers, writers, others, robot)
             if any(found):
-                return found
+                if again or timeout == 0 or not clock.is_shared:
+                    return found
+                # A loop that others end by taking what is ready must give way.
+                clock.sleep(0.0)
+                found = real_select(readers, writers, others, 0)
+                if any(found):
+                    return found
             clock.check_thread("waits")
             if timeout == 0:
                 if not (polls and robot):
@@ -437,10 +582,11 @@ def _replace_sockets(clock: ProgramTime) -> None:
                 return real_select(readers, writers, others, 0)
             if clock.is_over(until):
                 return found
-            if not clock.wait(until):
-                if not writers and all(each in inner or _is_ours(each, ports) for each in readers):
+            if not clock.wait(until, again=again, outside=outside):
+                if not outside:
                     refuse_waiting()
                 return await_outside(readers, writers, others)
+            again = True
 
     def await_outside(readers: Any, writers: Any, others: Any) -> Ready:
         """Descriptors that are ready: only what is outside of the simulation can still write to them."""
@@ -461,12 +607,12 @@ def _replace_sockets(clock: ProgramTime) -> None:
     def gather(sock: Any) -> None:
         """Wait until everything that the robot has sent is here: a read then gets as many bytes in every
         run."""
-        until = _REAL_TIME() + _IN_FLIGHT
-        while not clock.has_all(here := len(real_recv(sock, _GATHERED, socket.MSG_PEEK))):
+        until, port = _REAL_TIME() + _IN_FLIGHT, _port_of(sock)
+        while not clock.has_all(port, here := len(real_recv(sock, _GATHERED, socket.MSG_PEEK))):
             if here == _GATHERED:
                 return
             if _REAL_TIME() > until:
-                clock.give_up_missing(here)
+                clock.give_up_missing(port, here)
                 return
             _REAL_PAUSE(0.0001)
 
@@ -478,13 +624,14 @@ def _replace_sockets(clock: ProgramTime) -> None:
             if not _is_ours(sock, ports):
                 return real(sock, *arguments, **named)
             await_data(sock)
-            if clock.timeout and any(look([sock], [], [], robot=True)):
+            port = _port_of(sock)
+            if clock.missing([port]) and any(look([sock], [], [], [port])):
                 gather(sock)
             result = real(sock, *arguments, **named)
             piece = result[0] if isinstance(result, tuple) else result
             # A peek, which leaves the bytes in place, is not counted.
             if not any(each & socket.MSG_PEEK for each in arguments[1:] if isinstance(each, int)):
-                clock.received += piece if isinstance(piece, int) else len(piece)
+                clock.count_received(port, piece if isinstance(piece, int) else len(piece))
             return result
 
         return receive
@@ -511,7 +658,7 @@ def _replace_sockets(clock: ProgramTime) -> None:
 
     def chosen(readers: Any, writers: Any, others: Any, timeout: float | None = None, **how: Any) -> Ready:
         """Do as select.select, by the program's clock."""
-        if clock.is_away:
+        if clock.is_away or not clock.is_own_thread:
             return real_select(readers, writers, others, timeout)
         return await_any(list(readers), list(writers), others, timeout, **how)
 
@@ -544,24 +691,6 @@ def _refuse_select(name: str, *arguments: Any, **named: Any) -> NoReturn:
     refuse(f"select.{name} waits by a clock of its own", "select.select and selectors are followed")
 
 
-def _replace_waits(clock: ProgramTime) -> None:
-    """Waits for other processes take no time by themselves; waits for other threads are no sleep."""
-    for name in ("waitpid", "wait", "system", "waitid"):
-        _wait_away(clock, os, name)
-    real_wait = threading.Condition.wait
-
-    @functools.wraps(real_wait)
-    def wait(condition: Any, timeout: float | None = None) -> bool:
-        # Nobody else can notify it, so it is a sleep.
-        if timeout is not None and threading.active_count() == 1:
-            clock.sleep(max(float(timeout), 0.0))
-            return False
-        return real_wait(condition, timeout)
-
-    condition_type: Any = threading.Condition
-    condition_type.wait = wait
-
-
 def _wait_away(clock: ProgramTime, owner: Any, name: str) -> None:
     """Have a function that waits for another process take no simulated time."""
     real = getattr(owner, name, None)
@@ -575,11 +704,6 @@ def _wait_away(clock: ProgramTime, owner: Any, name: str) -> None:
         return clock.away(functools.partial(real, *arguments, **named))
 
     setattr(owner, name, wait)
-
-
-def _patch_subprocess(module: Any) -> None:
-    for name in ("wait", "communicate"):
-        _wait_away(PROGRAM_CLOCK[0], module.Popen, name)
 
 
 def _patch(module: Any) -> None:
