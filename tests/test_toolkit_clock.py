@@ -1,4 +1,4 @@
-"""Programs of one thread that wait by matplotlib, pygame, asyncio, select and sched: the program's clock follows."""
+"""Waits of matplotlib, pygame, asyncio, select and sched by the program's clock."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ def ginput(): raise AssertionError
 def waitforbuttonpress(): raise AssertionError
 """,
     "pygame/__init__.py": "import pygame.time\n",
-    "pygame/time.py": "class Clock: pass\ndef wait(ms): raise AssertionError\ndelay = set_timer = get_ticks = wait\n",
+    "pygame/time.py": "class Clock: pass\ndef wait(ms): raise AssertionError\ndelay = set_timer = wait\n",
 }
-"""Modules with the names of the toolkits that the clock changes, for machines that have not installed them."""
+"""Modules with the names of toolkits, for machines that have not installed them."""
 WAITS = """
 import asyncio, sched, select, selectors, socket, time
 import matplotlib.pyplot as plt
@@ -223,8 +223,9 @@ def test_real_toolkits_have_the_same_run_twice(
     [
         (
             "import tkinter\ntkinter.mainloop()",
-            "program.py:2: mainloop of tkinter waits by a clock of its own, which the program's clock cannot follow. "
-            "Call update() of the window in a loop with time.sleep, which are followed. Or use --clock real",
+            "program.py:2: mainloop of tkinter waits by a clock of its own, which the program's "
+            "clock cannot follow. Call update() of the window in a loop with time.sleep, which are followed. "
+            "Or use --clock real",
         ),
         (
             "import select\nselect.poll()",

@@ -10,9 +10,9 @@ The protocol is lines of text, with times in nanoseconds. A process sends
 - `Z PID` when it has seen the end of a process that has left,
 - `X TEXT` when it ends because it does something that this clock cannot follow.
 
-`again` and `outside` are those of `ProgramClock.wait`. S, W and G are answered with the time and `PORT=COUNT` for
-the ports to which bytes were sent meanwhile, or with `never`. B is answered with `joined` once that process has
-begun, N with `none`. `left PID` tells a parent that a process has left.
+`again` and `outside` are those of `ProgramClock.wait`. S, W and G are answered with the time and `PORT=COUNT`
+for the ports to which bytes were sent meanwhile, or with `never`. B is answered with `joined` once that
+process has begun, N with `none`. `left PID` tells a parent that a process has left.
 """
 
 from __future__ import annotations
@@ -46,7 +46,6 @@ class _Process(Peer):
         super().__init__(sock, peer, link.budget)
         self._link = link
         self._buffer = b""
-        self._told: dict[int, int] = {}
         self.pid = 0
         """Its process ID."""
         self.ended: set[int] = set()
@@ -102,10 +101,9 @@ class _Process(Peer):
         self._link.join(self, token)
 
     def _wake(self, now: float) -> None:
-        written = self._link.clock.written
-        told = [f" {port}={count}" for port, count in written.items() if self._told.get(port) != count]
-        self._told = dict(written)
-        self.write(f"{round(now * 1e9)}{''.join(told)}\n".encode())
+        written = "".join(f" {port}={count}" for port, count in self.wait.written.items())
+        self.wait.written.clear()
+        self.write(f"{round(now * 1e9)}{written}\n".encode())
 
     def _stuck(self) -> None:
         self.wait.until, self.wait.listens = None, False
@@ -171,7 +169,7 @@ class ClockLink:
             waiting.write(b"joined\n")
 
     def await_child(self, process: _Process, token: str, *, has_clock: bool) -> None:
-        """Answer a process once the process that it has started has begun, or at once if that has no clock."""
+        """Answer a process once the process that it has started has begun, or if that has no clock."""
         if not has_clock:
             if self._awaited.pop(token, None) is not None:
                 process.write(b"none\n")

@@ -98,7 +98,7 @@ class Peer:
         """True if it ended with an error, such as the reset of one that closed with bytes unread."""
         self._loop = asyncio.get_running_loop()
         self._clock = clock_of(self._loop) if self.counted else None
-        self._port = port_of(name)
+        self._remote_port = port_of(name)
         self._budget = budget
         self._unsent = bytearray()
         self._closing = False
@@ -190,7 +190,7 @@ class Peer:
         if self._closing or self._finished:
             return True
         if self._clock is not None:
-            self._clock.count_written(self._port, len(data))
+            self._clock.count_written(self._remote_port, len(data))
         # Tried at once: a reply nearly always fits, which saves a second turn of the loop.
         if not self._unsent:
             try:

@@ -12,7 +12,7 @@ import selectors
 import time
 from collections.abc import Callable
 
-from msgspec import Struct
+from msgspec import Struct, field
 
 # Times closer than this are equal: the loop's own clock has this resolution, and sums of times have rounding
 # errors.
@@ -33,6 +33,7 @@ class ProgramWait(Struct, eq=False):
     another process does, and `looks` once something has happened. `outside` is true if something outside of
     the simulation may end its wait. With `away` it waits for a process, `parent` of which it is, that may
     have no clock: no time passes but that of its own descendants.
+    `written` are counts of the bytes that were sent to the program since then, by the program's ports.
     """
 
     wake: Callable[[float], None]
@@ -45,6 +46,7 @@ class ProgramWait(Struct, eq=False):
     sent: int = 0
     since: int = 0
     parent: ProgramWait | None = None
+    written: dict[int, int] = field(default_factory=dict)
 
 
 class ProgramClock:
@@ -65,8 +67,7 @@ class ProgramClock:
         # On several processors bytes of one connection may arrive after later bytes of another.
         self.received = 0
         """The count of bytes that came from the program."""
-        self.written: dict[int, int] = {}
-        """The counts of bytes that were sent to the program, by the ports of its ends."""
+        self._written: dict[int, int] = {}
         self.unconfirmed: set[int] = set()
         """Processes that have left the clock, until another has seen their end: only then can all the others
         see it too."""
@@ -148,7 +149,9 @@ class ProgramClock:
 
     def count_written(self, port: int, count: int) -> None:
         """Count bytes that were sent to a port of the program."""
-        self.written[port] = self.written.get(port, 0) + count
+        self._written[port] = self._written.get(port, 0) + count
+        for each in self._processes:
+            each.written[port] = self._written[port]
 
     def advance(self, timer: float) -> bool:
         """Move time to `timer`, the loop's next timer, or let the program continue. False if only the program
@@ -174,7 +177,7 @@ class ProgramClock:
         return False
 
     def _waiting(self) -> list[ProgramWait]:
-        """The processes that do not wait for the end of another one; none while one of them computes, or ends."""
+        """The processes that wait, but not for the end of another one; none while one computes or ends."""
         parents = [each.parent for each in self._processes]
         # What it waits for has no clock, or none yet: as if it computed.
         present = [each for each in self._processes if not (each.away and each in parents)]
@@ -188,7 +191,7 @@ class ProgramClock:
             self.settle_output = None
 
     def _wake_one(self, waiting: list[ProgramWait]) -> None:
-        """Let one process continue: the one whose time came first, and of those the one that waits longest."""
+        """Let the process continue whose time came first, and of those the one that waits longest."""
         ready = [
             (min(_end_of(each), self.now), each.since, each)
             for each in waiting

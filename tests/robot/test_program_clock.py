@@ -146,28 +146,14 @@ def test_a_child_lives_by_the_same_clock(tmp_path: Path) -> None:
     assert run(tmp_path, program).stdout.strip() == "100.0"
 
 
-@pytest.mark.quick_cases(1)
-@pytest.mark.parametrize(
-    ("program", "told"),
-    [
-        (
-            "import threading, time\nother = threading.Thread(target=lambda: time.sleep(1))\n"
-            "other.start()\nother.join()",
-            "program.py:2: a second thread sleeps, which the program's clock cannot follow. Use --clock real",
-        ),
-        (
-            "import os, socket\nport = int(os.environ['SIMMER_PORT'])\n"
-            "socket.create_connection(('127.0.0.1', port)).recv(8)",
-            "program.py:3: the program waits for a reply that never comes",
-        ),
-    ],
-)
-def test_what_the_clock_cannot_follow_ends_the_program_with_its_line(
-    tmp_path: Path, program: str, told: str
-) -> None:
+def test_a_wait_for_a_reply_that_never_comes_ends_the_program_with_its_line(tmp_path: Path) -> None:
+    program = """
+        import os, socket
+        socket.create_connection(("127.0.0.1", int(os.environ["SIMMER_PORT"]))).recv(8)
+    """
     ended = run(tmp_path, program)
     assert ended.returncode == 2
-    assert told in ended.stderr
+    assert "program.py:3: the program waits for a reply that never comes. Nothing more" in ended.stderr
 
 
 def test_a_program_out_of_reach_is_told_and_goes_by_the_real_clock(tmp_path: Path) -> None:
@@ -267,6 +253,46 @@ def test_a_process_that_waits_for_another_does_not_hold_time() -> None:
     clock.leave(child.wait)
     assert not clock.advance(9.0)
     assert clock.now == 2.0
+
+
+def test_processes_run_one_at_a_time_in_the_order_of_their_times_and_waits() -> None:
+    clock = ProgramClock()
+    one, two, three = Process(clock), Process(clock), Process(clock)
+    clock.wait(two.wait, 3.0, listens=False, sent=0)
+    clock.wait(three.wait, 2.0, listens=False, sent=0)
+    clock.wait(one.wait, 3.0, listens=False, sent=0)
+    woken = []
+    for _ in range(3):
+        assert not clock.advance(math.inf)
+        assert not clock.advance(math.inf)  # it computes: nobody else is woken
+        runs = next(each for each in (one, two, three) if each.wait.until is None)
+        woken.append((runs, clock.now))
+        clock.leave(runs.wait)
+    assert woken == [(three, 2.0), (two, 3.0), (one, 3.0)]
+
+
+def test_who_listens_looks_once_another_has_done_something_and_not_after_a_look() -> None:
+    clock = ProgramClock()
+    one, two = Process(clock), Process(clock)
+    clock.wait(two.wait, 9.0, listens=True, sent=0)
+    clock.wait(one.wait, 5.0, listens=False, sent=0)
+    assert not clock.advance(math.inf)
+    assert (two.woken, one.woken) == ([0.0], [])
+    clock.wait(two.wait, 9.0, listens=True, sent=0, again=True)
+    assert not clock.advance(math.inf)
+    assert (two.woken, one.woken) == ([0.0], [5.0])
+
+
+def test_time_stands_until_the_end_of_a_process_has_been_seen() -> None:
+    clock = ProgramClock()
+    one = Process(clock)
+    clock.wait(one.wait, 5.0, listens=False, sent=0)
+    clock.unconfirmed.add(17)
+    assert not clock.advance(math.inf)
+    assert one.woken == []
+    clock.unconfirmed.discard(17)
+    clock.advance(math.inf)
+    assert one.woken == [5.0]
 
 
 def test_bytes_on_their_way_are_waited_for() -> None:

@@ -227,7 +227,7 @@ class ProgramTime:
         return self.move(until, listens=True, outside=outside)
 
     def move(self, until: float, *, listens: bool, outside: bool = False) -> bool:
-        """Have the simulator move time until then, or until it wakes us. False if nothing will ever happen."""
+        """Have the simulator move time until then, or until it wakes us. False if nothing will happen."""
         if self._debt:
             return self._ask("S", self.here)
         return self._ask("W" if listens else "S", until, outside=outside)
@@ -281,9 +281,9 @@ class ProgramTime:
     def name_computing(self, frame: Any) -> None:
         """Tell the person which line keeps all other threads and processes from their turns."""
         tell(
-            f"{place(frame)}: here the program has run for {NAMED_AFTER:g} s of real time without a wait. By the "
-            "program's clock its threads and processes take turns, and the others wait: call time.sleep in the "
-            "loop, or use --clock real"
+            f"{place(frame)}: here the program has run for {NAMED_AFTER:g} s of real time without a wait. "
+            "Its threads and processes take turns by the program's clock: call time.sleep in the loop, or "
+            "use --clock real"
         )
 
     def _ask(self, kind: str, until: float, *, outside: bool = False) -> bool:

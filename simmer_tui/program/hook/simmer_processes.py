@@ -143,7 +143,7 @@ def as_pipe(stream: Any) -> Any:
         return None
     text = stream if isinstance(stream, io.TextIOWrapper) else None
     if text is not None:
-        kind = {
+        kind: Any = {
             "encoding": text.encoding,
             "errors": text.errors,
             "line_buffering": text.line_buffering,
@@ -171,7 +171,7 @@ def install(clock: Any) -> None:
     if hasattr(os, "fork"):
         _replace_forks(clock, processes)
         _replace_pipes(clock)
-        os.waitpid = _waitpid(clock, processes)  # type: ignore[assignment]
+        os.waitpid = _waitpid(clock, processes)
         os.wait = lambda: os.waitpid(-1, 0)
 
 
@@ -380,7 +380,7 @@ def _enlarge(descriptors: Any) -> None:
 
 
 def _patch_context(clock: Any, module: Any) -> None:
-    """A server that forks processes would be one more, without turns: they are spawned, as its are fresh too."""
+    """A server that forks processes would have no turns. They are spawned instead, just as fresh."""
     if hasattr(module, "ForkServerProcess"):
         module.ForkServerProcess._Popen = staticmethod(module.SpawnProcess._Popen)
 

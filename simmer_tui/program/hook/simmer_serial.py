@@ -11,6 +11,7 @@ import collections
 import json
 import math
 import os
+import select
 import socket
 import struct
 import sys
@@ -225,6 +226,11 @@ class SerialLine:
 
     def _receive(self, seconds: float | None) -> None:
         """Receive bytes of the robot; wait at most `seconds` for them."""
+        if _program_clock() is not None and seconds != 0.0 and not self._broken:
+            # Without the lock: by the program's clock others look at the port meanwhile.
+            if not select.select([self._sock], [], [], seconds)[0]:
+                return
+            seconds = 0.0
         with self._receiving:
             if self._broken:
                 return

@@ -1,7 +1,7 @@
 """Threads of a program that take turns by the program's clock: one runs at a time, until it waits.
 
-The turn passes only at waits: to the thread whose time came first, and of those to the one that waits longest.
-Simulated time moves when all of them wait. So a run is the same every time.
+The turn passes only at waits: to the thread whose time came first, and of those to the one that waits
+longest. Simulated time moves when all of them wait. So a run is the same every time.
 
 It is imported into other people's programs, by whatever Python they use: standard library alone, Python 3.8
 on, and nothing of the package.
