@@ -145,7 +145,7 @@ def test_threads_and_a_process_take_turns(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("program", "last"),
     [
-        (THREADS, "1 1.67"),
+        (THREADS, "1 1.65"),
         (PROCESSES.replace("{method}", "fork"), "2.1"),
         (PROCESSES.replace("{method}", "spawn"), "2.1"),
         (PROCESSES.replace("{method}", "forkserver"), "2.1"),

@@ -458,7 +458,7 @@ def install() -> None:
     simmer_turns.install(clock.turns)
     simmer_processes.install(clock)
     patches = dict.fromkeys(_PATCHED, _patch)
-    for name, patch in simmer_processes.PATCHES.items():
+    for name, patch in simmer_processes.PROCESS_PATCHES.items():
         patches[name] = functools.partial(patch, clock)
     patch_when_imported(patches)
     for name, patch in patches.items():

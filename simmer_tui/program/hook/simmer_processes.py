@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from typing import Any
 
-TOKEN = "SIMMER_CLOCK_TOKEN"
+_TOKEN = "SIMMER_CLOCK_TOKEN"
 """The variable with the token that a process gets from its parent."""
 _PIPES = "SIMMER_CLOCK_PIPES"
 """The variable with the numbers of a process's standard streams that are pipes to its parent."""
@@ -47,7 +47,7 @@ class Processes:
     def __init__(self, clock: Any) -> None:
         self._clock = clock
         self._count = 0
-        self.token = os.environ.get(TOKEN, "")
+        self.token = os.environ.get(_TOKEN, "")
         """The token from its parent; empty for the first process."""
         self.pipes = os.environ.pop(_PIPES, "")
         self.living: set[int] = set()
@@ -57,7 +57,7 @@ class Processes:
     def begin(self) -> None:
         """Begin without processes. Those that are started in any way know this one as their parent."""
         self.living = set()
-        os.environ[TOKEN] = f"{os.getpid()}.0"
+        os.environ[_TOKEN] = f"{os.getpid()}.0"
 
     def new_token(self) -> str:
         """A token for a process that is about to be started."""
@@ -249,7 +249,7 @@ def _waitpid(clock: Any, processes: Processes) -> Callable[[int, int], tuple[int
 # -- subprocess --------------------------------------------------------------------------------------
 
 
-def is_python(words: Any, executable: Any, shell: bool) -> bool:
+def starts_python(words: Any, executable: Any, shell: bool) -> bool:
     """True if a command probably starts a Python, directly or by a shell."""
     if isinstance(words, (str, bytes)) or hasattr(words, "__fspath__"):
         words = [words]
@@ -290,12 +290,12 @@ def patch_subprocess(clock: Any, module: Any) -> None:
         has_hook = _HOOKS[0] in environment
         if has_hook:
             streams = (process.stdin, process.stdout, process.stderr)
-            environment[TOKEN] = token
+            environment[_TOKEN] = token
             environment[_PIPES] = "".join(str(n) for n, each in enumerate(streams) if each is not None)
         result = real_start(process, words, executable, *given, **named)
         if (
             has_hook
-            and is_python(words, executable, bool(given[7]))
+            and starts_python(words, executable, bool(given[7]))
             and processes.started(token, process.pid)
         ):
             process.stdin = as_pipe(process.stdin)
@@ -345,7 +345,7 @@ def _patch_util(clock: Any, module: Any) -> None:
         if is_helper:
             changed.update(dict.fromkeys(_HOOKS))
         else:
-            changed[TOKEN] = token
+            changed[_TOKEN] = token
             _enlarge(descriptors)
         kept = {name: os.environ.get(name) for name in changed}
         _set(changed)
@@ -410,11 +410,11 @@ def _patch_queue(clock: Any, module: Any) -> None:
     module.SimpleQueue, module.time = module._PySimpleQueue, time.monotonic
 
 
-PATCHES = {
+PROCESS_PATCHES = {
     "queue": _patch_queue,
     "subprocess": patch_subprocess,
     "multiprocessing.util": _patch_util,
     "multiprocessing.context": _patch_context,
     "multiprocessing.synchronize": _patch_synchronize,
 }
-"""What is done with a module after its import."""
+"""Changes of modules after their import, by their names."""

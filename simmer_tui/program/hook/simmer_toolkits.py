@@ -9,9 +9,6 @@ from __future__ import annotations
 import sys
 import time
 
-# Only a program has this folder on its path.
-from simmer_clock import PROGRAM_CLOCK, REFUSED, refuse, said_once  # type: ignore[import-not-found]
-
 TYPE_CHECKING = False  # the module typing would cost every start some milliseconds
 if TYPE_CHECKING:
     from typing import Any
@@ -22,24 +19,29 @@ _FRAMES = 10
 
 
 def patch(module: Any) -> None:
-    """Change a module that the program has imported: `REFUSED` and `PATCHES` have its name."""
+    """Change a module that the program has imported."""
     name = module.__name__
-    for dotted, advice in REFUSED.get(name, {}).items():
+    for dotted, advice in _hook().REFUSED.get(name, {}).items():
         *path, last = dotted.split(".")
         owner = module
         for part in path:
             owner = getattr(owner, part, None)
         if getattr(owner, last, None) is not None:
             setattr(owner, last, _refusing("{} of {}".format(dotted, name.partition(".")[0]), advice))
-    if name in PATCHES:
-        PATCHES[name](module)
+    if name in _PATCHES:
+        _PATCHES[name](module)
+
+
+def _hook() -> Any:
+    """The module of the clock, which has imported this one."""
+    return sys.modules["simmer_clock"]
 
 
 def _refusing(what: str, advice: str) -> Any:
     """A function that ends the program: it would wait by a clock of its own."""
 
     def refused(*arguments: object, **named: object) -> None:
-        refuse(f"{what} waits by a clock of its own", advice)
+        _hook().refuse(f"{what} waits by a clock of its own", advice)
 
     return refused
 
@@ -65,7 +67,7 @@ def _patch_pyplot(pyplot: Any) -> None:
         if not is_on_screen():
             return real_show(*arguments, **named)
         if named.pop("block", arguments[0] if arguments else None) is not False:
-            said_once("show() shows the figures and does not wait for a person to close them")
+            _hook().said_once("show() shows the figures and does not wait for a person to close them")
         result = real_show(block=False)
         for manager in pyplot._pylab_helpers.Gcf.get_all_fig_managers():
             manager.canvas.draw_idle()
@@ -92,7 +94,7 @@ def _for_a_person(what: str, is_on_screen: Any, real: Any) -> Any:
 
     def call(*arguments: Any, **named: Any) -> Any:
         if is_on_screen():
-            refuse(f"{what} waits for a person", "plt.pause(0.1) goes on by itself")
+            _hook().refuse(f"{what} waits for a person", "plt.pause(0.1) goes on by itself")
         return real(*arguments, **named)
 
     return call
@@ -161,7 +163,7 @@ def _patch_pygame_event(module: Any) -> None:
         """The next event; sleep for `timeout` milliseconds if there is none."""
         event = module.poll()
         if not event.type and timeout <= 0:
-            refuse(
+            _hook().refuse(
                 "pygame.event.wait() waits for a person",
                 "pygame.event.get() and pygame.time.Clock().tick(50) go on by themselves",
             )
@@ -182,7 +184,7 @@ def _patch_asyncio(module: Any) -> None:
     real_init = kind.__init__
 
     def init(loop: Any, selector: Any = None) -> None:
-        real_init(loop, PROGRAM_CLOCK[0].loop_selector() if selector is None else selector)
+        real_init(loop, _hook().PROGRAM_CLOCK[0].loop_selector() if selector is None else selector)
         # Only the program itself writes to it.
         loop._selector.inner = {loop._ssock.fileno()}
 
@@ -198,18 +200,11 @@ def _patch_asyncio_windows(module: Any) -> None:
         module.EventLoop = module.SelectorEventLoop
 
 
-PATCHES = {
+_PATCHES = {
     "matplotlib.pyplot": _patch_pyplot,
     "pygame.time": _patch_pygame_time,
     "pygame.event": _patch_pygame_event,
     "asyncio.selector_events": _patch_asyncio,
     "asyncio.windows_events": _patch_asyncio_windows,
 }
-"""What is done with a module after its import."""
-
-
-def patch_imported(names: Any) -> None:
-    """Change those of the modules that are there already."""
-    for name in names:
-        if name in sys.modules:
-            patch(sys.modules[name])
+"""Changes of modules after their import, by their names."""
