@@ -83,6 +83,7 @@ class _Process(Peer):
             )
         elif kind == "F":
             self.wait.away = True
+            clock.unconfirmed -= self.ended  # it reads nothing until its wait is over
         elif kind == "G":
             self.wait.away = False
             clock.wait(self.wait, clock.now, listens=False, sent=self.wait.sent)
