@@ -194,7 +194,7 @@ def test_managers_of_multiprocessing_are_refused_with_what_is_followed(tmp_path:
         if __name__ == "__main__":
             multiprocessing.Manager()
     """
-    ended = run(tmp_path, program)
+    ended = run(tmp_path, program, "--quiet")
     assert ended.returncode == 2
     told = (
         "program.py:4: BaseManager.start of multiprocessing waits by a clock of its own, which the program's "
