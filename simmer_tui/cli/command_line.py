@@ -29,7 +29,7 @@ from simmer_tui.errors import (
     SimmerError,
     reason_of,
 )
-from simmer_tui.sim.command import counted, escape, shown_passage, shown_path, typed_path
+from simmer_tui.sim.command import counted, escape, escape_passage, shown_path, typed_path
 from simmer_tui.sim.rules import FlagRule, Rule, did_you_mean
 
 if TYPE_CHECKING:  # a run has no documents, and must start quickly
@@ -333,7 +333,7 @@ class OneLineParser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         # One line: argparse would print the usage of all options first.
-        self.exit(2, f"{self.prog}: {shown_passage(message)} (see {self.prog} --help)\n")
+        self.exit(2, f"{self.prog}: {escape_passage(message)} (see {self.prog} --help)\n")
 
 
 def _join_negative_values(args: Sequence[str]) -> list[str]:

@@ -250,7 +250,9 @@ class DialectDevice:
         if self._booting.pending:
             boot = self._rules.robot.boot
             what = f"the robot boots for {boot:g} s after the port was opened"
-            self._faults.note(f"'{escape(data.decode('latin-1'), _SHOWN)}' is lost: {what}", alike="boot")
+            self._faults.note(
+                f"'{escape(data.decode('utf-8', 'surrogateescape'), _SHOWN)}' is lost: {what}", alike="boot"
+            )
             return
         self._rest_watchdog()
         self._take(self._deframer.receive(data))
@@ -267,7 +269,7 @@ class DialectDevice:
                 self._message(part)
 
     def _tell_noise(self, noise: Noise) -> None:
-        shown = escape(noise.data[:_SHOWN].decode("latin-1"), 4 * _SHOWN)
+        shown = escape(noise.data[:_SHOWN].decode("utf-8", "surrogateescape"), 4 * _SHOWN)
         more = f" and {len(noise.data) - _SHOWN} more" if len(noise.data) > _SHOWN else ""
         dropped = f"{counted(len(noise.data), 'byte')} dropped, {noise.why}"
         self._faults.note(f"{dropped}: '{shown}'{more}", alike=noise.why)

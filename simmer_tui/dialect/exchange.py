@@ -179,7 +179,7 @@ class Comparison:
                 self._delays.setdefault(reply.rule.shown, []).append((delay, asked.takes, asked.line))
 
     def _find_unknown(self, reply: RobotReply) -> None:
-        shown = escape(reply.data.decode("latin-1").strip())
+        shown = escape(reply.data.decode("utf-8", "surrogateescape").strip())
         if not shown:
             return
         pending = next((each for each in self._reader.pending if not each.optional), None)

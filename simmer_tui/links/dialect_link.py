@@ -314,7 +314,7 @@ class DialectLink:
             robot.wrote(data)
         else:
             self._wire.transmit(data, self._device.received)
-        self._last = data[-60:].decode("latin-1").strip()
+        self._last = data[-60:].decode("utf-8", "surrogateescape").strip()
 
     def set_baud(self, endpoint: SerialEndpoint, baud: float) -> None:
         """The program has set another baud rate."""

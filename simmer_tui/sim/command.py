@@ -40,8 +40,9 @@ class Command(Struct, frozen=True):
 
     @property
     def shown(self) -> str:
-        """The text with control and non-ASCII characters escaped, safe on any terminal."""
-        return escape(self.text)
+        """The text made safe to show: letters and signs of all scripts as they are, control characters
+        escaped."""
+        return escape(self.text if self.source in PEOPLE else utf8_text(self.text))
 
 
 # Judged: the longest names people give; a line of a wide terminal; several of them, so that the end of a path
@@ -51,14 +52,20 @@ _WORD, _LINE, _PASSAGE = 40, 120, 400
 
 
 def escape(text: str, limit: int = _LINE) -> str:
-    """Text from outside made safe to show: control and non-ASCII characters escaped, cut at
-    `limit` characters."""
-    # Nearly every text is plain; this is asked for each command.
-    if text.isascii() and text.isprintable():
-        shown = text
-    else:
-        shown = "".join(c if c.isascii() and c.isprintable() else _escaped(c) for c in text)
-    return _cut(shown, limit)
+    """Text from outside made safe to show: control characters and direction marks escaped, cut at `limit`
+    characters."""
+    return _cut(printable(text), limit)
+
+
+def utf8_text(text: str) -> str:
+    """A text with one character a byte, as links decode it, read as UTF-8. A byte that is no UTF-8 becomes a
+    surrogate, which is shown as that byte."""
+    if text.isascii():
+        return text
+    try:
+        return text.encode("latin-1").decode("utf-8", "surrogateescape")
+    except UnicodeEncodeError:  # it is text already
+        return text
 
 
 def _cut(shown: str, limit: int) -> str:
@@ -83,14 +90,9 @@ def escape_passage(text: str) -> str:
     return escape(text, _PASSAGE)
 
 
-def shown_passage(text: str) -> str:
-    """Sentences with a command or a path to type, made safe to show: letters of all scripts stay."""
-    return _cut(printable(text), _PASSAGE)
-
-
 def shown_path(path: object) -> str:
     """A path made safe to show. Letters of all scripts stay: people type commands with the path."""
-    return shown_passage(str(path))
+    return escape_passage(str(path))
 
 
 def printable(text: str) -> str:
@@ -152,5 +154,52 @@ def parse_value(argument: str | None, example: str = "d1-3") -> float | str:
         return f"the value is missing, as in {example}"
     # `float` alone accepts nan, inf and 1_000, which no program of the course sends on purpose.
     if NUMBER.fullmatch(argument.strip()) is None:
-        return f"'{escape_word(argument)}' is not a finite decimal number, such as 3, -2.5 or 1e-3"
+        return _no_number(argument, example[:2])
     return float(argument)
+
+
+# UTF-8 gives each of these bytes only to the rest of a character: here of a separator such as an en dash.
+_REST_OF_SEPARATOR = "".join(map(chr, range(0x80, 0xC0)))
+
+
+def _no_number(argument: str, code: str) -> str:
+    """The reason why a value is no number, and the command that may have been meant."""
+    rest = argument.lstrip(_REST_OF_SEPARATOR)
+    value = utf8_text(rest)
+    meant = meant_number(value)
+    hint = f"; did you mean {code}-{meant}?" if meant else ""
+    if rest != argument and meant:
+        return f"the sign after {code} is a dash or letter of several bytes, not a hyphen{hint}"
+    return f"'{escape_word(value)}' is not a finite decimal number{hint or ', such as 3, -2.5 or 1e-3'}"
+
+
+_DASHES = dict.fromkeys(map(ord, "\u2010\u2011\u2012\u2013\u2014\u2015\u2212\ufe58"), "-")
+_QUOTES = {
+    **dict.fromkeys(map(ord, "\u2018\u2019\u201a\u2032"), "'"),
+    **dict.fromkeys(map(ord, "\u201c\u201d\u201e\u2033"), '"'),
+}
+# A unit that the value has anyway, and what programs have around a value. Three digits after a comma may be
+# thousands.
+_MEANT = re.compile(
+    r"""[\s"'(=:]*([+-]?)\s*(\d+|\d*[.,]\d+|\d+[.,])\s*(?:in|inch|inches|deg|degrees?|°)?[\s;,.)\]"']*""",
+    re.ASCII,
+)
+
+
+def keyboard_text(text: str) -> str:
+    """The text in the characters of a keyboard: dashes, minus signs, curly quotes and full-width letters of
+    documents replaced."""
+    if text.isascii():
+        return text
+    import unicodedata
+
+    return unicodedata.normalize("NFKC", text.translate(_DASHES | _QUOTES)).translate(_DASHES)
+
+
+def meant_number(text: str) -> str:
+    """The number that a value with a unit, a decimal comma or signs of a document means; empty if that is
+    not evident."""
+    found = _MEANT.fullmatch(keyboard_text(text))
+    if found is None or re.search(r",\d{3}$", found[2]):
+        return ""
+    return found[1].replace("+", "") + found[2].replace(",", ".").rstrip(".")

@@ -12,7 +12,15 @@ from simmer_tui.sim import noise
 from simmer_tui.sim.arcs import Twist
 from simmer_tui.sim.arrays import ArrayLike, FloatArray
 from simmer_tui.sim.block import Block
-from simmer_tui.sim.command import LARGEST_VALUE, Command, parse_command, parse_value
+from simmer_tui.sim.command import (
+    LARGEST_VALUE,
+    Command,
+    escape_word,
+    keyboard_text,
+    parse_command,
+    parse_value,
+    utf8_text,
+)
 from simmer_tui.sim.continuous import ContinuousMotion, MotionListener
 from simmer_tui.sim.distance_errors import DistanceErrors
 from simmer_tui.sim.footprint import Footprint
@@ -242,7 +250,7 @@ class Simulator:
         if drive is None and (command.code == WAIT or command.code in self._velocities):
             return self._begin_continuous(command, before)
         if drive is None or not drive.enabled:
-            return self._refused(command, before, self._unknown(command.code), Status.UNKNOWN)
+            return self._refused(command, before, self._unknown(command), Status.UNKNOWN)
         value = _amount(drive, command.argument)
         if isinstance(value, str):
             return self._refused(command, before, value)
@@ -514,7 +522,7 @@ class Simulator:
             return self._taken(command, pose, Status.DONE, waits=seconds)
         velocity = self._velocities[command.code]
         if not velocity.enabled:
-            return self._refused(command, pose, self._unknown(command.code), Status.UNKNOWN)
+            return self._refused(command, pose, self._unknown(command), Status.UNKNOWN)
         request = self._control.parse(velocity, command.argument, self.velocity)
         if isinstance(request, str):
             return self._refused(command, pose, request)
@@ -600,15 +608,22 @@ class Simulator:
     ) -> CommandResult:
         return CommandResult(self.commands, self.time, command, status, math.nan, pose, pose, reason)
 
-    def _unknown(self, code: str) -> str:
+    def _unknown(self, command: Command) -> str:
+        code = command.code
         if code in self._sensors or code in self._drives or code in self._velocities:
             return f"the code {code} is disabled"
         rows = (*self.spec.sensors, *self._drives.values(), *self._velocities.values())
         known = [row.code for row in rows if row.enabled]
         near = [other for other in known if other.lower() == code.lower() or other == code[::-1]]
         near = near or [other for other in known if other[0] == code[0]]
-        hint = f"; did you mean {' or '.join(near)}?" if near else ""
-        return f"no sensor or drive has the code {Command(code).shown}{hint}"
+        text = utf8_text(command.text.strip())
+        typed = keyboard_text(text)
+        # Its bytes are no characters: letters of documents and of other keyboards are longer.
+        code = code if text.isascii() else text[:2]
+        if typed != text and typed[:2] in known:
+            near = [typed]
+        hint = f"; did you mean {' or '.join(map(escape_word, near))}?" if near else ""
+        return f"no sensor or drive has the code {escape_word(code)}{hint}"
 
     def _check_pose(self, pose: Pose) -> None:
         problem = robot_problem(self.maze, self._obstacles, self.body, pose)

@@ -21,7 +21,7 @@ from simmer_tui.run.phrases import (
     went_text,
 )
 from simmer_tui.sim.angles import half_turn
-from simmer_tui.sim.command import PEOPLE, counted, escape_passage
+from simmer_tui.sim.command import PEOPLE, counted, escape_passage, utf8_text
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import CommandResult, Reading, Status
 from simmer_tui.tui.gauges import reading_text, with_unit
@@ -207,7 +207,7 @@ class _Wording(EventHandler[EventWords]):
         )
 
     def on_wire(self, event: events.WireMessage) -> EventWords:
-        shown = escape_passage(event.data)
+        shown = escape_passage(utf8_text(event.data))
         if event.reply:
             return EventWords("robot", "<", lambda: ((shown, "value"),))
         return EventWords("client", ">", lambda: ((f"{shown}  ", "plain"), (event.meaning, "dim")))

@@ -192,7 +192,7 @@ def test_blank_cell_where_a_value_is_needed_is_a_problem(
         ("ultra1,u12,1,1,2,3,4,0,5,", "Poll Character: must be two printable ASCII characters without"),
         ('ultra1,"u 1",1,1,2,3,4,0,5,', "Poll Character: must be two printable ASCII characters"),
         ("ultra1,ü1,1,1,2,3,4,0,5,", 'Poll Character: must be two printable ASCII characters without a '
-         'space, such as u1, not "\\xfc1"'),
+         'space, such as u1, not "ü1"'),
         ("ultra1,u1,yes,1,2,3,4,0,5,", 'Enabled: must be 0 (off) or 1 (on), not "yes"'),
         ("ultra1,u1,1,1e999,2,3,4,0,5,", 'X Position (in): must be a number, not "1e999"'),
         ("ultra1,u1,1,1,inf,3,4,0,5,", 'Y Position (in): must be a number, not "inf"'),

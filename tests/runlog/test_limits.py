@@ -642,8 +642,7 @@ def test_a_log_holds_files_with_short_plain_names(start_run: StartRun, name: str
         return
     with pytest.raises(RunLogError, match="is no file of a set") as raised:
         LogReader(path)
-    shown = name if name.isascii() else "\\\\xe4.csv"
-    assert repr(shown).replace("\\\\\\\\", "\\\\") in str(raised.value)
+    assert repr(name) in str(raised.value)
 
 
 def header(path: Path) -> Header:

@@ -260,7 +260,7 @@ def test_a_message_shortens_what_it_shows() -> None:
     assert escape_word("x" * 41) == "x" * 37 + "..."
     assert escape_passage("x" * 400) == shown_path("x" * 400) == "x" * 400
     assert escape_passage("x" * 401) == shown_path("x" * 401) == "x" * 397 + "..."
-    assert escape("é\x1b") == "\\xe9\\x1b"
+    assert escape("é°\x1b\u202e") == "é°\\x1b\\u202e"
     # A command that is to be typed names the file as it is; a byte that is no UTF-8 has no character.
     assert shown_path("/home/zoë/Übung 1/log.jsonl") == "/home/zoë/Übung 1/log.jsonl"
     assert shown_path("a\x1b[2J\u202e\udcff") == "a\\x1b[2J\\u202e\\xff"

@@ -542,7 +542,7 @@ def test_the_last_event_in_one_line(run: Run) -> None:
         (
             Belief(1.0, Pose(1, 2, 3), Pose(1, 2, 3), None, (), "[b]\x07é"),
             "belief",
-            "00:00.0  belief  1.0, 2.0 in  3.0 deg, off 0.0 in 0 deg  [b]\\x07\\xe9",
+            "00:00.0  belief  1.0, 2.0 in  3.0 deg, off 0.0 in 0 deg  [b]\\x07é",
         ),
         (
             TwinReading(2.0, parse_command("u1"), "u1", 3.0, math.nan),

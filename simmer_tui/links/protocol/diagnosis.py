@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 from msgspec import Struct
 
-from simmer_tui.sim.command import LARGEST_VALUE, escape, escape_word, parse_value
+from simmer_tui.sim.command import LARGEST_VALUE, escape, escape_word, parse_value, utf8_text
 
 # Request line of RFC 9112, section 3: a browser, curl, or a health check.
 _HTTP = re.compile(r"[A-Z]{3,8} \S* ?HTTP/\d")
@@ -44,7 +44,7 @@ def wrong_protocol(text: str, port: int, others: Mapping[str, int]) -> Diagnosis
         there = f"send it to port {where}" if where else "start with --listeners packets"
         return Diagnosis(
             "packets on a line port",
-            f"port {port} takes lines; '{escape_word(text)}' is a packet: {there}",
+            f"port {port} takes lines; '{escape_word(utf8_text(text))}' is a packet: {there}",
         )
     if _JSON.match(text) and "beliefs" in others:
         return Diagnosis(
@@ -55,7 +55,7 @@ def wrong_protocol(text: str, port: int, others: Mapping[str, int]) -> Diagnosis
 
 def wrong_packet(data: bytes, port: int, line_port: int | None) -> Diagnosis | None:
     """The mistake in the first bytes of a connection on a packet port. `line_port` takes lines, if served."""
-    text = data.decode("latin-1")
+    text = data.decode("utf-8", "surrogateescape")
     if is_http(text):
         return http(port)
     if data.endswith(b"\n") and b"[" not in data:
@@ -90,7 +90,7 @@ def joined(text: str, known: frozenset[str]) -> Diagnosis | None:
         if text[at : at + 2] in known and text[at].isalpha() and text[at] not in "eE":
             return Diagnosis(
                 "commands joined",
-                f"'{escape_word(text)}' came without a line end between its commands and was taken for one: "
+                f"'{escape_word(utf8_text(text))}' came without a line end between its commands and was taken for one: "
                 "end each with a newline (\\n)",
             )
     return None
@@ -98,7 +98,7 @@ def joined(text: str, known: frozenset[str]) -> Diagnosis | None:
 
 def without_end(rest: bytes, peer: str) -> Diagnosis:
     """The mistake of a program that ends only some of its lines."""
-    shown = escape_word(rest.decode("latin-1"))
+    shown = escape_word(rest.decode("utf-8", "surrogateescape"))
     return Diagnosis(
         "line without an end",
         f"client {peer} sent '{shown}' without a line end and waits: its earlier lines ended with a newline "
