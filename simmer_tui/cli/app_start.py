@@ -14,6 +14,7 @@ from simmer_tui.cli.command_line import say
 from simmer_tui.cli.headless import LinePrinter
 from simmer_tui.cli.run_life import FrontEnd
 from simmer_tui.live.server import Server
+from simmer_tui.program.program_command import SCRIPTS
 from simmer_tui.run.events import Notice, NoticeKind, Result
 from simmer_tui.run.phrases import exit_text
 from simmer_tui.tui.terminal import TerminalChoice, choose
@@ -112,10 +113,6 @@ class Screen(FrontEnd):
         _forget_dead_terminal()
 
 
-_SCRIPTS = (".py", ".m", ".sh", ".jar")
-"""Suffixes of files that an interpreter runs."""
-
-
 def program_name(command: str) -> str:
     """Name of a program for people: its file, without folder and interpreter."""
     try:
@@ -123,7 +120,7 @@ def program_name(command: str) -> str:
     except ValueError:
         words = command.split()
     words = [word.strip("'\"") for word in words]
-    scripts = [word for word in words if word.endswith(_SCRIPTS)]
+    scripts = [word for word in words if word.endswith(SCRIPTS)]
     word = (scripts or words or [""])[0]
     return Path(word).name if platform_has.POSIX else PureWindowsPath(word).name
 

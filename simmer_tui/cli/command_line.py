@@ -29,7 +29,7 @@ from simmer_tui.errors import (
     SimmerError,
     reason_of,
 )
-from simmer_tui.sim.command import counted, escape, escape_passage, shown_path, typed_path
+from simmer_tui.sim.command import counted, escape, escape_passage, keyboard_text, shown_path, typed_path
 from simmer_tui.sim.rules import FlagRule, Rule, did_you_mean
 
 if TYPE_CHECKING:  # a run has no documents, and must start quickly
@@ -45,6 +45,11 @@ _DEST = "setting."
 """Prefix of the attributes of setting options, so that they do not clash with others."""
 # Only numbers: `-x` after an option stays an option of its own.
 _NEGATIVE_VALUE = re.compile(r"-[.0-9]")
+_ONE_DASH = re.compile(r"-[A-Za-z]{2}")
+_MISSING = re.compile(r"the following arguments are required: (.*)")
+_ARGUMENT = re.compile(
+    r"argument (?:-\w/)?(--[\w-]+): (expected one argument|expected at least|ignored explicit)"
+)
 _LONG_OPTION = re.compile(r"--[^=\s]+")
 # The imports and the head of a class: enough to recognise the file.
 _LINES, _WIDTH = 12, 100
@@ -240,13 +245,44 @@ def _path(text: str) -> Path:
     return Path(text)
 
 
+_CURLY = "\u2018\u2019\u201a\u201c\u201d\u201e"
+"""Quotes of documents, which no shell takes for quotes."""
+
+
 def _program_in_quotes(words: Sequence[str], unknown: Sequence[str]) -> str:
     """A hint for a program without quotes (`--run python my_robot.py`), if that is the mistake."""
     given = words[words.index("--run") + 1 :] if "--run" in words else []
     # An option of ours is not part of the program.
     own = list(takewhile(lambda pair: pair[0] == pair[1], zip(given[1:], unknown, strict=False)))
-    program = " ".join(map(typed_path, given[: len(own) + 1]))
+    program = " ".join(typed_path(word.strip(_CURLY)) for word in given[: len(own) + 1])
     return f'; the command after --run needs quotes: --run "{program}"' if own else ""
+
+
+def _curly_quoted(words: Sequence[str]) -> str:
+    """The option whose value begins with a curly quote, with straight ones; empty if there is none."""
+    for index, word in enumerate(words):
+        option, equals, value = word.partition("=") if word.startswith("-") else ("", "", word)
+        if value[:1] not in _CURLY or not value:
+            continue
+        # The shell has split the value at its spaces.
+        count = next((n for n, each in enumerate(words[index:], 1) if each[-1:] in _CURLY), 1)
+        rest = " ".join([value, *words[index + 1 : index + count]]).strip(_CURLY)
+        before = f"{option}{equals}" if option else "".join(f"{each} " for each in words[:index][-1:])
+        return f'{before}"{rest}"'
+    return ""
+
+
+def _program(command: str) -> str:
+    """The command of `--run`."""
+    # Imported here because it takes a thirtieth of a start without a program.
+    from simmer_tui.program.program_command import with_interpreter
+
+    return with_interpreter(command)
+
+
+def add_run_option(parser: OptionGroup, text: str) -> None:
+    """The option `--run`, a program to be started."""
+    parser.add_argument("--run", metavar='"CMD ..."', type=_program, help=text)
 
 
 class OneLineParser(argparse.ArgumentParser):
@@ -316,24 +352,60 @@ class OneLineParser(argparse.ArgumentParser):
         words = sys.argv[1:] if args is None else list(args)
         parsed, unknown = self.parse_known_args(words, namespace)
         if unknown:
-            given = unknown[0].partition("=")[0]
-            is_option = given.startswith("-")
-            options = [name for action in self._actions for name in action.option_strings]
-            hint = did_you_mean(given, options if is_option else self._words)
-            # An option like one of ours is that one, mistyped; a program's file may resemble a command.
-            if not (is_option and hint):
-                hint = _program_in_quotes(words, unknown) or hint
-            kind = "option" if is_option else "command" if self._words else "argument"
-            self.error(f'unknown {kind} "{escape(unknown[0])}"{hint}')
+            self._refuse(words, unknown)
         return parsed
+
+    def _refuse(self, words: Sequence[str], unknown: Sequence[str]) -> NoReturn:
+        """End with a message about words that are no options or arguments."""
+        from simmer_tui.cli.mistyped import advice, is_meant  # only mistakes need it
+
+        given = unknown[0].partition("=")[0]
+        # A dash of a document or of an editor, in place of one hyphen or two.
+        typed = re.sub(r"^-{1,2}", "--", keyboard_text(given)) if not given.isascii() else given
+        is_option = typed.startswith("-")
+        options = [name for action in self._actions for name in action.option_strings]
+        hint = did_you_mean(typed, options if is_option else self._words)
+        takes_program = "--run" in options
+        # An option like one of ours is that one, mistyped; a program's file may resemble a command.
+        if is_option and hint and not is_meant(given):
+            pass
+        elif text := advice(words, unknown, self.prog, takes_program=takes_program):
+            self.exit(ExitCode.PROBLEM, f"{self.prog}: {escape_passage(text)}\n")
+        else:
+            hint = _program_in_quotes(words, unknown) or hint
+        kind = "option" if is_option else "command" if self._words else "argument"
+        self.error(f'unknown {kind} "{escape(unknown[0])}"{hint}')
 
     def parse_known_args(self, args: Iterable[str] | None = None, namespace: Any = None) -> Any:
         given = sys.argv[1:] if args is None else list(args)
+        options = self._option_string_actions
+        if quoted := _curly_quoted(given):
+            what = "“ ” ‘ ’ are quotes of documents, which a shell does not know"
+            self.exit(ExitCode.PROBLEM, f"{self.prog}: {what}: type {escape_passage(quoted)}\n")
+        for word in takewhile(lambda word: word != "--", given):
+            # argparse reads `-help` as `-h` with the value `elp`.
+            if _ONE_DASH.match(word) and f"-{word}" in options and word not in options:
+                self.error(f'unknown option "{escape(word)}"; did you mean "-{escape(word)}"?')
         return super().parse_known_args(_join_negative_values(given), namespace)
+
+    def _plain(self, message: str) -> str:
+        """A message of argparse with the line to type."""
+        if found := _MISSING.fullmatch(message):
+            line = " ".join(
+                [self.prog, *(str(each.metavar or each.dest) for each in self._get_positional_actions())]
+            )
+            return f"{found[1]} is missing: {line}"
+        found = _ARGUMENT.match(message)
+        action = self._option_string_actions.get(found[1]) if found else None
+        if found is None or action is None:
+            return message
+        if found[2].startswith("expected"):
+            return f"{found[1]} needs a value: {found[1]} {action.metavar or action.dest.upper()}"
+        return f"{found[1]} takes no value: type {found[1]} alone"
 
     def error(self, message: str) -> NoReturn:
         # One line: argparse would print the usage of all options first.
-        self.exit(2, f"{self.prog}: {escape_passage(message)} (see {self.prog} --help)\n")
+        self.exit(2, f"{self.prog}: {escape_passage(self._plain(message))} (see {self.prog} --help)\n")
 
 
 def _join_negative_values(args: Sequence[str]) -> list[str]:

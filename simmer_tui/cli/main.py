@@ -18,6 +18,7 @@ from simmer_tui.cli.command_line import (
     OneLineParser,
     add_config_option,
     add_flag,
+    add_run_option,
     add_setting_options,
     add_trust_option,
     has_terminal,
@@ -87,10 +88,8 @@ def build_parser() -> OneLineParser:
     add_flag(run, "--no-ui", "run without the screen")
     add_flag(run, "--quiet", "without the screen: no lines about what happens")
     add_flag(run, "--once", "end when the client has left (see also --idle)")
-    run.add_argument(
-        "--run",
-        metavar='"CMD ..."',
-        help="run a program with SIMMER_PORT and others set (docs/trials.md); exit with its exit code",
+    add_run_option(
+        run, "run a program with SIMMER_PORT and others set (docs/trials.md); exit with its exit code"
     )
     run.add_argument("--log", metavar="FILE", help="log the run; auto: a file in your data folder")
     run.add_argument(

@@ -12,6 +12,7 @@ from simmer_tui.cli.command_line import (
     ExitCode,
     OneLineParser,
     add_flag,
+    add_run_option,
     add_value,
     asking_nobody,
     has_terminal,
@@ -40,7 +41,7 @@ def _options(parser: OneLineParser) -> None:
     )
     add_value(take_over, "--take-over", NumberRule(), "take over at once, at S seconds", metavar="S")
     add_flag(take_over, "--no-ui", "without the screen")
-    take_over.add_argument("--run", metavar='"CMD ..."', help="run a program, which continues from there")
+    add_run_option(take_over, "run a program, which continues from there")
     take_over.add_argument("--log", metavar="FILE", help="log the run, all that was before included")
     add_device_options(take_over)
 

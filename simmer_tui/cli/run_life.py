@@ -16,7 +16,8 @@ from types import FrameType
 from typing import TYPE_CHECKING
 
 from simmer_tui.cli.command_line import ExitCode, say
-from simmer_tui.config.dialects import SERIAL
+from simmer_tui.config.dialects import COMMANDS, PACKETS, SERIAL
+from simmer_tui.config.variables import HOST
 from simmer_tui.errors import ProgramError
 from simmer_tui.live.server import LAST_OUTPUT, Server
 from simmer_tui.run.events import (
@@ -46,6 +47,12 @@ not done it.
 
 The main thread cannot while it writes to a terminal, or a pipe, that does not read.
 """
+
+
+# Judged: a Python program with large imports connects earlier. MATLAB starts more slowly, and the hint is
+# true for it too.
+CONNECT_WITHIN = 5.0
+"""Real seconds after the start of a program without a connection, after which a hint tells the address."""
 
 
 class FrontEnd:
@@ -128,6 +135,8 @@ class RunLife:
         """Command of the program that was started last."""
         self._program_over = threading.Event()
         self._end_told = False
+        self._connected = threading.Event()
+        """Set if a client has connected since the program was started."""
         self._lock = threading.Lock()
         self._history: RunHistory | None = None
         self._grace = 0.0
@@ -212,6 +221,19 @@ class RunLife:
         server.note_output(self._shutdown.program.settle_output)
         self._latest = command
         server.note_program(self._shutdown.program.pid)
+        self._expect_connection()
+
+    def _expect_connection(self) -> None:
+        """Tell the address if the program that was started last has not connected soon."""
+        self._connected.clear()
+        timer = threading.Timer(CONNECT_WITHIN, self._tell_address, (self._shutdown.program,))
+        timer.daemon = True
+        timer.start()
+
+    def _tell_address(self, program: Program) -> None:
+        is_over = self._program_code is not None or self._shutdown.program is not program
+        if not (self._connected.is_set() or is_over) and self.server.running:
+            self.server.tell(Notice(NoticeKind.HINT, _unconnected_text(self.server)))
 
     def _tell_not_started(self, error: ProgramError) -> None:
         if self._output is not None:
@@ -251,6 +273,8 @@ class RunLife:
 
     def _watch(self, event: Event) -> None:
         self.front.watch(event)
+        if isinstance(event, Notice) and event.kind is NoticeKind.CONNECTED:
+            self._connected.set()
         if self.front.judges:
             self._mission_end.handle(event)
 
@@ -350,6 +374,23 @@ class RunLife:
             referee.end(exit_text(code))
         # Even if the watcher that would set it has failed: nobody waits forever.
         self.front.finish(code)
+
+
+def _unconnected_text(server: Server) -> str:
+    """The hint for a program without a connection."""
+    host = server.environment[HOST]
+    places = [
+        f"{port.purpose}: port {server.ports[port.purpose]} ({port.variable})"
+        for port in (COMMANDS, PACKETS)
+        if port.purpose in server.ports
+    ]
+    if places:
+        where = f"it must connect to {host} ({HOST}), {' or '.join(places)}"
+    else:
+        from simmer_tui.links.dialect_link import no_hook_advice
+
+        where = f"it must open its serial port. {no_hook_advice(server.terminal)}"
+    return f"the program has not connected within {CONNECT_WITHIN:g} s: {where}"
 
 
 class Shutdown:

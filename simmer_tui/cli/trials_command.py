@@ -38,7 +38,7 @@ from simmer_tui.document.as_data import table_csv
 from simmer_tui.document.as_html import html_page
 from simmer_tui.document.formats import ESTIMATE
 from simmer_tui.errors import ConfigurationError, Problem, TrialsError
-from simmer_tui.program.program_command import check_no_shell
+from simmer_tui.program.program_command import check_no_shell, missing_program
 from simmer_tui.runlog.writer import moment_name
 from simmer_tui.sim.command import counted, escape, shown_path, typed_path
 from simmer_tui.trials.cluster import check_package, pack
@@ -109,6 +109,7 @@ def _begun(options: argparse.Namespace) -> TrialFolder:
     if options.run is None:
         raise TrialsError('--run is missing: give the program, such as --run "python my_robot.py"')
     check_no_shell(options.run)
+    _check_program(options.run)
     directory = find_mission_set(options.config)
     overrides = overrides_from(options)
     configuration = load(directory, overrides)
@@ -142,6 +143,12 @@ def _check(
         problems += without_effect(overrides, {name for point in points for name in point})
     if problems:
         raise ConfigurationError(problems)
+
+
+def _check_program(command: str) -> None:
+    """Refuse a program that is not there: all runs would fail for that reason. Raises TrialsError."""
+    if missing := missing_program(command):
+        raise TrialsError(f"--run {escape(command)!r}: {missing}")
 
 
 def _check_sure(options: argparse.Namespace) -> None:
@@ -219,6 +226,8 @@ def _resumed(options: argparse.Namespace) -> TrialFolder:
     plan = structs.replace(plan, runs=runs)
     if plan != folder.plan:
         folder.write_plan(plan)
+    if folder.to_do:
+        _check_program(plan.command)
     return folder
 
 

@@ -12,6 +12,7 @@ from simmer_tui.cli.command_line import (
     add_config_option,
     add_flag,
     add_json_option,
+    add_run_option,
     add_setting_options,
     add_trust_option,
     add_value,
@@ -60,11 +61,7 @@ def add_place_options(parser: OptionGroup) -> None:
 def add_trials_options(parser: OneLineParser) -> None:
     """Add the options of the command."""
     group = parser.add_argument_group("trials")
-    group.add_argument(
-        "--run",
-        metavar='"CMD ..."',
-        help="the program; it gets SIMMER_PORT and other variables (docs/trials.md)",
-    )
+    add_run_option(group, "the program; it gets SIMMER_PORT and other variables (docs/trials.md)")
     add_value(
         group, "--runs", _COUNT, f"number of runs (default {DEFAULT_RUNS}); with --vary, for each value"
     )

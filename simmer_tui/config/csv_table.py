@@ -10,10 +10,11 @@ from typing import Any, TypeVar
 
 from msgspec import Struct
 
-from simmer_tui.config.given_path import other_case
+from simmer_tui import platform_has
+from simmer_tui.config.given_path import other_case, similar_name
 from simmer_tui.errors import Problem, reason_of
 from simmer_tui.sim.columns import CsvColumn
-from simmer_tui.sim.command import NUMBER, counted, escape, escape_word, shown_path
+from simmer_tui.sim.command import NUMBER, counted, escape, escape_word, shown_path, typed_path
 from simmer_tui.sim.rules import CodeRule, IntegerRule, Rule, did_you_mean
 
 T = TypeVar("T")
@@ -45,12 +46,7 @@ def read_text(path: Path, problems: list[Problem]) -> str | None:
     try:
         data = path.read_bytes()
     except FileNotFoundError:
-        folder = shown_path(path.parent)
-        other = other_case(path)
-        what = f"is missing from {folder}; simmer-tui init DIR writes a complete set to start from"
-        if other:
-            what = f"is missing from {folder}, which has {escape(other)}: rename that, in small letters"
-        problems.append(Problem(path.name, what))
+        problems.append(Problem(path.name, f"is missing from {shown_path(path.parent)}{_instead(path)}"))
         return None
     except OSError as error:
         problems.append(Problem(path.name, f"cannot be read: {reason_of(error)}"))
@@ -67,6 +63,24 @@ def read_text(path: Path, problems: list[Problem]) -> str | None:
         what = f"holds the byte 0x{data[error.start]:02x}, which is not UTF-8; {remedy}"
         problems.append(Problem(f"{path.name}:{line}", what))
         return None
+
+
+# Files of spreadsheets, which they save as CSV.
+_WORKBOOKS = (".xlsx", ".xls", ".xlsm", ".ods", ".numbers", ".gsheet")
+
+
+def _instead(path: Path) -> str:
+    """The file that is there in place of a missing one, and what to do; else the command for a new set."""
+    if other := other_case(path):
+        return f", which has {escape(other)}: rename that, in small letters"
+    other = similar_name(path)
+    if not other:
+        return "; simmer-tui init DIR writes a complete set to start from"
+    if other.lower().endswith(_WORKBOOKS):
+        return f', which has {escape(other)}: open that, and save it as "CSV UTF-8" with the name {path.name}'
+    rename = "mv" if platform_has.POSIX else "ren"
+    new = path if platform_has.POSIX else path.name
+    return f", which has {escape(other)}: {rename} {typed_path(path.with_name(other))} {typed_path(new)}"
 
 
 class CsvRow(Struct, frozen=True):

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path, PureWindowsPath
 from typing import BinaryIO
 
 from simmer_tui.sim.command import escape_word
+
+_USUAL = ("maze.csv", "robot.csv", "sensors.csv", "drive.csv", "floor.csv")
 
 
 def given_path(text: str, home: Path | None = None) -> Path:
@@ -40,3 +43,19 @@ def other_case(path: Path) -> str:
     except OSError:
         return ""
     return next((name for name in names if name != path.name and name.lower() == path.name.lower()), "")
+
+
+def similar_name(path: Path) -> str:
+    """The name of the file that most likely is the missing `path` under another name: with a further ending,
+    as a copy, in another format, or with a slip; empty if there is none."""
+    from difflib import get_close_matches  # slow to import, needed for mistakes only
+
+    try:
+        names = sorted(each.name for each in path.parent.iterdir() if each.is_file())
+    except OSError:
+        return ""
+    stem = path.stem.lower()
+    same = [name for name in names if re.match(rf"{re.escape(stem)}(?![a-z])", name.lower())]
+    # Not another file of the set: robot.csv is none for drive.csv.
+    own = [name for name in names if name.lower() not in _USUAL]
+    return next(iter(same or get_close_matches(path.name, own, n=1, cutoff=0.8)), "")

@@ -12,7 +12,7 @@ from simmer_tui.config.device_file import read_devices
 from simmer_tui.config.given_path import drive_hint, given_path
 from simmer_tui.config.leftovers import is_leftover
 from simmer_tui.errors import ConfigurationError, Problem, reason_of
-from simmer_tui.sim.command import first_of, shown_path
+from simmer_tui.sim.command import first_of, shown_path, typed_path
 from simmer_tui.sim.rules import did_you_mean
 from simmer_tui.whole_file import write_whole
 
@@ -90,12 +90,29 @@ def find_set(name_or_path: str | None) -> Path:
         raise ConfigurationError([Problem(shown, f"cannot be a folder: {reason_of(error)}")]) from None
     sets = bundled_sets()
     if is_other:
-        raise ConfigurationError([Problem(shown, "is not a folder; a set is a folder with five files")])
+        raise ConfigurationError([Problem(shown, _no_folder(folder))])
     if name_or_path in sets:
         return sets[name_or_path]
-    hint = drive_hint(name_or_path) or did_you_mean(name_or_path, sets)
+    hint = drive_hint(name_or_path) or did_you_mean(name_or_path, [*sets, *_folders_here()])
+    hint = hint or "; simmer-tui init DIR makes a folder"
     what = f"there is no such folder, and no set of that name; bundled sets: {', '.join(sets)}{hint}"
     raise ConfigurationError([Problem(shown, what)])
+
+
+def _no_folder(path: Path) -> str:
+    """The reason why a file is no set, and the folder that may have been meant."""
+    if _has_set(path.parent):
+        return f"is a file, and a set is a folder; the set of this file is {typed_path(path.parent)}"
+    return "is a file, and a set is a folder with five files; simmer-tui init DIR makes one"
+
+
+def _folders_here() -> list[str]:
+    """The names of the folders in the working directory that have a set."""
+    with contextlib.suppress(OSError):
+        return sorted(
+            path.name for path in Path().iterdir() if _has_set(path) or _has_set(path / LOCAL_FOLDER)
+        )
+    return []
 
 
 def find_mission_set(name_or_path: str | None) -> Path:

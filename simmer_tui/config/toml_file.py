@@ -7,7 +7,7 @@ from typing import Any
 
 from simmer_tui.config.csv_table import read_text
 from simmer_tui.errors import Problem
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import escape, keyboard_text, meant_number
 from simmer_tui.sim.rules import did_you_mean
 from simmer_tui.sim.values import Value
 
@@ -142,11 +142,48 @@ def _parsed(text: str, file: str, problems: list[Problem]) -> dict[str, Any]:
         # tomllib says "end of document" where a bracket or quote was never closed.
         line = (found and found[1]) or str(text.count("\n") + 1)
         what = escape(_ERROR_PLACE.sub("", message))
-        problems.append(Problem(f"{file}:{line}", f"is not TOML here: {what}"))
+        lines = text.split("\n")
+        hint = _toml_hint(lines[int(line) - 1]) if int(line) <= len(lines) else ""
+        problems.append(Problem(f"{file}:{line}", f"is not TOML here: {hint or what}"))
     except (ValueError, RecursionError) as error:
         # Errors that tomllib does not catch: a number of thousands of digits, and brackets nested as deep.
         problems.append(Problem(file, f"is not TOML that can be read: {escape(str(error))}"))
     return {}
+
+
+_CURLY = re.compile("[\u2018\u2019\u201a\u201c\u201d\u201e]")
+_WINDOWS_PATH = re.compile(r"""=\s*"([^"]*\\[^"]*)"?""")
+_WORD_VALUE = re.compile(r"""(\s*[\w."-]+\s*=\s*)([^\s"'\[\]{}#][^"'#]*?)\s*(?:#.*)?""")
+_COLON = re.compile(r"""(\s*[\w-]+)\s*:\s*(\S.*)""")
+_WORDS = {"true": "true", "yes": "true", "on": "true", "false": "false", "no": "false", "off": "false"}
+
+
+def _toml_hint(line: str) -> str:
+    """The usual mistake in a line that is not TOML, and the line as it is written; empty for others."""
+    line = line.rstrip("\r")
+    if _CURLY.search(line):
+        straight = escape(keyboard_text(line).strip())
+        return f"curly quotes are no quotes; write {straight}"
+    if found := _WINDOWS_PATH.search(line):
+        return (
+            f"a backslash in \"...\" begins an escape sequence; write '{escape(found[1])}', in single quotes"
+        )
+    if found := _COLON.fullmatch(line):
+        return f"a value stands after =; write {escape(f'{found[1].strip()} = {found[2]}')}"
+    found = _WORD_VALUE.fullmatch(line)
+    if found is None:
+        return ""
+    name, value = found[1].lstrip(), found[2]
+    if value.lower() in _WORDS:
+        return (
+            f"true and false have small letters and no quotes; write {escape(name + _WORDS[value.lower()])}"
+        )
+    if number := meant_number(value):
+        return f"a number has a decimal point and no unit; write {escape(name + number)}"
+    if re.match(r"[A-Za-z./~\\]", value):
+        quote = "'" if "\\" in value else '"'
+        return f"a text has quotes; write {escape(f'{name}{quote}{value}{quote}')}"
+    return ""
 
 
 def key_lines(text: str) -> dict[str, int]:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from simmer_tui import platform_has
 from simmer_tui.errors import ProgramError, reason_of
 from simmer_tui.program.kept_process import Keeper, KeptProcess
-from simmer_tui.program.program_command import console_variables, with_hook, words_of
+from simmer_tui.program.program_command import console_variables, start_advice, with_hook, words_of
 from simmer_tui.program.program_output import OutputReader, OutputRoute, ProgramOutput
 from simmer_tui.sim.command import shown_path
 
@@ -126,7 +126,8 @@ class Program(RunningProgram):
         except OSError as error:
             # The program's name is repeated only if the command has more words.
             name = f"{shown_path(error.filename)}: " if error.filename not in (None, command) else ""
-            raise ProgramError(f"--run {command!r}: {name}{reason_of(error)}") from None
+            why = (start_advice(command) if folder is None else "") or f"{name}{reason_of(error)}"
+            raise ProgramError(f"--run {command!r}: {why}") from None
         self.pid = process.pid
         """Its process ID."""
         super().__init__(process.wait, process.end, route.start(), on_end, _LAST_LINES)

@@ -11,6 +11,7 @@ from pathlib import Path, PureWindowsPath
 from simmer_tui import platform_has
 from simmer_tui.errors import ProgramError
 from simmer_tui.program.shell_syntax import shell_problem
+from simmer_tui.sim.command import escape_word, printable, shown_path, typed_path
 
 HOOK_FOLDER = Path(__file__).resolve().parent / "hook"
 """The folder with our sitecustomize.py. First on the path of a Python program, it replaces the program's
@@ -18,6 +19,10 @@ clock and serial port."""
 HOOKED = ("SIMMER_CLOCK_PORT", "SIMMER_DIALECT_PORT")
 """Variables of programs that need it."""
 _PATH = "PYTHONPATH"
+SCRIPTS = (".py", ".m", ".sh", ".jar")
+"""Suffixes of files that an interpreter runs."""
+_INTERPRETERS = {".py": ["python"], ".jar": ["java", "-jar"], ".js": ["node"], ".sh": ["sh"]}
+"""The words before a file, by its suffix."""
 
 
 def with_hook(environment: Mapping[str, str], folder: str = str(HOOK_FOLDER)) -> dict[str, str]:
@@ -134,3 +139,101 @@ def console_variables(command: str, code_page: int) -> dict[str, str]:
     if not is_python(_first_word(command.strip())):
         return {}
     return {"PYTHONUNBUFFERED": "1", "PYTHONIOENCODING": f"cp{code_page}:backslashreplace"}
+
+
+def with_interpreter(command: str, *, windows: bool = not platform_has.POSIX) -> str:
+    """The command; a Python file that does not start by itself gets `python` before it."""
+    words = _words(command)
+    if not words or not words[0].lower().endswith(".py") or not Path(words[0]).is_file():
+        return command
+    from shutil import which  # imported only when needed: it takes time
+
+    # A file with a folder needs the right to be executed; one without is searched for in the path.
+    starts = not windows and which(words[0]) is not None
+    return command if starts else f"python {command.strip()}"
+
+
+def missing_program(command: str) -> str:
+    """The reason why the program of a command cannot be started: its file, or the first word, is not there.
+    Empty if it is there, or if it is not known."""
+    words = _words(command)
+    name = words[0] if words else ""
+    if is_python(name):
+        name = next(_script_of(words[1:]), "")
+    elif name and not any(sign in name for sign in "/\\") and not name.lower().endswith(SCRIPTS):
+        from shutil import which  # imported only when needed: it takes time
+
+        return "" if which(name) or Path(name).exists() else f"there is no program {escape_word(name)}"
+    if not name or Path(name).exists():
+        return ""
+    near = file_nearby(name)
+    hint = f"; did you mean {typed_path(near)}?" if near else ""
+    return f"there is no file {shown_path(name)} in {shown_path(Path.cwd())}{hint}"
+
+
+def start_advice(command: str) -> str:
+    """The reason why a command could not be started, with the command that works, if its file is the reason.
+    Otherwise it is empty."""
+    words = _words(command)
+    if missing := missing_program(command):
+        return missing
+    path = Path(words[0]) if words else Path()
+    starts = starting_words(path) if path.is_file() else [str(path)]
+    if starts == [str(path)]:
+        return ""
+    line = platform_has.shell_line([*starts, *words[1:]])
+    return f"{shown_path(path)} does not start by itself; {run_option(line)} starts it"
+
+
+def starting_words(path: Path) -> list[str]:
+    """The words that start the program of a file."""
+    from shutil import which  # imported only when needed: it takes time
+
+    name, suffix = str(path), path.suffix.lower()
+    if suffix == ".m":
+        if which("octave") and not which("matlab"):
+            return ["octave", name]
+        return ["matlab", "-sd", str(path.parent), "-batch", path.stem]
+    if suffix in _INTERPRETERS:
+        return [*_INTERPRETERS[suffix], name]
+    return [name if os.sep in name else f".{os.sep}{name}"]
+
+
+def run_option(command: str) -> str:
+    """`--run "CMD ..."` as it is typed."""
+    plain = not set(command) & set('"$`\\!')
+    return f'--run "{printable(command)}"' if plain else f"--run {typed_path(command)}"
+
+
+def file_nearby(name: str) -> Path | None:
+    """A file of the same name in this folder, in a folder of it, or in the one around it."""
+    wanted = Path(name).name
+    if not wanted:
+        return None
+    try:
+        below = sorted(path / wanted for path in Path().iterdir() if path.is_dir())
+        places = [Path(wanted), *below, Path("..", wanted)]
+        return next((path for path in places if path.is_file()), None)
+    except OSError:
+        return None
+
+
+def _words(command: str) -> list[str]:
+    """The words of a command; none of one with a quote that is not closed."""
+    try:
+        return shlex.split(command, posix=platform_has.POSIX)
+    except ValueError:
+        return []
+
+
+def _script_of(words: Iterable[str]) -> Iterator[str]:
+    """The file among the words after Python; none after `-m` or `-c`."""
+    rest = iter(words)
+    for word in rest:
+        if word in ("-m", "-c", "-"):
+            return
+        if not word.startswith("-"):
+            yield word
+            return
+        if word in ("-W", "-X"):
+            next(rest, "")

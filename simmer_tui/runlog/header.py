@@ -185,7 +185,9 @@ def parse_header(line: bytes, shown: str) -> Header:
     try:
         version = _VERSION.decode(line)
     except ValueError:
-        raise RunLogError(f"{shown} is not a run log: its first line is not the header of one") from None
+        raise RunLogError(
+            f"{shown} is not a run log: its first line is not the header of one; --log FILE writes a log"
+        ) from None
     # Checked before the whole header is decoded: other formats have other fields.
     if version.format != FORMAT:
         raise RunLogError(

@@ -22,7 +22,8 @@ from simmer_tui.runlog.closing import Closing
 from simmer_tui.runlog.decode import LogDecoder
 from simmer_tui.runlog.header import Header, parse_header, rebuild
 from simmer_tui.runlog.log_records import AnyRecord, BrokenLine, decode_line
-from simmer_tui.sim.command import shown_path
+from simmer_tui.runlog.writer import LOG
+from simmer_tui.sim.command import shown_path, typed_path
 
 # A belief of 5,000 particles takes 100 KB and a header some 20 KB: a longer line is in no log.
 MAX_LINE = 16 * 1024 * 1024
@@ -197,7 +198,11 @@ def open_log(path: Path, shown: str) -> tuple[IO[bytes], Header]:
         try:
             file: IO[bytes] = path.open("rb")
         except FileNotFoundError:
-            raise RunLogError(f"{shown}: there is no such file") from None
+            raise RunLogError(f"{shown}: there is no such file{_newest_in(path.parent)}") from None
+        except (IsADirectoryError, PermissionError):
+            if not path.is_dir():  # Windows may not open a folder either
+                raise
+            raise RunLogError(f"{shown} is a folder, not a run log{_newest_in(path)}") from None
         except ValueError as error:  # a NUL in the name
             raise OSError(str(error)) from None
     try:
@@ -212,6 +217,14 @@ def open_log(path: Path, shown: str) -> tuple[IO[bytes], Header]:
     except BaseException:
         file.close()
         raise
+
+
+def _newest_in(folder: Path) -> str:
+    """The newest log of a folder, for a message; without one, the way to a log."""
+    found = [path for path in folder.glob(f"*{LOG}*") if path.is_file()]
+    if not found:
+        return "; --log FILE writes one, and without a name the app's last run is taken"
+    return f"; the newest log there is {typed_path(max(found, key=lambda path: path.stat().st_mtime))}"
 
 
 def _unpacked(file: IO[bytes], shown: str) -> IO[bytes]:

@@ -26,7 +26,7 @@ from simmer_tui.runlog.closing import Closing
 from simmer_tui.runlog.encode import LogEncoder, checkpoint_record
 from simmer_tui.runlog.header import TakenOver, header_of
 from simmer_tui.runlog.log_records import encode_line
-from simmer_tui.sim.command import shown_path
+from simmer_tui.sim.command import shown_path, typed_path
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.whole_file import NOT_OVERWRITTEN
 
@@ -166,7 +166,9 @@ class RunLog(Closing):
         try:
             self._file: LineFile = (file or _opened)(path)
         except OSError as error:
-            raise RunLogError(f"cannot log to {shown}: {reason_of(error)}") from None
+            inside = typed_path(path / f"run{LOG}")
+            hint = f": it is a folder; name a file in it, --log {inside}" if path.is_dir() else ""
+            raise RunLogError(f"cannot log to {shown}{hint or f': {reason_of(error)}'}") from None
         except ValueError as error:  # a NUL in the name
             raise RunLogError(f"cannot log to {shown}: {error}") from None
         timed = configuration.settings.motion.motion == "timed"

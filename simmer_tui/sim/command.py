@@ -58,13 +58,14 @@ def escape(text: str, limit: int = _LINE) -> str:
 
 
 def utf8_text(text: str) -> str:
-    """A text with one character a byte, as links decode it, read as UTF-8. A byte that is no UTF-8 becomes a
-    surrogate, which is shown as that byte."""
+    """A text with one character a byte, as links decode it, read as UTF-8. Without UTF-8 in it, letters of
+    Latin-1 alone are a text, as MATLAB sends it; other bytes become surrogates, which are shown as bytes."""
     if text.isascii():
         return text
     try:
-        return text.encode("latin-1").decode("utf-8", "surrogateescape")
-    except UnicodeEncodeError:  # it is text already
+        data = text.encode("latin-1")
+        return data.decode("utf-8", "strict" if text.isprintable() else "surrogateescape")
+    except UnicodeError:  # not of bytes, or of Latin-1
         return text
 
 

@@ -57,9 +57,9 @@ class SweepValue:
 
     @property
     def number(self) -> float:
-        """The value as a number, the first of several; NaN if it is none."""
+        """The value as a number; NaN if it is none. Places and other lists of numbers have no order."""
         try:
-            return float(self.value.partition(",")[0])
+            return float(self.value)
         except ValueError:
             return math.nan
 

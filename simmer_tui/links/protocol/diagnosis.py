@@ -90,8 +90,8 @@ def joined(text: str, known: frozenset[str]) -> Diagnosis | None:
         if text[at : at + 2] in known and text[at].isalpha() and text[at] not in "eE":
             return Diagnosis(
                 "commands joined",
-                f"'{escape_word(utf8_text(text))}' came without a line end between its commands and was taken for one: "
-                "end each with a newline (\\n)",
+                f"'{escape_word(utf8_text(text))}' came without a line end between its commands and was "
+                "taken for one: end each with a newline (\\n)",
             )
     return None
 

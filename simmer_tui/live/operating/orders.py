@@ -8,7 +8,15 @@ from msgspec import Struct
 from simmer_tui.config.settings import PACES
 from simmer_tui.errors import ConsoleCommandError
 from simmer_tui.run.events import LARGEST_NUMBER, Action, ActionName
-from simmer_tui.sim.command import LARGEST_VALUE, Command, escape_word, parse_command, parse_value
+from simmer_tui.sim.command import (
+    LARGEST_VALUE,
+    Command,
+    escape_word,
+    keyboard_text,
+    meant_number,
+    parse_command,
+    parse_value,
+)
 from simmer_tui.sim.noise import SEEDS
 from simmer_tui.sim.rules import NumberRule, did_you_mean
 from simmer_tui.sim.specs import SimulationSpec
@@ -177,7 +185,7 @@ _ORDERS = (
 )
 CONSOLE_COMMANDS = {order.name: order for order in _ORDERS}
 """All orders by name, in the order of the help."""
-BARE_WORDS = {"help": "help", "quit": "quit", "exit": "quit"}
+BARE_WORDS = {"help": "help", "?": "help", "quit": "quit", "exit": "quit", "q": "quit"}
 """Words that are understood without a colon too, with the order that each means."""
 
 
@@ -192,15 +200,29 @@ def read_console_command(line: str, spec: SimulationSpec) -> ConsoleCommand:
     name, *words = text.removeprefix(":").split() or [""]
     known = BARE_WORDS.get(name.lower(), name.lower())
     if not text.startswith(":") and (name.lower() not in BARE_WORDS or len(words) > (known == "help")):
-        return _one_command(parse_command(text, "console"), spec)
+        return _one_command(parse_command(keyboard_text(text), "console"), spec)
     order = CONSOLE_COMMANDS.get(known)
     if order is None:
-        hint = did_you_mean(name, CONSOLE_COMMANDS) or "; :help lists them"
+        hint = did_you_mean(name, CONSOLE_COMMANDS) or _other_order(known) or "; :help lists them"
         raise ConsoleCommandError(f":{escape_word(name)} is not an order{hint}")
     try:
         return order.read(order, words)
     except ValueError as error:
         raise ConsoleCommandError(f":{order.name} {error}; {order.usage}") from None
+
+
+_OTHERS = {
+    **dict.fromkeys(
+        ("run", "start"), '; a program runs in a second terminal, or with simmer-tui --run "CMD ..."'
+    ),
+    **dict.fromkeys(("wq", "q!", "x", "end", "close"), "; type :quit"),
+    **dict.fromkeys(("load", "config", "open"), "; type :quit, and then simmer-tui --config DIR"),
+}
+"""Orders of other programs, and what means the same here."""
+
+
+def _other_order(name: str) -> str:
+    return _OTHERS.get(name, "")
 
 
 def _one_command(command: Command, spec: SimulationSpec) -> Command:
@@ -220,8 +242,19 @@ def _one_command(command: Command, spec: SimulationSpec) -> Command:
     is_one = is_number or (is_drive and len(argument.split()) <= 1)
     if command.text.strip()[2].isalnum() or not is_one:
         takes = f"{code} takes nothing after it" if is_sensor else f"{code}-V takes one number"
-        raise ConsoleCommandError(f"{command.shown}: {takes}; one command a line")
+        meant = _meant(command, is_sensor)
+        hint = f"did you mean {meant}?" if meant else "one command a line"
+        raise ConsoleCommandError(f"{command.shown}: {takes}; {hint}")
     return command
+
+
+def _meant(command: Command, is_sensor: bool) -> str:
+    """The command that is within a line with more; empty if that is not evident."""
+    rest = command.text.strip()[2:]
+    if is_sensor:
+        return "" if any(character.isalnum() for character in rest) else command.code
+    number = meant_number(rest.strip(" -")) if not rest[:1].isalnum() else ""
+    return f"{command.code}-{number}" if number else ""
 
 
 def completions(line: str, spec: SimulationSpec) -> list[tuple[str, str]]:

@@ -5,12 +5,13 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from simmer_tui.live.operating.line_advice import line_advice
 from simmer_tui.live.server import Server
 from simmer_tui.run.events import Action, ActionName, Notice, NoticeKind
 from simmer_tui.run.state import State
 from simmer_tui.sim.command import Command, parse_command
 from simmer_tui.sim.distance_errors import AXIS_KINDS
-from simmer_tui.sim.records import CommandResult
+from simmer_tui.sim.records import CommandResult, Status
 from simmer_tui.sim.specs import DriveKind, SimulationSpec, VelocityKind
 from simmer_tui.sim.velocity_commands import WAIT
 
@@ -50,9 +51,14 @@ class Operator:
                 self.hint(self._server.mission_told)
             for result in results:
                 if refused is not None and result.reason and math.isnan(result.reply):
-                    refused(f"{result.command.shown}: {result.reason}")
+                    refused(self._refusal(result))
 
         self._server.call(self._session.submit, self._server.message(command), answered)
+
+    def _refusal(self, result: CommandResult) -> str:
+        is_unknown = result.status is Status.UNKNOWN or bool(result.command.problem)
+        advice = line_advice(result.command.text, self._spec) if is_unknown else ""
+        return advice or f"{result.command.shown}: {result.reason}"
 
     def perform(self, action: Action) -> str:
         """Perform an action. Returns a warning if it will have no effect."""
