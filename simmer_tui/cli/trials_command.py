@@ -38,7 +38,7 @@ from simmer_tui.document.as_data import table_csv
 from simmer_tui.document.as_html import html_page
 from simmer_tui.document.formats import ESTIMATE
 from simmer_tui.errors import ConfigurationError, Problem, TrialsError
-from simmer_tui.program.program_command import check_no_shell, missing_program
+from simmer_tui.program.program_command import check_no_shell, is_python, missing_program
 from simmer_tui.runlog.writer import moment_name
 from simmer_tui.sim.command import counted, escape, shown_path, typed_path
 from simmer_tui.trials.cluster import check_package, pack
@@ -109,7 +109,6 @@ def _begun(options: argparse.Namespace) -> TrialFolder:
     if options.run is None:
         raise TrialsError('--run is missing: give the program, such as --run "python my_robot.py"')
     check_no_shell(options.run)
-    _check_program(options.run)
     directory = find_mission_set(options.config)
     overrides = overrides_from(options)
     configuration = load(directory, overrides)
@@ -129,6 +128,7 @@ def _begun(options: argparse.Namespace) -> TrialFolder:
         points=points,
     )
     _check_plan(options, plan, configuration)
+    _check_program(options, plan.command)
     path = options.out or Path(f"{PREFIX}{moment_name()}")
     return TrialFolder.create(path, plan, configuration.texts, mazes)
 
@@ -145,8 +145,11 @@ def _check(
         raise ConfigurationError(problems)
 
 
-def _check_program(command: str) -> None:
+def _check_program(options: argparse.Namespace, command: str) -> None:
     """Refuse a program that is not there: all runs would fail for that reason. Raises TrialsError."""
+    # The machines of a cluster have programs of their own. Scripts are sent there.
+    if options.dask is not None and not is_python("".join(command.split()[:1])):
+        return
     if missing := missing_program(command):
         raise TrialsError(f"--run {escape(command)!r}: {missing}")
 
@@ -227,7 +230,7 @@ def _resumed(options: argparse.Namespace) -> TrialFolder:
     if plan != folder.plan:
         folder.write_plan(plan)
     if folder.to_do:
-        _check_program(plan.command)
+        _check_program(options, plan.command)
     return folder
 
 

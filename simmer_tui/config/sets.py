@@ -102,8 +102,8 @@ def find_set(name_or_path: str | None) -> Path:
 def _no_folder(path: Path) -> str:
     """The reason why a file is no set, and the folder that may have been meant."""
     if _has_set(path.parent):
-        return f"is a file, and a set is a folder; the set of this file is {typed_path(path.parent)}"
-    return "is a file, and a set is a folder with five files; simmer-tui init DIR makes one"
+        return f"is not a folder; the set of this file is {typed_path(path.parent)}"
+    return "is not a folder; a set is a folder with five files, and simmer-tui init DIR makes one"
 
 
 def _folders_here() -> list[str]:

@@ -12,6 +12,7 @@ from simmer_tui import platform_has
 from simmer_tui.errors import ProgramError
 from simmer_tui.program.shell_syntax import shell_problem
 from simmer_tui.sim.command import escape_word, printable, shown_path, typed_path
+from simmer_tui.sim.rules import did_you_mean
 
 HOOK_FOLDER = Path(__file__).resolve().parent / "hook"
 """The folder with our sitecustomize.py. First on the path of a Python program, it replaces the program's
@@ -21,6 +22,8 @@ HOOKED = ("SIMMER_CLOCK_PORT", "SIMMER_DIALECT_PORT")
 _PATH = "PYTHONPATH"
 SCRIPTS = (".py", ".m", ".sh", ".jar")
 """Suffixes of files that an interpreter runs."""
+_USUAL = ("python", "python3", "matlab", "octave", "node", "java")
+"""Programs whose names are compared with one that does not exist."""
 _INTERPRETERS = {".py": ["python"], ".jar": ["java", "-jar"], ".js": ["node"], ".sh": ["sh"]}
 """The words before a file, by its suffix."""
 
@@ -163,12 +166,15 @@ def missing_program(command: str) -> str:
     elif name and not any(sign in name for sign in "/\\") and not name.lower().endswith(SCRIPTS):
         from shutil import which  # imported only when needed: it takes time
 
-        return "" if which(name) or Path(name).exists() else f"there is no program {escape_word(name)}"
+        if which(name) or Path(name).exists():
+            return ""
+        return f"there is no program {escape_word(name)}{did_you_mean(name, _USUAL)}"
     if not name or Path(name).exists():
         return ""
     near = file_nearby(name)
     hint = f"; did you mean {typed_path(near)}?" if near else ""
-    return f"there is no file {shown_path(name)} in {shown_path(Path.cwd())}{hint}"
+    folder = "" if Path(name).is_absolute() else f" in {shown_path(Path.cwd())}"
+    return f"there is no file {shown_path(name)}{folder}{hint}"
 
 
 def start_advice(command: str) -> str:

@@ -435,7 +435,7 @@ def test_a_misspelt_command_is_told_of_with_the_one_that_was_meant(capsys: Captu
     assert 'unknown command "chekc"; did you mean "check"?' in capsys.readouterr().err
     with pytest.raises(SystemExit, match="2"):
         main(["good.py"])
-    assert "--run" not in capsys.readouterr().err
+    assert "there is no file good.py" in capsys.readouterr().err
     with pytest.raises(SystemExit, match="2"):
         main(["help", "nosuch"])
     assert capsys.readouterr().err.endswith("(see simmer-tui --help)\n")

@@ -1,4 +1,4 @@
-"""Lines that people type on the first day, and the words of the answer: what happened, where, and what works."""
+"""Lines that people type on the first day, and the words of the answers, with a line that works."""
 
 from __future__ import annotations
 
@@ -88,6 +88,7 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ("trials wander.py", ['type simmer-tui trials --run "python wander.py"']),
         ("trials --run nosuch.py", ["there is no file nosuch.py in"]),
         ("trials --run nosuch", ["there is no program nosuch"]),
+        ("trials --run=pyhton~wander.py", ['there is no program pyhton; did you mean "python"?']),
         ("trials --run=python~nosuch.py", ["there is no file nosuch.py in"]),
         # Words and options of other programs.
         ("start", ["simmer-tui starts the screen", "--run"]),
@@ -111,8 +112,8 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ("good", ['"good" is a configuration set: type simmer-tui --config good']),
         ("good/sensors.csv", ["type simmer-tui --config good"]),
         ("mission", ["type simmer-tui --config mission"]),
-        ("check good/sensors.csv", ["is a file", "a set is a folder", "is good"]),
-        ("check wander.py", ["is a file", "simmer-tui init DIR"]),
+        ("check good/sensors.csv", ["is not a folder", "the set of this file is good"]),
+        ("check wander.py", ["is not a folder", "simmer-tui init DIR"]),
         ("check goood", ["no such folder", 'did you mean "good"?']),
         (
             "check workbook",
@@ -280,7 +281,7 @@ def test_a_program_without_a_connection_is_told_the_address(
     )
     lines: list[str] = []
 
-    def say(line: str) -> None:
+    def say(line: str, stream: object = None) -> None:
         lines.append(line)
         if "has not connected" in line:
             told.touch()

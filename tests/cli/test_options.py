@@ -105,7 +105,7 @@ def test_bad_values_are_collected_and_named_by_their_options(folder: Path) -> No
         (["--bot-centre", "1,2"], 'unknown option "--bot-centre"; did you mean "--bot-center"?'),
         (["--bot-cent", "1,2"], 'unknown option "--bot-cent"; did you mean "--bot-center"?'),
         (["stray\nline"], 'unknown argument "stray\\nline"'),
-        (["--port"], "argument --port: expected one argument"),
+        (["--port"], "--port needs a value: --port PORT"),
     ],
 )
 def test_usage_error_is_exactly_one_line(

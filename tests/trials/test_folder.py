@@ -147,7 +147,8 @@ def test_a_mistyped_program_is_corrected_while_no_run_is_done(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     options = ["--runs", "1", "--jobs", "1", "--out", "out"]
-    assert run_trials(["--run", "pyhton -c pass", *options]) == 2
+    Path("notes.txt").touch()
+    assert run_trials(["--run", "./notes.txt", *options]) == 2
     right = ["--run", f"{sys.executable} -c pass", *options]
     assert run_trials(right) == 2
     assert "add --resume" in capfd.readouterr().err

@@ -216,6 +216,13 @@ def test_values_that_are_no_numbers_are_listed(made_result: Callable[..., TrialR
     assert answer(curve, 0.9) == "The program keeps a success rate of 0.9 with omni-4 of drive_profile."
 
 
+def test_places_and_lists_of_numbers_have_no_order(made_result: Callable[..., TrialResult]) -> None:
+    places = [place(made_result, value, successes, 20) for value, successes in (("25,41", 2), ("6,30", 20))]
+    curve = Curve("block_center", tuple(places))
+    assert not curve.is_of_numbers
+    assert answer(curve, 0.9) == "The program keeps a success rate of 0.9 with 6,30 of block_center."
+
+
 def test_curve_stands_where_its_rates_are(made_result: Callable[..., TrialResult]) -> None:
     curve = Curve("x", tuple(place(made_result, value, 10, 20) for value in ("0", "1", "4")))
     root = ElementTree.fromstring(svg.figure_svg(curve_figure(curve, 0.9, "curve")))
