@@ -46,7 +46,11 @@ def read_text(path: Path, problems: list[Problem]) -> str | None:
     try:
         data = path.read_bytes()
     except FileNotFoundError:
-        problems.append(Problem(path.name, f"is missing from {shown_path(path.parent)}{_instead(path)}"))
+        folder = shown_path(path.parent)
+        what = f"is missing from {folder}; simmer-tui init DIR writes a complete set to start from"
+        if other := _instead(path):
+            what = f"is missing from {folder}, which has {other}"
+        problems.append(Problem(path.name, what))
         return None
     except OSError as error:
         problems.append(Problem(path.name, f"cannot be read: {reason_of(error)}"))
@@ -70,17 +74,17 @@ _WORKBOOKS = (".xlsx", ".xls", ".xlsm", ".ods", ".numbers", ".gsheet")
 
 
 def _instead(path: Path) -> str:
-    """The file that is there in place of a missing one, and what to do; else the command for a new set."""
+    """The file that is there in place of a missing one, and what to do; empty if there is none."""
     if other := other_case(path):
-        return f", which has {escape(other)}: rename that, in small letters"
+        return f"{escape(other)}: rename that, in small letters"
     other = similar_name(path)
     if not other:
-        return "; simmer-tui init DIR writes a complete set to start from"
+        return ""
     if other.lower().endswith(_WORKBOOKS):
-        return f', which has {escape(other)}: open that, and save it as "CSV UTF-8" with the name {path.name}'
+        return f'{escape(other)}: open that, and save it as "CSV UTF-8" with the name {path.name}'
     rename = "mv" if platform_has.POSIX else "ren"
     new = path if platform_has.POSIX else path.name
-    return f", which has {escape(other)}: {rename} {typed_path(path.with_name(other))} {typed_path(new)}"
+    return f"{escape(other)}: {rename} {typed_path(path.with_name(other))} {typed_path(new)}"
 
 
 class CsvRow(Struct, frozen=True):

@@ -90,20 +90,16 @@ def find_set(name_or_path: str | None) -> Path:
         raise ConfigurationError([Problem(shown, f"cannot be a folder: {reason_of(error)}")]) from None
     sets = bundled_sets()
     if is_other:
-        raise ConfigurationError([Problem(shown, _no_folder(folder))])
+        what = "is not a folder; a set is a folder with five files, and simmer-tui init DIR makes one"
+        if _has_set(folder.parent):
+            what = f"is not a folder; the set of this file is {typed_path(folder.parent)}"
+        raise ConfigurationError([Problem(shown, what)])
     if name_or_path in sets:
         return sets[name_or_path]
     hint = drive_hint(name_or_path) or did_you_mean(name_or_path, [*sets, *_folders_here()])
     hint = hint or "; simmer-tui init DIR makes a folder"
     what = f"there is no such folder, and no set of that name; bundled sets: {', '.join(sets)}{hint}"
     raise ConfigurationError([Problem(shown, what)])
-
-
-def _no_folder(path: Path) -> str:
-    """The reason why a file is no set, and the folder that may have been meant."""
-    if _has_set(path.parent):
-        return f"is not a folder; the set of this file is {typed_path(path.parent)}"
-    return "is not a folder; a set is a folder with five files, and simmer-tui init DIR makes one"
 
 
 def _folders_here() -> list[str]:

@@ -166,9 +166,10 @@ class RunLog(Closing):
         try:
             self._file: LineFile = (file or _opened)(path)
         except OSError as error:
-            inside = typed_path(path / f"run{LOG}")
-            hint = f": it is a folder; name a file in it, --log {inside}" if path.is_dir() else ""
-            raise RunLogError(f"cannot log to {shown}{hint or f': {reason_of(error)}'}") from None
+            why = reason_of(error)
+            if path.is_dir():
+                why = f"it is a folder; name a file in it, --log {typed_path(path / f'run{LOG}')}"
+            raise RunLogError(f"cannot log to {shown}: {why}") from None
         except ValueError as error:  # a NUL in the name
             raise RunLogError(f"cannot log to {shown}: {error}") from None
         timed = configuration.settings.motion.motion == "timed"

@@ -432,7 +432,8 @@ def test_a_program_that_cannot_be_started_has_a_verdict_and_127(tmp_path: Path, 
 def test_a_program_that_cannot_be_started_is_one_line_where_no_verdict_is_told() -> None:
     code, out, err = ended("--quiet", "--run", "no-such-program-anywhere")
     assert (code, out) == (127, "")
-    assert err == "simmer-tui: --run 'no-such-program-anywhere': No such file or directory\n"
+    name = "no-such-program-anywhere"
+    assert err == f"simmer-tui: --run '{name}': there is no program {name}\n"
 
 
 @pytest.mark.slow

@@ -218,7 +218,7 @@ def test_maze_that_the_mission_cannot_be_done_in_is_refused_by_name(
     mazes = tmp_path / "mazes"
     mazes.mkdir()
     (mazes / "a.csv").write_text("1,1,3\n")
-    assert run_trials(["--run", "x", "--mazes", str(mazes), "--out", str(tmp_path / "out")]) == 2
+    assert run_trials(["--run", "python", "--mazes", str(mazes), "--out", str(tmp_path / "out")]) == 2
     assert capfd.readouterr().err.startswith("a.csv: maze.csv has no cell of value 2 to start from\n")
 
 
