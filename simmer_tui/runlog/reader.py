@@ -202,7 +202,7 @@ def open_log(path: Path, shown: str) -> tuple[IO[bytes], Header]:
         except (IsADirectoryError, PermissionError):
             if not path.is_dir():  # Windows may not open a folder either
                 raise
-            raise RunLogError(f"{shown} is a folder, not a run log{_newest_in(path)}") from None
+            raise RunLogError(f"{shown} cannot be read: it is a folder{_newest_in(path)}") from None
         except ValueError as error:  # a NUL in the name
             raise OSError(str(error)) from None
     try:

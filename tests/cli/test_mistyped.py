@@ -134,7 +134,7 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ("--no-ui --port 0 --log .", ["it is a folder", "--log run.jsonl"]),
         ("run.jsonl", ["type simmer-tui replay run.jsonl"]),
         ("report data.csv", ["data.csv is not a run log", "--log FILE"]),
-        ("report .", [". is a folder", "the newest log there is run.jsonl"]),
+        ("report .", ["it is a folder", "the newest log there is run.jsonl"]),
         ("report nosuch.jsonl", ["there is no such file", "run.jsonl"]),
         ("init good", ["good: has", "nothing is overwritten", "name another folder"]),
     ],
@@ -166,7 +166,7 @@ def default_spec() -> SimulationSpec:
 
 
 def answer_of(line: str, spec: SimulationSpec) -> str:
-    """What the console shows for a line: an error, the robot's refusal, or `does` and what is done."""
+    """The console's answer to a line: an error, the robot's refusal, or `does` and what is done."""
     try:
         order = read_console_command(line, spec)
     except ConsoleCommandError as error:

@@ -25,7 +25,7 @@ _MOVES = {
 }
 """The movement that a word means. A turn to the left is positive."""
 _AROUND = re.compile(r"[\s\"'\[\](){};.!]")
-"""What a program has around a command."""
+"""Characters that a program has around a command."""
 _PROGRAM_LINE = re.compile(r"[\w.]+\s*(?:=[^=]|\()|(?:import|from|for|while|if|def|print)\b|%|#|//")
 
 
