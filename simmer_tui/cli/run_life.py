@@ -380,17 +380,18 @@ def _unconnected_text(server: Server) -> str:
     """The hint for a program without a connection."""
     host = server.environment[HOST]
     places = [
-        f"{port.purpose}: port {server.ports[port.purpose]} ({port.variable})"
+        f"port {server.ports[port.purpose]} ({port.variable})"
         for port in (COMMANDS, PACKETS)
         if port.purpose in server.ports
     ]
     if places:
-        where = f"it must connect to {host} ({HOST}), {' or '.join(places)}"
+        where = f"use {host}, {' or '.join(places)}"
     else:
         from simmer_tui.links.dialect_link import no_hook_advice
 
         where = f"it must open its serial port. {no_hook_advice(server.terminal)}"
-    return f"the program has not connected within {CONNECT_WITHIN:g} s: {where}"
+    # Short: a line of a small screen has room for the address.
+    return f"no connection from the program after {CONNECT_WITHIN:g} s: {where}"
 
 
 class Shutdown:

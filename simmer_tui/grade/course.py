@@ -171,6 +171,9 @@ def read_course(
     for each in (target, *((course_file,) if course_file else ())):
         if not each.exists():
             raise ConfigurationError([Problem(shown_path(each), "there is no such file or folder")])
+    if target.is_file() and target.suffix.lower() != ".toml":
+        line = 'simmer-tui trials --run "CMD ..." runs one program many times'
+        raise ConfigurationError([Problem(shown, f"is no TOML file of a course; {line}")])
     course_file = course_file or _usual_file(target)
     file = TomlFile.read(course_file, problems) if course_file else TomlFile("", "", problems)
     home = Path() if course_file is None else course_file.parent

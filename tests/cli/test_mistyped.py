@@ -136,6 +136,7 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ("report data.csv", ["data.csv is not a run log", "--log FILE"]),
         ("report .", ["it is a folder", "the newest log there is run.jsonl"]),
         ("report nosuch.jsonl", ["there is no such file", "run.jsonl"]),
+        ("grade wander.py", ["wander.py: is no TOML file of a course", "simmer-tui trials --run"]),
         ("init good", ["good: has", "nothing is overwritten", "name another folder"]),
     ],
 )
@@ -214,8 +215,8 @@ def answer_of(line: str, spec: SimulationSpec) -> str:
         ("right", "did you mean r1--90?"),
         ("reset", "type :reset"),
         ("teleport 5 6 90", "type :teleport 5 6 90"),
-        ("python wander.py", 'in a second terminal, or start with simmer-tui --run "python wander.py"'),
-        ("wander.py", 'type python wander.py in a second terminal, or start with simmer-tui --run "python'),
+        ("python wander.py", 'for a second terminal, or: simmer-tui --run "python wander.py"'),
+        ("wander.py", 'for a second terminal, or: simmer-tui --run "python wander.py"'),
         (":run wander.py", "--run"),
         ("simmer-tui --mission", "type :quit, and then simmer-tui --mission"),
         ("cd ..", "for a terminal: open a second one"),
@@ -283,14 +284,14 @@ def test_a_program_without_a_connection_is_told_the_address(
 
     def say(line: str, stream: object = None) -> None:
         lines.append(line)
-        if "has not connected" in line:
+        if "no connection from the program" in line:
             told.touch()
 
     monkeypatch.setattr(run_life, "CONNECT_WITHIN", 0.1)
     monkeypatch.setattr("simmer_tui.cli.headless.say", say)
     main(["--no-ui", "--port", "0", "--run", f"{sys.executable} {program}"])
-    hint = next(line for line in lines if "has not connected" in line)
+    hint = next(line for line in lines if "no connection from the program" in line)
     port = (
         next(line for line in lines if line.startswith("seed ")).split("commands on port ")[1].split(",")[0]
     )
-    assert f"127.0.0.1 (SIMMER_HOST), commands: port {port} (SIMMER_PORT)" in hint
+    assert f"use 127.0.0.1, port {port} (SIMMER_PORT)" in hint

@@ -11,9 +11,7 @@ from simmer_tui.program.program_command import SCRIPTS, is_python, run_option
 from simmer_tui.sim.command import NUMBER, escape, escape_word, keyboard_text, meant_number
 from simmer_tui.sim.specs import DriveKind, SimulationSpec
 
-_TERMINAL = (
-    "bash cat cd clear cls dir git julia java gcc g++ ls make matlab mkdir node octave pip pwd rm sh sudo"
-)
+_TERMINAL = "bash cat cd clear cls dir git ipython julia java gcc g++ ls make matlab mkdir node octave pip pwd rm sh sudo"
 _SHELL = frozenset((*_TERMINAL.split(), "simmer-tui", "simmer_tui"))
 """Programs that people start in a terminal."""
 _ENDS = frozenset(("exit", "quit", "bye", "end", "close", "logout"))
@@ -40,7 +38,7 @@ def line_advice(text: str, spec: SimulationSpec) -> str:
     if name in _ENDS:
         return f"{escape_word(words[0])}: type :quit to end"
     if _PROGRAM_LINE.match(line) and not _known(_AROUND.sub("", line), known):
-        return "this is a line of a program: type a command such as u1, and run programs in a second terminal"
+        return "a line of a program: programs run in a second terminal; here u1, for example"
     if name in CONSOLE_COMMANDS:
         return f"{name} is an order: type :{escape(' '.join([name, *words[1:]]))}"
     if name in ("run", "start") or _is_program(words):
@@ -75,7 +73,7 @@ def _program_advice(words: list[str]) -> str:
         words = ["python", *words]
     line = " ".join(words)
     if words and is_python(words[0]) and len(words) > 1:
-        return f"type {escape(line)} in a second terminal, or start with simmer-tui {run_option(line)}"
+        return f"a line for a second terminal, or: simmer-tui {escape(run_option(line))}"
     if words and words[0].lower() not in ("simmer-tui", "simmer_tui"):
         return f"{escape_word(line)} is for a terminal: open a second one and type it there"
     if len(words) > 1:
