@@ -23,6 +23,7 @@ from simmer_tui.sim.records import Status
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.sim.specs import SimulationSpec
 
+posix = pytest.mark.skipif(sys.platform == "win32", reason="the line to type is quoted as for a Unix shell")
 _FILES = {
     "wander.py": "print('hi')\n",
     "my robot/go.py": "",
@@ -76,8 +77,10 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ("run wander.py", ['--run "python wander.py"']),
         ("python wander.py 20", ['--run "python wander.py 20"']),
         ("--no-ui start wander.py", ['type simmer-tui --no-ui --run "python wander.py"']),
-        ("my robot/go.py", ["""--run "python 'my robot/go.py'\""""]),
-        ("go.py", ["there is no file go.py in", """--run "python 'my robot/go.py'\""""]),
+        pytest.param("my robot/go.py", ["""--run "python 'my robot/go.py'\""""], marks=posix),
+        pytest.param(
+            "go.py", ["there is no file go.py in", """--run "python 'my robot/go.py'\""""], marks=posix
+        ),
         ("other.py", ["there is no file other.py in", "cd", '--run "python other.py"']),
         ("robot.cpp", ["must be compiled", "g++ -o robot", "--run ./robot"]),
         ("Main.ino", ["sketch", "simmer-tui --serial PORT"]),
@@ -119,7 +122,9 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
             "check workbook",
             ["sensors.csv: is missing from workbook", "sensors.xlsx", "save it as", "CSV UTF-8"],
         ),
-        ("check ending", ["is missing", "ending/sensors.csv.txt ending/sensors.csv"]),
+        pytest.param(
+            "check ending", ["is missing", "ending/sensors.csv.txt ending/sensors.csv"], marks=posix
+        ),
         ("check copy", ["is missing", "sensors - Copy.csv"]),
         ("check path", ["settings.toml:1", "backslash", "write 'C:\\Users\\me'"]),
         ("check curly", ["settings.toml:1", "curly quotes", 'write server.host = "localhost"']),

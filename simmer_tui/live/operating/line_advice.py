@@ -11,7 +11,9 @@ from simmer_tui.program.program_command import SCRIPTS, is_python, run_option
 from simmer_tui.sim.command import NUMBER, escape, escape_word, keyboard_text, meant_number
 from simmer_tui.sim.specs import DriveKind, SimulationSpec
 
-_TERMINAL = "bash cat cd clear cls dir git ipython julia java gcc g++ ls make matlab mkdir node octave pip pwd rm sh sudo"
+_TERMINAL = (
+    "bash cat cd clear cls dir g++ gcc git ipython java julia ls make matlab mkdir node octave pip rm sudo"
+)
 _SHELL = frozenset((*_TERMINAL.split(), "simmer-tui", "simmer_tui"))
 """Programs that people start in a terminal."""
 _ENDS = frozenset(("exit", "quit", "bye", "end", "close", "logout"))
