@@ -18,12 +18,16 @@ SENSOR = 2.12  # in, from the centre to u2, both ahead and to the left; to u4 ah
 AHEAD = 4.0  # in, free ahead: with less it turns
 OPEN = 11.0  # in: from this reading on there is no wall on that side
 NEAR = 4.0  # in: below this reading the nearer wall counts, left or right
-STRIDE, STRAIGHT = 2.0, 2.0  # in, length of a movement; deg, the smallest turn that is made
-TOWARDS, AWAY = (3.0, 20.0), (10.0, 45.0)  # deg for each inch off, and the most: away is urgent
+STRIDE = 2.0  # in, length of a movement
+STRAIGHT = 2.0  # deg, the smallest turn that is made
+TOWARDS = (3.0, 20.0)  # deg for each inch that the wall is too far, and the most
+AWAY = (10.0, 45.0)  # the same for a wall that is too near: away is urgent
 STEPS = 100
 
 Move = tuple[str, float]
-LEFT, RIGHT, ON = ("r1", 90.0), ("r1", -90.0), ("d1", STRIDE)
+LEFT = ("r1", 90.0)
+RIGHT = ("r1", -90.0)
+ON = ("d1", STRIDE)
 AROUND = [ON] * 6 + [LEFT] + [ON] * 5
 """The moves around a corner. u2 loses the wall when the corner is still 6 in ahead, and the middle of the
 next corridor 12 in."""

@@ -23,9 +23,12 @@ BESIDE = RADIUS + GAP  # in, from the centre to the wall
 LOOK = 47.5  # deg to the left: u2 sees 45 +- 2.5, and reads the nearest
 LEFT = BESIDE / math.sin(math.radians(LOOK)) - RADIUS  # in, the reading of u2 at this distance
 OPEN = 10.0  # in: from this reading on u2 looks past the end of the wall
-SPEED, SLOW = 4.0, 2.0  # in/s, ahead and back
-STEER, SHARPEST = 13.0, 40.0  # deg/s for each inch that u2 reads too much, and the most
-HOLD, FASTEST = 8.0, 90.0  # deg/s for each degree of error of the heading, and the most
+SPEED = 4.0  # in/s, ahead
+SLOW = 2.0  # in/s, back
+STEER = 13.0  # deg/s for each inch that u2 reads too much
+SHARPEST = 40.0  # deg/s, the most by u2
+HOLD = 8.0  # deg/s for each degree of error of the heading
+FASTEST = 90.0  # deg/s, the most by the heading
 ROUND = -350.0  # deg, turned: once around along an outer wall is one whole turn to the right
 NEAR = 6.0  # in from the start: it is back
 LONGEST = 500.0  # in, after which it gives up; once around is about 310
@@ -61,8 +64,7 @@ class Follower:
                 yield from self.around_corner()
             else:  # a turn to the wall shortens the reading of u2 at once: that damps the motion
                 self.last_left = self.left
-                turn = STEER * (self.left - LEFT)
-                yield SPEED, max(-SHARPEST, min(SHARPEST, turn))
+                yield SPEED, max(-SHARPEST, min(SHARPEST, STEER * (self.left - LEFT)))
 
     def along(self) -> float:
         """The direction of the wall, degrees: the nearest multiple of 90."""
@@ -70,8 +72,7 @@ class Follower:
 
     def towards(self, heading: float, speed: float, rate: float = 0.0) -> Velocity:
         """The velocity that turns the robot to a heading, which itself changes at `rate`, deg/s."""
-        turn = rate + HOLD * (heading - self.pose.heading)
-        return speed, max(-FASTEST, min(FASTEST, turn))
+        return speed, max(-FASTEST, min(FASTEST, rate + HOLD * (heading - self.pose.heading)))
 
     def turn_right(self) -> Iterator[Velocity]:
         """A turn on the spot, since a wall is ahead; then back, until there is room and u2 sees the wall."""
@@ -84,8 +85,7 @@ class Follower:
     def around_corner(self) -> Iterator[Velocity]:
         """Straight on to where u2 saw the wall last, which is its end; then an arc around that end."""
         goal = self.along()
-        spot = math.radians(LOOK + self.pose.heading - goal)
-        end = self.gone + (RADIUS + self.last_left) * math.cos(spot)
+        end = self.gone + (RADIUS + self.last_left) * math.cos(math.radians(LOOK + self.pose.heading - goal))
         while self.pose.heading < goal + 85.0:
             arc = math.degrees((self.gone - end) / BESIDE)
             rate = math.degrees(SPEED / BESIDE) if 0.0 < arc < 90.0 else 0.0

@@ -17,10 +17,12 @@ from step3_dead_reckoning import Motion, Odometry, turned
 from simmer_tui import Robot, Simulator
 
 RANGES = ("u1", "u2", "u3", "u4")  # the range sensors, all of which look over the block
-MANY, FEW = 8000, 800  # particles at first, and once the robot knows about where it is
+MANY = 8000  # particles at first
+FEW = 800  # particles once the robot knows about where it is
 BLUR = 0.4  # in, error of the best particles: none is exactly at the true pose
 OUTLIER = 1e-3  # likelihood of an unexplained reading: a single one proves little
-SURE, DOUBT = 0.8, 0.4  # in, spread when sure; share of explained readings when lost
+SURE = 0.8  # in, spread when sure
+DOUBT = 0.4  # share of explained readings when lost
 CELL = 12.0  # in
 NO_ECHO = 120.0  # in, in place of inf: longer than any straight line through the maze
 
@@ -32,8 +34,7 @@ class Localizer:
 
     def __init__(self, simulator: Simulator, random: np.random.Generator) -> None:
         self._simulator, self._random = simulator, random  # only computes expected readings
-        self.particles: Array = np.empty((0, 3))
-        self.weights: Array = np.empty(0)
+        self.particles, self.weights = np.empty((0, 3)), np.empty(0)
         self.fit = 0.0  # share of the last readings that the particles explain
 
     def scatter(self, heading: float, deviation: float) -> None:
@@ -50,8 +51,7 @@ class Localizer:
         counted = np.array((motion.forward, motion.left, motion.turn))
         noise = (0.015, 0.015, 0.012) * np.abs(counted) + (0.02, 0.02, 0.1)
         forward, left, turn = (counted + noise * self._random.standard_normal(self.particles.shape)).T
-        moved = turned(forward, left, self.particles[:, 2] + turn / 2)
-        self.particles += np.column_stack((*moved, turn))
+        self.particles += np.column_stack((*turned(forward, left, self.particles[:, 2] + turn / 2), turn))
 
     def update(self, readings: Array) -> None:
         """Weigh the particles by a reading of each of RANGES."""

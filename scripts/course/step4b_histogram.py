@@ -2,8 +2,7 @@
 
     simmer-tui --run "python samples/course/step4b_histogram.py"
 
-Step 4 has random particles. This one has every pose of a grid. A reading multiplies the probabilities, a
-movement shifts them.
+Step 4 has random particles, this one every pose of a grid. Readings multiply, movements shift the belief.
 Thrun, Burgard, Fox, Probabilistic Robotics, 2005, chapters 4 and 8: histogram filter, grid localization.
 """
 
@@ -17,7 +16,8 @@ from step4_particle_filter import NO_ECHO, RANGES, Array
 
 from simmer_tui import Robot, Simulator
 
-STEP, HEADINGS = 2.0, 36  # in, the side of a cell; directions, evenly spaced from 0
+STEP = 2.0  # in, the side of a cell
+HEADINGS = 36  # directions, evenly spaced from 0
 TURN = 360.0 / HEADINGS  # deg, between two directions
 BLUR = 1.0  # in, change of a reading within a cell
 OUTLIER = 0.02  # likelihood of an unexplained reading: a single one proves little

@@ -18,10 +18,13 @@ from step5_planning import Cell, Pilot, cell_at, centre, route
 
 from simmer_tui import Robot
 
-RADIUS, BLOCK, GAP = 3.0, 3.0, 0.3  # in: of the robot; side of the block; between both
+RADIUS = 3.0  # in, of the robot
+BLOCK = 3.0  # in, side of the block
+GAP = 0.3  # in, between both
 GRIP = RADIUS + GAP + BLOCK / 2  # in, between the centres of robot and block at the grip
 AWAY = 4.0  # in, before that place: there it looks again
-AROUND, NEAR = [7.5] * 48, [-18.0, *[6.0] * 6, -18.0]  # deg, turns of a search, and of a closer look
+AROUND = [7.5] * 48  # deg, turns of a search
+NEAR = [-18.0, *[6.0] * 6, -18.0]  # deg, turns of a closer look
 BESIDE = (0.0, 0.6, -0.6, 1.2, -1.2)  # in, offsets of the block from the middle of the gripper
 ZONE = 3  # the value of the loading zone's cells in maze.csv
 
@@ -31,13 +34,10 @@ class Fetcher:
 
     def __init__(self, pilot: Pilot) -> None:
         self.pilot, self.robot = pilot, pilot.robot
-        cells = [
-            (x, y) for y, row in enumerate(pilot.maze[::-1]) for x, value in enumerate(row) if value == ZONE
-        ]
-        self.zone: list[Cell] = cells
+        values = {(x, y): value for y, row in enumerate(pilot.maze[::-1]) for x, value in enumerate(row)}
+        self.zone: list[Cell] = [cell for cell, value in values.items() if value == ZONE]
         grid = [(x, y) for y in range(-1, len(pilot.maze) + 1) for x in range(-1, len(pilot.maze[0]) + 1)]
-        free = {(x, y) for y, row in enumerate(pilot.maze[::-1]) for x, value in enumerate(row) if value}
-        self._walls = np.array([centre(cell) for cell in grid if cell not in free])
+        self._walls = np.array([centre(cell) for cell in grid if not values.get(cell)])
 
     def room(self, places: Array) -> float:
         """Least distance of the robot from all walls at these places, inches."""
