@@ -26,7 +26,7 @@ from simmer_tui.program.crash_parts import (
     places_of,
     without_escapes,
 )
-from simmer_tui.program.script_errors import SCRIPTS, last_line_error
+from simmer_tui.program.script_errors import ERROR_FORMATS, last_line_error
 from simmer_tui.run.events import NOT_STARTED
 
 # The length of the sentences in reports.
@@ -333,5 +333,5 @@ def _matlab(lines: Sequence[str]) -> Crash | None:
 
 
 _LANGUAGES: tuple[Callable[[Sequence[str]], Crash | None], ...] = (
-    *(_python, _node, _java, _compiled, _matlab, _octave, *SCRIPTS),
+    *(_python, _node, _java, _compiled, _matlab, _octave, *ERROR_FORMATS),
 )

@@ -147,7 +147,7 @@ def _place(file: str, line: str) -> str:
     return f"{file_name(file)}:{line}"
 
 
-SCRIPTS: tuple[Callable[[Sequence[str]], Crash | None], ...] = (
+ERROR_FORMATS: tuple[Callable[[Sequence[str]], Crash | None], ...] = (
     *(_rich, _ipython, _php, _dotnet, _julia, _r, _tcl, _matlab_file, _ruby),
 )
 """Functions that find an error in printed lines, by the format of one language each."""
