@@ -16,7 +16,7 @@ from simmer_tui.config import load_default
 from simmer_tui.errors import ConfigurationError
 from simmer_tui.runlog.writer import RunLog
 
-PUBLIC = ("config", "importer", "protocol", "report", "runlog", "sim", "trials")
+PUBLIC = ("config", "config.importer", "links.protocol", "report", "runlog", "sim", "trials")
 
 
 def imported_by(statement: str) -> set[str]:
