@@ -155,8 +155,4 @@ class NotUnderstoodError(SimmerError):
 
 
 class RaisedError(NotUnderstoodError):
-    """Python itself would raise an exception here; `kind` is its name, such as `KeyError`."""
-
-    def __init__(self, kind: str, what: str) -> None:
-        super().__init__(what)
-        self.kind = kind
+    """Python itself would raise an exception here."""

@@ -20,7 +20,7 @@ from msgspec import Struct, field
 
 from simmer_tui.config.device_outline import python_tree
 from simmer_tui.config.importer.literal import instance_of, read_module
-from simmer_tui.config.importer.python_expressions import Budget
+from simmer_tui.config.importer.python_names import Budget
 from simmer_tui.config.importer.python_values import Call, Class, Instance, Located
 from simmer_tui.config.leftovers import is_leftover
 from simmer_tui.errors import ConfigurationError, Problem

@@ -11,34 +11,24 @@ import ast
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NoReturn
 
+from msgspec.structs import replace
+
 from simmer_tui.config.device_outline import python_tree
-from simmer_tui.config.importer.python_calls import (
-    NAMES_OF_MATH,
-    items_of,
-    method_called,
-)
-from simmer_tui.config.importer.python_expressions import (
-    Budget,
-    Effects,
-    ExpressionReader,
-    LoopEnd,
-    NamedValues,
-    ReturnValue,
-    Source,
-    decorators_of,
-    touched,
-)
+from simmer_tui.config.importer.python_builtins import NAMES_OF_MATH, method_called
+from simmer_tui.config.importer.python_calls import CallReader, LoopEnd, ReturnValue
+from simmer_tui.config.importer.python_names import Budget, Effects, Source, touched
 from simmer_tui.config.importer.python_values import (
     Call,
     Class,
     Function,
     Instance,
     Located,
+    NamedValues,
     Reference,
     Unreadable,
     Vector,
     arithmetic,
-    compared,
+    items_of,
     truth,
 )
 from simmer_tui.errors import NotUnderstoodError, RaisedError
@@ -46,14 +36,6 @@ from simmer_tui.sim.command import escape_word
 
 MAX_TURNS = 1000
 """Most turns of a `while` loop. One that never ends must not take the steps of the rest of the file."""
-
-# The exceptions that a handler of this name takes too.
-_HANDLED = {
-    "LookupError": ("KeyError", "IndexError"),
-    "ArithmeticError": ("ZeroDivisionError", "OverflowError"),
-}
-# Decorators that change nothing for a call by its class.
-_DECORATORS = ("staticmethod", "classmethod", "property", "lru_cache", "cache")
 
 
 def read_source(text: str, file: str) -> Source:
@@ -101,15 +83,9 @@ def instance_of(
         return Instance({}, cls, call)
 
 
-# Bases and decorators of classes whose annotated names are the arguments of a call.
-_WITH_FIELDS = ("dataclass", "NamedTuple")
-
-
-class _Reader(ExpressionReader, ast.NodeVisitor):
+class _Reader(CallReader, ast.NodeVisitor):
     """Reads statements and expressions, each type by its method. A type without one is not understood, and a
     statement that is not understood is skipped."""
-
-    # -- statements --------------------------------------------------------------------------
 
     def read(self, statement: ast.stmt) -> None:
         """Read one statement of the top level."""
@@ -129,12 +105,11 @@ class _Reader(ExpressionReader, ast.NodeVisitor):
             unknown = self._bodies and self._effects_of(statement).jumps
             if unknown or (self._tries and isinstance(error, RaisedError)):
                 raise
-            self._skip(statement)
+            self._skip(statement, str(error))
         except (LoopEnd, ReturnValue):
-            if not self._bodies:
-                self._skip(statement)
-            else:
+            if self._bodies:
                 raise
+            self._skip(statement, "it is outside of a loop or a function")
 
     def _run(self, body: Sequence[ast.stmt]) -> None:
         for statement in body:
@@ -172,7 +147,7 @@ class _Reader(ExpressionReader, ast.NodeVisitor):
     def visit_AugAssign(self, statement: ast.AugAssign) -> None:
         target = statement.target
         try:
-            old = self.evaluate(ast.copy_location(_loaded(target), target))
+            old = self.evaluate(target)
             more = self.evaluate(statement.value)
             if isinstance(old, list) and not isinstance(old, Vector) and isinstance(statement.op, ast.Add):
                 # The list object itself changes, for all its names.
@@ -209,11 +184,12 @@ class _Reader(ExpressionReader, ast.NodeVisitor):
         """It changes nothing."""
 
     def visit_FunctionDef(self, node: ast.FunctionDef) -> None:
-        if decorators_of(node) <= set(_DECORATORS):
-            self._bind(node.name, self._function(node), node.lineno)
-        else:
-            why = f"{escape_word(node.name)} has a decorator"
-            self._bind(node.name, Unreadable(why), node.lineno)
+        self._define(node, self._function(node))
+
+    def _define(self, node: ast.FunctionDef | ast.ClassDef, value: Any) -> None:
+        # A decorator may make anything of it.
+        why = f"{escape_word(node.name)} has a decorator"
+        self._bind(node.name, Unreadable(why) if node.decorator_list else value, node.lineno)
 
     def visit_ClassDef(self, node: ast.ClassDef) -> None:
         names: NamedValues = {}
@@ -223,34 +199,28 @@ class _Reader(ExpressionReader, ast.NodeVisitor):
         finally:
             self._scopes = outside
         bases = tuple(name for base in node.bases if (name := self._last_name(base)))
-        fields: list[str] = []
-        if not decorators_of(node).union(bases).isdisjoint(_WITH_FIELDS):
-            fields = [
-                each.target.id
-                for each in node.body
-                if isinstance(each, ast.AnnAssign) and isinstance(each.target, ast.Name)
-            ]
-        members: tuple[Instance, ...] | None = None
-        if "Enum" in bases:
-            for name, located in names.items():
-                parts = {"value": located, "name": Located(name, located.line)}
-                names[name] = Located(Instance(parts), located.line)
-            members = tuple(each.value for each in names.values())
-        cls = Class(node.name, names, bases, tuple(fields), members)
+        cls = Class(node.name, names, bases, self._file)
         for name, located in names.items():
             if isinstance(located.value, Function):
                 # Its functions do not see the names of its body.
-                each = located.value
-                own = Function(each.node, each.defaults, outside, each.file, cls)
+                own = replace(located.value, scopes=outside, owner=cls)
                 names[name] = Located(own, located.line)
-        self._bind(node.name, cls, node.lineno)
+        self._define(node, cls)
+
+    def _last_name(self, node: ast.expr) -> str:
+        match node:
+            case ast.Name(id=name):
+                found = self._scope_of(name).get(name)
+                return found.value.name if found and isinstance(found.value, Reference) else name
+            case ast.Attribute(attr=name):
+                return name
+        return ""
 
     def visit_Return(self, statement: ast.Return) -> None:
         raise ReturnValue(None if statement.value is None else self.evaluate(statement.value))
 
-    def visit_Raise(self, statement: ast.Raise) -> NoReturn:
-        error = statement.exc.func if isinstance(statement.exc, ast.Call) else statement.exc
-        raise RaisedError(error.id if isinstance(error, ast.Name) else "Exception", "an exception is raised")
+    def visit_Raise(self, _: ast.Raise) -> NoReturn:
+        raise RaisedError("an exception is raised")
 
     def visit_Break(self, _: ast.Break) -> None:
         raise LoopEnd(again=False)
@@ -266,7 +236,7 @@ class _Reader(ExpressionReader, ast.NodeVisitor):
                 self.evaluate(statement.value)
                 if self._recorded is statement.value:
                     # A call that was not made may have done anything.
-                    self.generic_visit(statement)
+                    raise NotUnderstoodError("its effect is unknown")
             case _:
                 self.evaluate(statement.value)
 
@@ -280,29 +250,6 @@ class _Reader(ExpressionReader, ast.NodeVisitor):
             if branch is node.body:
                 break
         self._run(branch)
-
-    def visit_Match(self, statement: ast.Match) -> None:
-        """Execute the first case that fits; patterns are values, names and their alternatives."""
-        value = self.evaluate(statement.subject)
-        for case in statement.cases:
-            if self._fits(case.pattern, value) and (case.guard is None or truth(self.evaluate(case.guard))):
-                self._run(case.body)
-                return
-
-    def _fits(self, pattern: ast.pattern, value: Any) -> bool:
-        match pattern:
-            case ast.MatchValue(value=node):
-                return compared(ast.Eq(), value, self.evaluate(node))
-            case ast.MatchSingleton(value=single):
-                return compared(ast.Is(), value, single)
-            case ast.MatchOr(patterns=patterns):
-                return any(self._fits(each, value) for each in patterns)
-            case ast.MatchAs(pattern=inner, name=name):
-                fits = inner is None or self._fits(inner, value)
-                if fits and name is not None:
-                    self._bind(name, value, pattern.lineno)
-                return fits
-        raise NotUnderstoodError("a pattern is not understood")
 
     def visit_For(self, statement: ast.For) -> None:
         """Execute a loop turn by turn. If that fails, all names that it changes become unreadable."""
@@ -347,28 +294,27 @@ class _Reader(ExpressionReader, ast.NodeVisitor):
         self._tries += 1
         try:
             self._run(statement.body)
-        except RaisedError as error:
-            self._tries -= 1
-            try:
-                handler = next((each for each in statement.handlers if _takes(each, error.kind)), None)
-                if handler is None:
-                    raise
-                self._run(handler.body)
-            finally:
-                self._tries += 1
-        else:
-            self._run(statement.orelse)
+            error = None
+        except RaisedError as raised:
+            error = raised
         finally:
             self._tries -= 1
+        if error is None:
+            self._run(statement.orelse)
+        elif len(statement.handlers) == 1:
+            # In a file that works, it takes what is raised.
+            self._run(statement.handlers[0].body)
+        else:
+            raise error
         self._run(statement.finalbody)
 
-    def _skip(self, statement: ast.stmt) -> None:
+    def _skip(self, statement: ast.stmt, reason: str) -> None:
         word = "a call" if isinstance(statement, ast.Expr) else type(statement).__name__.lower()
         why = f"{word} on line {statement.lineno} is not followed"
-        self.source.skipped[statement.lineno, f"{word} is not followed"] = None
+        self.source.skipped[statement.lineno, f"{word} is not followed: {reason}"] = None
         self._forget(self._effects_of(statement), why, statement.lineno)
 
-    def _forget(self, effects: "Effects", why: str, line: int, seen: frozenset[int] = frozenset()) -> None:
+    def _forget(self, effects: Effects, why: str, line: int, seen: frozenset[int] = frozenset()) -> None:
         """Old values of names that a statement may have changed must not be used."""
         for name, attribute in effects.attributes:
             found = self._scope_of(name).get(name)
@@ -384,25 +330,3 @@ class _Reader(ExpressionReader, ast.NodeVisitor):
                 node = found.value.node
                 inner = self._effects_of(node).outside(node)
                 self._forget(inner, why, line, seen | {id(node)})
-
-
-def _takes(handler: ast.ExceptHandler, kind: str) -> bool:
-    """True if a handler takes an exception, by its name."""
-    if handler.type is None:
-        return True
-    names = {node.id for node in ast.walk(handler.type) if isinstance(node, ast.Name)}
-    return any(
-        name in ("Exception", "BaseException", kind) or kind in _HANDLED.get(name, ()) for name in names
-    )
-
-
-def _loaded(target: ast.expr) -> ast.expr:
-    """The expression of a target's old value."""
-    match target:
-        case ast.Name(id=name):
-            return ast.Name(name, ast.Load())
-        case ast.Subscript(value=value, slice=index):
-            return ast.Subscript(value, index, ast.Load())
-        case ast.Attribute(value=value, attr=name):
-            return ast.Attribute(value, name, ast.Load())
-    raise NotUnderstoodError("an assignment to part of a value is not followed")

@@ -1,351 +1,289 @@
-"""Functions and methods of Python, `math`, `numpy` and `pygame` that a foreign file may use, within bounds.
+"""Calls of functions and classes of a foreign file, without running it."""
 
-Those that call functions of the file (`map`, `sorted` with a key) are in `literal.py`.
-"""
-
-import itertools
-import json
-import math
-import string
-from collections.abc import Callable, Iterable, Mapping
-from functools import partial
+import ast
+import builtins
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
+from inspect import Parameter, Signature
 from typing import Any
 
+from simmer_tui.config.importer.python_builtins import CALLS, OF_SCREEN, called, method_called, table
+from simmer_tui.config.importer.python_expressions import SPECIAL, ExpressionReader
+from simmer_tui.config.importer.python_names import Budget, Effects, touched
 from simmer_tui.config.importer.python_values import (
-    MAX_ITEMS,
+    Call,
     Class,
+    Function,
     Instance,
     Located,
-    Vector,
-    as_key,
-    as_text,
-    bounded,
-    checked,
-    formatted,
-    is_plain,
-    item_of,
-    numbers_only,
+    NamedValues,
+    Reference,
+    items_of,
     readable,
-    truth,
+    snapshot,
 )
-from simmer_tui.errors import NotUnderstoodError, RaisedError
-
-# Functions of `math` and `numpy`, of numbers only.
-_FUNCTIONS: Mapping[str, Callable[..., Any]] = {
-    **{name: getattr(math, name) for name in ("cos", "sin", "tan", "acos", "asin", "atan", "atan2", "sqrt")},
-    **{name: getattr(math, name) for name in ("radians", "degrees", "hypot", "floor", "ceil", "fabs", "exp")},
-    "deg2rad": math.radians,
-    "rad2deg": math.degrees,
-    "arctan2": math.atan2,
-    "arctan": math.atan,
-    "pow": math.pow,
-}
-# Functions of Python, of numbers and lists of numbers only.
-_BUILTINS: Mapping[str, Callable[..., Any]] = {item.__name__: item for item in (abs, round, min, max, sum)}
-MODULE_CONSTANTS: Mapping[str, Any] = {
-    f"{module}.{name}": value
-    for module in ("math", "numpy")
-    for name, value in (("pi", math.pi), ("tau", math.tau), ("e", math.e), ("inf", math.inf))
-}
-"""The constants of modules, by full name."""
+from simmer_tui.errors import NotUnderstoodError
 
 
-def _numeric(function: Callable[..., Any], *arguments: Any) -> Any:
-    return checked(function, *numbers_only(arguments))
+class LoopEnd(Exception):  # noqa: N818 - a jump, no error
+    """A `break` or `continue`."""
+
+    def __init__(self, *, again: bool) -> None:
+        self.again = again
 
 
-def items_of(value: Any) -> list[Any]:
-    """The items of a value in a loop. Raises NotUnderstoodError."""
-    if isinstance(value, Class) and value.members is not None:
-        return list(value.members)
-    if isinstance(value, Instance) and value.items is not None:
-        return value.items
-    if not isinstance(value, list | dict | str | tuple):
-        raise NotUnderstoodError("a loop needs a list, a range or a dict")
-    return list(value)
+class ReturnValue(Exception):  # noqa: N818 - a jump, no error
+    """The `return` of a function, with its value."""
+
+    def __init__(self, value: Any) -> None:
+        self.value = value
 
 
-def _range(*arguments: Any) -> list[int]:
-    if not all(isinstance(each, int) for each in arguments):
-        raise NotUnderstoodError("a range is understood of whole numbers only")
-    return list(checked(range, *arguments))
+class CallReader(ExpressionReader, ast.NodeVisitor):
+    """Reads expressions with calls: of functions and classes of the file, and of `CALLS`."""
+
+    def __init__(
+        self,
+        file: str,
+        modules: Mapping[str, NamedValues],
+        budget: Budget,
+        classes: Mapping[str, Class] | None = None,
+    ) -> None:
+        super().__init__(file, modules, budget, classes)
+        self._bodies = 0  # loops and functions around a statement
+        self._recorded: ast.Call | None = None  # the last call that was not made
+        self._owner: list[tuple[Class | None, Any]] = []
+        self._effects: dict[int, tuple[ast.AST, Effects]] = {}
+
+    @abstractmethod
+    def _run(self, body: Sequence[ast.stmt]) -> None:
+        """Follow the statements of a function."""
+
+    @abstractmethod
+    def _forget(self, effects: "Effects", why: str, line: int, seen: frozenset[int] = frozenset()) -> None:
+        """Make all unreadable that a statement may have changed."""
+
+    def _effects_of(self, node: ast.AST) -> "Effects":
+        # A loop may ask thousands of times.
+        if id(node) not in self._effects:
+            # With the node, so that no other one gets its number.
+            self._effects[id(node)] = node, touched(node)
+        return self._effects[id(node)][1]
+
+    def _function(self, node: ast.FunctionDef | ast.Lambda) -> Function:
+        arguments = node.args
+        ordinary = [*arguments.posonlyargs, *arguments.args]
+        given = ordinary[len(ordinary) - len(arguments.defaults) :]
+        pairs = [*zip(given, arguments.defaults, strict=True)]
+        pairs += [
+            (argument, default)
+            for argument, default in zip(arguments.kwonlyargs, arguments.kw_defaults, strict=True)
+            if default is not None
+        ]
+        defaults = {argument.arg: Located(self._try(each), each.lineno) for argument, each in pairs}
+        return Function(node, defaults, self._scopes, self._file)
+
+    def visit_Lambda(self, node: ast.Lambda) -> Function:
+        return self._function(node)
+
+    def _callee(self, node: ast.expr) -> Any:
+        """The value of an expression; a name without a value is a `Reference`."""
+        dotted = self._dotted(node)
+        return self._of_module(dotted) if dotted else self.evaluate(node)
+
+    def visit_Call(self, node: ast.Call) -> Any:
+        func = node.func
+        if isinstance(func, ast.Attribute):
+            if isinstance(func.value, ast.Call) and _is_super(func.value):
+                return self._super_call(func.attr, node)
+            of = self._callee(func.value)
+            if not isinstance(of, Reference):
+                return self._method(of, func, node)
+            callee = self._of_module(f"{of.dotted}.{func.attr}")
+        else:
+            callee = self._callee(func)
+        return self._called(callee, *self._arguments(node), node)
+
+    def _arguments(self, node: ast.Call) -> tuple[tuple[Any, ...], dict[str, Located]]:
+        keywords: dict[str, Located] = {}
+        for each in node.keywords:
+            if each.arg is not None:
+                keywords[each.arg] = Located(self._try(each.value), each.value.lineno)
+                continue
+            more = self.evaluate(each.value)
+            if not isinstance(more, dict) or not all(isinstance(key, str) for key in more):
+                raise NotUnderstoodError("only a dict can be unpacked into arguments")
+            keywords |= more
+        return tuple(self._elements(node.args)), keywords
+
+    def _called(
+        self, callee: Any, arguments: tuple[Any, ...], keywords: dict[str, Located], node: ast.Call
+    ) -> Any:
+        if isinstance(callee, Function):
+            return self._invoke(callee, arguments, keywords)
+        if isinstance(callee, Class):
+            call = self._record(callee.name, arguments, keywords, node)
+            # A class with a base outside of the file is a device.
+            known = all(self._class(name) is not None or name == "object" for name in callee.bases)
+            return self.instance(callee, call) if known else call
+        if not isinstance(callee, Reference):
+            raise NotUnderstoodError("a call of something that has no plain name")
+        dotted, name = callee.dotted, callee.name
+        if name == "__init__" and arguments and isinstance(arguments[0], Instance):
+            self._describe(arguments[0], arguments[1:], keywords)
+            return None
+        if dotted in OF_SCREEN:
+            return None
+        if dotted in CALLS or name == "Vector2":
+            return called(name if name == "Vector2" else dotted, arguments, _plain(keywords))
+        if dotted in (*SPECIAL, "copy.deepcopy", "types.SimpleNamespace"):
+            return self._special(dotted, arguments, keywords, node)
+        if hasattr(builtins, dotted):
+            raise NotUnderstoodError(f"{dotted}() is not understood")
+        return self._record(name, arguments, keywords, node)
+
+    def _special(
+        self, dotted: str, arguments: tuple[Any, ...], keywords: dict[str, Located], node: ast.Call
+    ) -> Any:
+        match dotted, arguments:
+            case "dict", _:
+                return _located(table(*arguments[:1], **keywords), node.lineno)
+            case "types.SimpleNamespace", ():
+                return Instance(dict(keywords))
+            case "copy.deepcopy", (value,):
+                return snapshot(value, self._budget.charge)
+            case "map", (function, values):
+                return [self._called(function, (each,), {}, node) for each in items_of(values)]
+        raise NotUnderstoodError(f"{dotted} is not understood with these arguments")
+
+    def _record(
+        self, name: str, arguments: tuple[Any, ...], keywords: Mapping[str, Located], node: ast.Call
+    ) -> Call:
+        self._recorded = node
+        # As it was then: the file may use the same dict for the next device.
+        charge = self._budget.charge
+        kept: tuple[Any, ...] = tuple(snapshot(each, charge) for each in arguments)
+        return Call(name, kept, snapshot(dict(keywords), charge), node.lineno)
+
+    def _method(self, of: Any, func: ast.Attribute, node: ast.Call) -> Any:
+        name = func.attr
+        arguments, keywords = self._arguments(node)
+        if isinstance(of, Instance) and name in of.names:
+            return self._called(readable(of.names[name].value), arguments, keywords, node)
+        if isinstance(of, Instance | Class):
+            found = self._member(of.owner if isinstance(of, Instance) else of, name)
+            if found is None or not isinstance(readable(found.value), Function):
+                raise NotUnderstoodError(f".{name}() is not understood")
+            own = (of, *arguments) if isinstance(of, Instance) else arguments
+            return self._invoke(found.value, own, keywords)
+        result = method_called(of, name, arguments, keywords if name == "update" else _plain(keywords))
+        if isinstance(of, dict) and name in ("setdefault", "update"):
+            _located(of, node.lineno)
+        return result
+
+    def _super_call(self, name: str, node: ast.Call) -> Any:
+        """A method of the bases of the class whose method runs; without a known one, nothing happens."""
+        cls, of = self._owner[-1] if self._owner else (None, None)
+        if cls is None or not isinstance(of, Instance):
+            raise NotUnderstoodError("super() is not understood here")
+        given, keywords = self._arguments(node)
+        if name == "__init__":
+            self._describe(of, given, keywords)
+        line = self._line_of(of.owner)
+        behind = line[line.index(cls) + 1 :] if cls in line else []
+        found = next((each.names[name].value for each in behind if name in each.names), None)
+        if not isinstance(found, Function):
+            return None
+        return self._invoke(found, (of, *given), keywords)
+
+    def _describe(self, of: Instance, given: tuple[Any, ...], keywords: Mapping[str, Located]) -> None:
+        """Keep the description that an object passes on to a base."""
+        first = given[0] if given else keywords["info"].value if "info" in keywords else None
+        if isinstance(first, dict):
+            of.descriptions.append(snapshot(first, self._budget.charge))
+
+    def instance(self, cls: Class, call: Call, *, strict: bool = True) -> Instance:
+        """The object that a class makes of a call's arguments. Unless `strict`, `__init__` may be one that is
+        understood only in part. Raises NotUnderstoodError."""
+        made = Instance({}, cls, call)
+        found = self._member(cls, "__init__")
+        if found is not None and isinstance(found.value, Function):
+            try:
+                # The description belongs to the caller, as far as the class may change it.
+                arguments = tuple(snapshot(each, self._budget.charge) for each in call.arguments)
+                self._invoke(found.value, (made, *arguments), dict(call.keywords))
+            except NotUnderstoodError:
+                if strict:
+                    raise
+        return made
+
+    def _invoke(self, function: Function, arguments: tuple[Any, ...], keywords: Mapping[str, Located]) -> Any:
+        node = function.node
+        scope = _bound(function, arguments, keywords)
+        outside = self._scopes, self._globals, self._file, self._bodies, self._tries
+        self._scopes, self._globals, self._file = (scope, *function.scopes), set(), function.file
+        self._bodies += 1
+        self._owner.append((function.owner, arguments[0] if arguments else None))
+        try:
+            if isinstance(node, ast.Lambda):
+                return self.evaluate(node.body)
+            self._run(node.body)
+        except ReturnValue as result:
+            return result.value
+        except LoopEnd:
+            raise NotUnderstoodError("a jump out of a loop is outside of one") from None
+        except NotUnderstoodError:
+            why, effects = "a function that changes it is not followed", self._effects_of(node)
+            self._forget(Effects(frozenset(), effects.attributes), why, node.lineno)
+            self._scopes = function.scopes
+            self._forget(effects.outside(node), why, node.lineno)
+            raise
+        finally:
+            self._owner.pop()
+            self._scopes, self._globals, self._file, self._bodies, self._tries = outside
+        return None
 
 
-def _parsed(kind: type[float | int], *arguments: Any) -> Any:
-    if len(arguments) > 1 or not all(isinstance(each, int | float | str) for each in arguments):
-        raise NotUnderstoodError("a function is understood with numbers only")
-    # Python reads at most some thousand digits.
-    return checked(kind, *(each[:100] if isinstance(each, str) else each for each in arguments))
+def _bound(function: Function, arguments: tuple[Any, ...], keywords: Mapping[str, Located]) -> NamedValues:
+    """The arguments of a call by name. Raises NotUnderstoodError."""
+    node, line = function.node.args, function.node.lineno
+    kinds = (
+        *((each, Parameter.POSITIONAL_ONLY) for each in node.posonlyargs),
+        *((each, Parameter.POSITIONAL_OR_KEYWORD) for each in node.args),
+        (node.vararg, Parameter.VAR_POSITIONAL),
+        *((each, Parameter.KEYWORD_ONLY) for each in node.kwonlyargs),
+        (node.kwarg, Parameter.VAR_KEYWORD),
+    )
+    parameters = [
+        Parameter(each.arg, kind, default=function.defaults.get(each.arg, Parameter.empty))
+        for each, kind in kinds
+        if each is not None
+    ]
+    try:
+        found = Signature(parameters).bind(*(Located(each, line) for each in arguments), **keywords)
+    except (TypeError, ValueError):
+        raise NotUnderstoodError("a function gets other arguments than it has") from None
+    found.apply_defaults()
+    scope: NamedValues = dict(found.arguments)
+    if node.vararg is not None:
+        more: Any = scope[node.vararg.arg]
+        scope[node.vararg.arg] = Located([each.value for each in more], line)
+    if node.kwarg is not None:
+        scope[node.kwarg.arg] = Located(scope[node.kwarg.arg], line)
+    return scope
 
 
-def _enumerated(items: Any, start: Any = 0) -> list[list[Any]]:
-    return [[start + index, item] for index, item in enumerate(items_of(items))]
+def _plain(keywords: Mapping[str, Located]) -> dict[str, Any]:
+    return {name: readable(each.value) for name, each in keywords.items()}
 
 
-def _zipped(*lists: Any, strict: Any = False) -> list[list[Any]]:
-    return [list(row) for row in zip(*map(items_of, lists), strict=False)]
-
-
-def _product(*lists: Any) -> list[list[Any]]:
-    if math.prod(len(items_of(each)) for each in lists) > MAX_ITEMS:
-        raise NotUnderstoodError("a list is too long")
-    return [list(row) for row in itertools.product(*map(items_of, lists))]
-
-
-def _chain(*lists: Any) -> list[Any]:
-    return list(itertools.chain.from_iterable(map(items_of, lists)))
-
-
-def unique(items: Iterable[Any]) -> list[Any]:
-    """The items of a set, in the order in which they came."""
-    return [list(key) if isinstance(key, tuple) else key for key in dict.fromkeys(map(as_key, items))]
-
-
-def table(given: Any = None, /, **more: Any) -> dict[Any, Located]:
-    """A dict of another dict or of pairs, and of keywords, whose values are located."""
-    made: dict[Any, Located] = {}
-    if isinstance(given, dict):
-        made.update(given)
-    elif given is not None:
-        for pair in items_of(given):
-            if not isinstance(pair, list | tuple) or len(pair) != 2:
-                raise NotUnderstoodError("a dict is understood of another or of pairs only")
-            made[as_key(pair[0])] = Located(pair[1], 0)
-    made.update(more)
+def _located(made: dict[Any, Located], line: int) -> dict[Any, Located]:
+    """The dict itself, whose new values have a line now."""
+    for key, each in made.items():
+        if not each.line:
+            made[key] = Located(each.value, line)
     return made
 
 
-def _fromkeys(keys: Any, value: Any = None) -> dict[Any, Located]:
-    return {as_key(key): Located(value, 0) for key in items_of(keys)}
-
-
-def _json(text: Any) -> Any:
-    if not isinstance(text, str):
-        raise NotUnderstoodError("only a text is read as JSON")
-    try:
-        return _located_tree(json.loads(text), 0)
-    except (ValueError, RecursionError):
-        raise NotUnderstoodError("a text is no JSON") from None
-
-
-def _located_tree(value: Any, depth: int) -> Any:
-    if depth > 50:
-        raise NotUnderstoodError("it is nested too deeply")
-    if isinstance(value, dict):
-        return {key: Located(_located_tree(each, depth + 1), 0) for key, each in value.items()}
-    return [_located_tree(each, depth + 1) for each in value] if isinstance(value, list) else bounded(value)
-
-
-def _length(value: Any) -> int:
-    return len(value) if isinstance(value, dict | str) else len(items_of(value))
-
-
-def _listed(value: Any = ()) -> list[Any]:
-    return items_of(value)
-
-
-NAMES_OF_MATH = (*_FUNCTIONS, "pi", "tau", "e", "inf")
-"""The names that `from math import *` gives."""
-CALLS: Mapping[str, Callable[..., Any]] = {
-    **{f"math.{name}": partial(_numeric, function) for name, function in _FUNCTIONS.items()},
-    **{f"numpy.{name}": partial(_numeric, function) for name, function in _FUNCTIONS.items()},
-    **{name: partial(_numeric, function) for name, function in _BUILTINS.items()},
-    **dict.fromkeys(("list", "tuple", "numpy.array", "numpy.asarray"), _listed),
-    **dict.fromkeys(("set", "frozenset"), lambda items=(): unique(items_of(items))),
-    **{kind.__name__: partial(_parsed, kind) for kind in (float, int)},
-    "bool": lambda value=False: truth(value),
-    "range": _range,
-    "len": _length,
-    "enumerate": _enumerated,
-    "zip": _zipped,
-    "reversed": lambda items: items_of(items)[::-1],
-    "any": lambda items: any(map(truth, items_of(items))),
-    "all": lambda items: all(map(truth, items_of(items))),
-    "str": lambda value="": as_text(value),
-    "divmod": lambda left, right: list(checked(divmod, *numbers_only((left, right)))),
-    "dict.fromkeys": _fromkeys,
-    "itertools.product": _product,
-    "itertools.chain": _chain,
-    "json.loads": _json,
-    "collections.OrderedDict": table,
-}
-"""The functions that are called, by full name."""
-OF_SCREEN = frozenset({"print", "logging.info", "logging.debug", "logging.warning", "warnings.warn"})
-"""Functions without an effect on values."""
-
-
-def called(name: str, arguments: tuple[Any, ...], keywords: Mapping[str, Any]) -> Any:
-    """The result of one of `CALLS`. Raises NotUnderstoodError."""
-    try:
-        return bounded(CALLS[name](*arguments, **keywords))
-    except TypeError:
-        raise NotUnderstoodError(f"{name} is not understood with these arguments") from None
-
-
-# -- methods ---------------------------------------------------------------------------------
-
-
-def _append(to: list[Any], item: Any) -> None:
-    to.append(item)
-
-
-def _extend(to: list[Any], items: Any) -> None:
-    to.extend(items_of(items))
-
-
-def _insert(to: list[Any], index: Any, item: Any) -> None:
-    checked(to.insert, index, item)
-
-
-def _list_pop(of: list[Any], index: Any = -1) -> Any:
-    item = item_of(of, index)
-    del of[index]
-    return item
-
-
-def _position(of: list[Any], item: Any) -> int:
-    for index, each in enumerate(of):
-        if is_plain(each) and is_plain(item) and each == item:
-            return index
-    raise RaisedError("ValueError", "an item is asked for that is not there")
-
-
-def _remove(of: list[Any], item: Any) -> None:
-    del of[_position(of, item)]
-
-
-def _count(of: list[Any], item: Any) -> int:
-    return sum(is_plain(each) and each == item for each in of)
-
-
-def _pairs(of: dict[Any, Located]) -> list[list[Any]]:
-    return [[_unfrozen(key), readable(each.value)] for key, each in of.items()]
-
-
-def _unfrozen(key: Any) -> Any:
-    return list(key) if isinstance(key, tuple) else key
-
-
-def _values(of: dict[Any, Located]) -> list[Any]:
-    return [readable(each.value) for each in of.values()]
-
-
-def _get(of: dict[Any, Located], key: Any, default: Any = None) -> Any:
-    return readable(of[as_key(key)].value) if as_key(key) in of else default
-
-
-def _setdefault(of: dict[Any, Located], key: Any, default: Any = None) -> Any:
-    return readable(of.setdefault(as_key(key), Located(default, 0)).value)
-
-
-_NEEDED: Any = object()
-
-
-def _dict_pop(of: dict[Any, Located], key: Any, default: Any = _NEEDED) -> Any:
-    if as_key(key) not in of and default is not _NEEDED:
-        return default
-    value = item_of(of, key)
-    del of[as_key(key)]
-    return value
-
-
-def _update(of: dict[Any, Located], given: Any = None, /, **more: Any) -> None:
-    of.update(table(given, **more))
-
-
-def _format(text: str, *arguments: Any, **keywords: Any) -> str:
-    """`str.format` with plain names and numbers only: attributes of values are not looked up."""
-    made, number = [], 0
-    for literal, name, form, conversion in checked(lambda: list(string.Formatter().parse(text))):
-        made.append(literal)
-        if name is None:
-            continue
-        if not name:
-            name, number = str(number), number + 1
-        numbered = name.isascii() and name.isdecimal() and len(name) < 4 and int(name) < len(arguments)
-        value = arguments[int(name)] if numbered else keywords.get(name)
-        if conversion not in (None, "s") or value is None:
-            raise NotUnderstoodError("a format is not understood")
-        made.append(formatted(value, form or ""))
-    return "".join(made)
-
-
-def _join(glue: str, parts: Any) -> str:
-    texts = items_of(parts)
-    if not all(isinstance(each, str) for each in texts) or sum(map(len, texts)) > MAX_ITEMS:
-        raise NotUnderstoodError("only texts can be joined")
-    # Checked before, because the text itself would be too long.
-    if len(glue) * len(texts) > MAX_ITEMS:
-        raise NotUnderstoodError("a list is too long")
-    return glue.join(texts)
-
-
-def _text_method(name: str) -> Callable[..., Any]:
-    def call(text: str, *arguments: Any) -> Any:
-        if not all(isinstance(each, str | int) for each in arguments):
-            raise NotUnderstoodError(f".{name}() is not understood with these arguments")
-        if any(isinstance(each, int) and each > 1000 for each in arguments):
-            raise NotUnderstoodError("a list is too long")
-        if name == "replace" and len(text) * sum(len(str(each)) for each in arguments) > MAX_ITEMS:
-            raise NotUnderstoodError("a list is too long")
-        return checked(getattr(text, name), *arguments)
-
-    return call
-
-
-_TEXT_METHODS = (
-    *("upper", "lower", "strip", "lstrip", "rstrip", "title", "capitalize", "replace", "split", "startswith"),
-    *("splitlines", "rsplit", "swapcase", "center", "ljust", "rjust", "partition", "isupper", "islower"),
-    *("endswith", "isdigit", "isalpha", "zfill", "removeprefix", "removesuffix", "find", "count"),
-)
-_METHODS: Mapping[type, Mapping[str, Callable[..., Any]]] = {
-    Vector: {
-        "rotate": lambda of, angle: checked(of.rotated, *numbers_only((angle,))),
-        "length": lambda of: checked(math.hypot, *of),
-        "copy": Vector,
-    },
-    list: {
-        "append": _append,
-        "extend": _extend,
-        "insert": _insert,
-        "pop": _list_pop,
-        "remove": _remove,
-        "index": _position,
-        "count": _count,
-        "reverse": list.reverse,
-        "clear": list.clear,
-        "copy": list,
-        "tolist": list,
-    },
-    dict: {
-        "items": _pairs,
-        "keys": lambda of: [_unfrozen(key) for key in of],
-        "values": _values,
-        "get": _get,
-        "setdefault": _setdefault,
-        "pop": _dict_pop,
-        "update": _update,
-        "copy": dict,
-        "clear": dict.clear,
-    },
-    str: {**{name: _text_method(name) for name in _TEXT_METHODS}, "format": _format, "join": _join},
-}
-
-
-def method_called(of: Any, name: str, arguments: tuple[Any, ...], keywords: Mapping[str, Any]) -> Any:
-    """The result of a method of a list, dict, text or vector. Raises NotUnderstoodError."""
-    kinds = [kind for kind in _METHODS if isinstance(of, kind) and name in _METHODS[kind]]
-    if not kinds:
-        raise NotUnderstoodError(f".{name}() is not understood")
-    # Checked before, because the value itself would grow.
-    given = [arguments[0]] if name in ("extend", "update") and arguments else [arguments]
-    if isinstance(of, list | dict) and len(of) + sum(map(_size, given)) > MAX_ITEMS:
-        raise NotUnderstoodError("what is added is no list, or too long")
-    try:
-        return bounded(_METHODS[kinds[0]][name](of, *arguments, **keywords))
-    except TypeError:
-        raise NotUnderstoodError(f".{name}() is not understood with these arguments") from None
-
-
-def _size(value: Any) -> int:
-    return len(value) if isinstance(value, list | dict | str | tuple) else 0
+def _is_super(node: ast.Call) -> bool:
+    return isinstance(node.func, ast.Name) and node.func.id == "super"

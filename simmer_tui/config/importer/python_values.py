@@ -1,4 +1,4 @@
-"""Values read from Python source, and their evaluation within bounds."""
+"""Values of Python source: their kinds, operators, comparisons and formats, and the bounds of their sizes."""
 
 import ast
 import math
@@ -16,9 +16,9 @@ MAX_NUMBER = 1e300
 """Largest number: far enough below the largest float that sums of a list stay finite."""
 MAX_ITEMS = 100_000
 """Longest list, dict or text. So a file takes at most some megabytes."""
+
 _EXACT = 64
 """Largest whole exponent of a whole number that is worked out exactly: the result has at most some KB."""
-
 _OPERATORS: Mapping[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
@@ -50,6 +50,9 @@ class Located(Struct, frozen=True):
 
     value: Any
     line: int
+
+
+NamedValues = dict[str, Located]
 
 
 class Call(Struct, frozen=True):
@@ -97,30 +100,15 @@ class Function(Struct, frozen=True, eq=False):
 
 
 class Class(Struct, frozen=True, eq=False):
-    """A class that the file defines, with the values of its body. `bases` has the last name of each base.
-
-    `fields` has the arguments of a dataclass or named tuple, `members` those of an enumeration.
-    """
+    """A class that a file defines, with the values of its body. `bases` has the last name of each base."""
 
     name: str
-    names: dict[str, Located]
+    names: NamedValues
     bases: tuple[str, ...]
-    fields: tuple[str, ...] = ()
-    members: "tuple[Instance, ...] | None" = None
+    file: str
 
     def __str__(self) -> str:
         return f"the class {self.name}"
-
-
-class Partial(Struct, frozen=True, eq=False):
-    """A function with some of its arguments, as by `functools.partial`."""
-
-    of: Any
-    arguments: tuple[Any, ...]
-    keywords: dict[str, Located]
-
-    def __str__(self) -> str:
-        return "a function"
 
 
 class Instance(Struct, frozen=True, eq=False):
@@ -128,35 +116,104 @@ class Instance(Struct, frozen=True, eq=False):
     of the statement that set an attribute. `call` is the call that made it. `descriptions` has the dicts that
     its `__init__` passed to those of its bases."""
 
-    names: dict[str, Located]
+    names: NamedValues
     owner: Class | None = None
     call: Call | None = None
     places: dict[str, str] = field(default_factory=dict)
     descriptions: list[dict[Any, Located]] = field(default_factory=list)
 
-    @property
-    def items(self) -> list[Any] | None:
-        """The values of a named tuple; None for another object."""
-        if self.owner is None or not self.owner.fields:
-            return None
-        return [self.names[name].value for name in self.owner.fields if name in self.names]
-
     def __str__(self) -> str:
         return "an object"
 
 
-def numbers_only(arguments: tuple[Any, ...]) -> tuple[Any, ...]:
-    """The arguments, if they are numbers and lists of numbers. Raises NotUnderstoodError."""
-    for argument in arguments:
-        items = argument if isinstance(argument, list) else [argument]
-        if not all(isinstance(item, int | float) for item in items):
-            raise NotUnderstoodError("a function is understood with numbers only")
-    return arguments
+class Vector(list[Any]):
+    """A `Vector2`: a list of two numbers that is added and multiplied as a vector."""
+
+    def rotated(self, angle: float) -> "Vector":
+        """The vector turned by an angle in degrees from x towards y, as by `Vector2.rotate`."""
+        x, y = self
+        cosine, sine = math.cos(math.radians(angle)), math.sin(math.radians(angle))
+        return Vector((x * cosine - y * sine, x * sine + y * cosine))
 
 
 def is_plain(value: Any) -> bool:
     """True for a number, a text or None."""
     return value is None or isinstance(value, bool | int | float | str)
+
+
+def as_key(value: Any) -> Any:
+    """The value, if it is plain, so that it can be a key of a dict. Raises NotUnderstoodError."""
+    if is_plain(value):
+        return value
+    raise NotUnderstoodError("a key of a dict must be text or a number")
+
+
+def readable(value: Any) -> Any:
+    """The value. Raises NotUnderstoodError with the reason if it is an `Unreadable`."""
+    if isinstance(value, Unreadable):
+        raise NotUnderstoodError(value.why)
+    return value
+
+
+def truth(value: Any) -> bool:
+    """The truth of a value in Python. Raises NotUnderstoodError for the result of an unknown call."""
+    if isinstance(value, Call | Reference):
+        raise NotUnderstoodError(f"{escape(str(value))} has no value that is known here")
+    return bool(value) if is_plain(value) or isinstance(value, list | dict) else True
+
+
+def items_of(value: Any) -> list[Any]:
+    """The items of a value in a loop. Raises NotUnderstoodError."""
+    if not isinstance(value, list | dict | str):
+        raise NotUnderstoodError("a loop needs a list, a range or a dict")
+    return list(value)
+
+
+def bounded(value: Any) -> Any:
+    """The value, if it is within bounds. Raises NotUnderstoodError."""
+    if isinstance(value, int | float) and abs(value) > MAX_NUMBER:
+        raise NotUnderstoodError("a number is too large")
+    if isinstance(value, list | str | range | dict) and len(value) > MAX_ITEMS:
+        raise NotUnderstoodError("a list is too long")
+    # For example, (-8) ** 0.5 is complex.
+    if isinstance(value, complex):
+        raise NotUnderstoodError("a number is not real")
+    return value
+
+
+def checked(function: Callable[..., Any], *arguments: Any) -> Any:
+    """The result of a function, if it is real and within bounds. Raises NotUnderstoodError."""
+    try:
+        return bounded(function(*arguments))
+    except (TypeError, ValueError, ArithmeticError) as error:
+        raise RaisedError(escape(str(error))) from error
+
+
+def snapshot(value: Any, charge: Callable[[int], None]) -> Any:
+    """A copy of a value whose lists and dicts later statements cannot change. `charge` is called with the
+    number of items copied."""
+    return _copied(value, charge, {}, 0)
+
+
+def _copied(value: Any, charge: Callable[[int], None], done: dict[int, Any], depth: int) -> Any:
+    if not isinstance(value, list | dict):
+        return value
+    # Lists of lists of lists that are the same object are copied once.
+    if id(value) not in done:
+        if depth > 50:
+            raise NotUnderstoodError("it is nested too deeply")
+        charge(1 + len(value) // 10)
+        if isinstance(value, dict):
+            items = value.items()
+            done[id(value)] = {
+                key: Located(_copied(each.value, charge, done, depth + 1), each.line) for key, each in items
+            }
+        else:
+            done[id(value)] = type(value)(_copied(each, charge, done, depth + 1) for each in value)
+    return done[id(value)]
+
+
+# -- operators -------------------------------------------------------------------------------
 
 
 def as_text(value: Any) -> str:
@@ -174,47 +231,20 @@ def formatted(value: Any, form: str) -> str:
     return text
 
 
-def as_key(value: Any) -> Any:
-    """The value, if it can be a key of a dict; a list of plain values, which is a tuple there, as a tuple.
-    Raises NotUnderstoodError."""
-    if is_plain(value):
-        return value
-    if isinstance(value, list | tuple) and len(value) < 10 and all(is_plain(item) for item in value):
-        return tuple(value)
-    raise NotUnderstoodError("a key of a dict must be text or a number")
-
-
-def readable(value: Any) -> Any:
-    """The value. Raises NotUnderstoodError with the reason if it is an `Unreadable`."""
-    if isinstance(value, Unreadable):
-        raise NotUnderstoodError(value.why)
-    return value
-
-
-def truth(value: Any) -> bool:
-    """The truth of a value in Python. Raises NotUnderstoodError for the result of an unknown call."""
-    if isinstance(value, Call | Reference):
-        raise NotUnderstoodError(f"{escape(str(value))} has no value that is known here")
-    return bool(value) if is_plain(value) or isinstance(value, list | tuple | dict) else True
-
-
 def item_of(container: Any, index: Any) -> Any:
     """One item, or a slice, of a value that was read. Raises NotUnderstoodError."""
-    if isinstance(container, Instance) and container.items is not None:
-        container = container.items
-    if isinstance(container, Vector) and isinstance(index, slice):
-        container = list(container)
-    if isinstance(container, list | str | tuple) and isinstance(index, slice):
+    if isinstance(container, list | str) and isinstance(index, slice):
         return checked(operator.getitem, container, index)
+    truth(container)  # the result of a call that was not made may be anything
     missing = "an item is asked for that is not there"
     if isinstance(container, dict):
         key = as_key(index)
         if key not in container:
-            raise RaisedError("KeyError", missing)
+            raise RaisedError(missing)
         return readable(container[key].value)
-    if isinstance(container, list | str | tuple) and isinstance(index, int):
+    if isinstance(container, list | str) and isinstance(index, int):
         if not -len(container) <= index < len(container):
-            raise RaisedError("IndexError", missing)
+            raise RaisedError(missing)
         return container[index]
     raise NotUnderstoodError(missing)
 
@@ -245,7 +275,7 @@ def _contains(container: Any, item: Any) -> bool:
         return as_key(item) in container
     if isinstance(container, str) and isinstance(item, str):
         return item in container
-    if isinstance(container, list | tuple) and is_plain(item):
+    if isinstance(container, list) and is_plain(item):
         return any(is_plain(each) and each == item for each in container)
     raise NotUnderstoodError("a comparison of such values is not understood")
 
@@ -280,29 +310,12 @@ def arithmetic(op: ast.operator, left: Any, right: Any) -> Any:
 
 def _percent(text: str, values: Any) -> str:
     items = tuple(values) if isinstance(values, list) else (values,)
+    if sum(len(each) for each in items if isinstance(each, str)) > MAX_ITEMS:
+        raise NotUnderstoodError("a list is too long")
     if "%" in _PERCENT.sub("", text) or not all(map(is_plain, items)):
         raise NotUnderstoodError("a format is not understood")
     result: str = checked(operator.mod, text, items)
     return result
-
-
-class Vector(list[Any]):
-    """A `Vector2`: a list of two numbers that is added and multiplied as a vector."""
-
-    def rotated(self, angle: float) -> "Vector":
-        """The vector turned by an angle in degrees from x towards y, as by `Vector2.rotate`."""
-        x, y = self
-        cosine, sine = math.cos(math.radians(angle)), math.sin(math.radians(angle))
-        return Vector((x * cosine - y * sine, x * sine + y * cosine))
-
-
-def vector(arguments: tuple[Any, ...]) -> Any:
-    """The `Vector2` of two numbers; of other arguments, just a list."""
-    numbers = arguments[0] if len(arguments) == 1 else list(arguments)
-    if isinstance(numbers, list) and len(numbers) == 2 and all(isinstance(n, int | float) for n in numbers):
-        return Vector(numbers)
-    # The later use of the list reports the mistake.
-    return numbers
 
 
 def _vector_arithmetic(op: ast.operator, left: Any, right: Any) -> Vector:
@@ -316,82 +329,3 @@ def _vector_arithmetic(op: ast.operator, left: Any, right: Any) -> Vector:
         case _:
             raise NotUnderstoodError("this arithmetic with a vector is not understood")
     return Vector(arithmetic(op, a, b) for a, b in pairs)
-
-
-def _linspace(start: Any, stop: Any, /, num: Any = 50, *, endpoint: Any = True) -> tuple[Any, Any, Any]:
-    """Start, step and count of the numbers of `linspace`; 50 is numpy's default count."""
-    parts = num - 1 if endpoint else num
-    # A single number is the start, without a step to divide by.
-    return start, (stop - start) / max(parts, 1), num
-
-
-def _arange(start: Any, stop: Any = None, step: Any = 1, /) -> tuple[Any, Any, Any]:
-    """The same for `arange`."""
-    start, stop = (0, start) if stop is None else (start, stop)
-    return start, step, max(0, checked(math.ceil, checked(operator.truediv, stop - start, step)))
-
-
-SPACED: Mapping[str, Callable[..., tuple[Any, Any, Any]]] = {
-    "numpy.linspace": _linspace,
-    "numpy.arange": _arange,
-}
-"""The functions of evenly spaced numbers."""
-
-
-def evenly_spaced(dotted: str, numbers: tuple[Any, ...], keywords: Mapping[str, Located]) -> list[float]:
-    """The numbers that one of `SPACED` yields. Raises NotUnderstoodError."""
-    name = dotted.rpartition(".")[2]
-    given = {key: readable(item.value) for key, item in keywords.items()}
-    if not all(isinstance(number, int | float) for number in (*numbers, *given.values())):
-        raise NotUnderstoodError(f"{name} is understood with numbers only")
-    try:
-        start, step, count = SPACED[dotted](*numbers, **given)
-    except TypeError:
-        raise NotUnderstoodError(f"{name} is not understood with these arguments") from None
-    if not isinstance(count, int) or not 0 <= count <= MAX_ITEMS:
-        raise NotUnderstoodError("a list is too long")
-    return [start + step * i for i in range(count)]
-
-
-def bounded(value: Any) -> Any:
-    """The value, if it is within bounds. Raises NotUnderstoodError."""
-    if isinstance(value, int | float) and abs(value) > MAX_NUMBER:
-        raise NotUnderstoodError("a number is too large")
-    if isinstance(value, list | str | range | dict | tuple) and len(value) > MAX_ITEMS:
-        raise NotUnderstoodError("a list is too long")
-    # For example, (-8) ** 0.5 is complex.
-    if isinstance(value, complex):
-        raise NotUnderstoodError("a number is not real")
-    return value
-
-
-def checked(function: Callable[..., Any], *arguments: Any) -> Any:
-    """The result of a function, if it is real and within bounds. Raises NotUnderstoodError."""
-    try:
-        return bounded(function(*arguments))
-    except (TypeError, ValueError, ArithmeticError) as error:
-        raise RaisedError(type(error).__name__, escape(str(error))) from error
-
-
-def snapshot(value: Any, charge: Callable[[int], None]) -> Any:
-    """A copy of a value whose lists and dicts later statements cannot change. `charge` is called with the
-    number of items copied."""
-    return _copied(value, charge, {}, 0)
-
-
-def _copied(value: Any, charge: Callable[[int], None], done: dict[int, Any], depth: int) -> Any:
-    if not isinstance(value, list | dict):
-        return value
-    # Lists of lists of lists that are the same object are copied once.
-    if id(value) not in done:
-        if depth > 50:
-            raise NotUnderstoodError("it is nested too deeply")
-        charge(1 + len(value) // 10)
-        if isinstance(value, dict):
-            items = value.items()
-            done[id(value)] = {
-                key: Located(_copied(each.value, charge, done, depth + 1), each.line) for key, each in items
-            }
-        else:
-            done[id(value)] = type(value)(_copied(each, charge, done, depth + 1) for each in value)
-    return done[id(value)]

@@ -23,7 +23,7 @@ from simmer_tui.config.importer.imported import (
     settled,
 )
 from simmer_tui.config.importer.literal import read_module, read_source
-from simmer_tui.config.importer.python_expressions import Source
+from simmer_tui.config.importer.python_names import Source
 from simmer_tui.config.importer.python_values import Call, Class, Function, Located, Reference, Unreadable
 from simmer_tui.config.importer.simmer_python_devices import Surroundings, read_drives, read_sensors
 from simmer_tui.config.maze_csv import CELLS, MAX_CELLS
