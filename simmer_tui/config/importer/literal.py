@@ -199,7 +199,7 @@ class _Reader(CallReader, ast.NodeVisitor):
         finally:
             self._scopes = outside
         bases = tuple(name for base in node.bases if (name := self._last_name(base)))
-        cls = Class(node.name, names, bases, self._file)
+        cls = Class(node, names, bases, self._file)
         for name, located in names.items():
             if isinstance(located.value, Function):
                 # Its functions do not see the names of its body.

@@ -102,10 +102,15 @@ class Function(Struct, frozen=True, eq=False):
 class Class(Struct, frozen=True, eq=False):
     """A class that a file defines, with the values of its body. `bases` has the last name of each base."""
 
-    name: str
+    node: ast.ClassDef
     names: NamedValues
     bases: tuple[str, ...]
     file: str
+
+    @property
+    def name(self) -> str:
+        """Its name in the file."""
+        return self.node.name
 
     def __str__(self) -> str:
         return f"the class {self.name}"

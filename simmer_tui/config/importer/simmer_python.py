@@ -110,7 +110,7 @@ def read_simmer_python(text: str, file: str = FILE, folder: Path | None = None) 
     tree = python_tree(text, file)
     source = read_module(tree, file)
     notes = Notes(file)
-    classes = read_device_classes(folder, tree, source.names, file)
+    classes = read_device_classes(folder, source.names)
     for line, why in source.skipped:
         notes.add(line, "", why)
     maze, robot = _maze(source, notes), _robot(source, notes)

@@ -57,7 +57,7 @@ class ToF(Ranger):
 ARGUMENTS = """
 class Ranger:
     def __init__(self, info, num_rays=13, *, min_range=1.1):
-        self.num_rays = num_rays
+        self.num_rays, self.min_range = num_rays, min_range
 
 class ToF(Ranger):
     beamwidth = 15
@@ -70,12 +70,14 @@ class ToF(Device):
     UNUSED = {'min_range': 9.9}
     def __init__(self, info):
         info = {**DEFAULTS, **self.BEAM, **info}
-        self.num_rays = info['num_rays']
+        self.num_rays, self.min_range = info['num_rays'], info['min_range']
+        self.beamwidth = info['beamwidth']
 """
 SET_DEFAULT = """
 class ToF(Device):
     def __init__(self, info):
         info.setdefault('num_rays', 13)
+        self.num_rays = info['num_rays']
         self.beamwidth = info.setdefault('beamwidth', 15)
         self.min_range = float(info.pop('min_range', 1.1))
 """
