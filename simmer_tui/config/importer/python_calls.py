@@ -9,7 +9,7 @@ from typing import Any
 
 from simmer_tui.config.importer.python_builtins import CALLS, OF_SCREEN, called, method_called, table
 from simmer_tui.config.importer.python_expressions import SPECIAL, ExpressionReader
-from simmer_tui.config.importer.python_names import Budget, Effects, touched
+from simmer_tui.config.importer.python_names import Effects, touched
 from simmer_tui.config.importer.python_values import (
     Call,
     Class,
@@ -42,15 +42,8 @@ class ReturnValue(Exception):  # noqa: N818 - a jump, no error
 class CallReader(ExpressionReader, ast.NodeVisitor):
     """Reads expressions with calls: of functions and classes of the file, and of `CALLS`."""
 
-    def __init__(
-        self,
-        file: str,
-        modules: Mapping[str, NamedValues],
-        budget: Budget,
-        classes: Mapping[str, Class] | None = None,
-    ) -> None:
-        super().__init__(file, modules, budget, classes)
-        self._bodies = 0  # loops and functions around a statement
+    def __init__(self, *given: Any) -> None:
+        super().__init__(*given)
         self._recorded: ast.Call | None = None  # the last call that was not made
         self._owner: list[tuple[Class | None, Any]] = []
         self._effects: dict[int, tuple[ast.AST, Effects]] = {}

@@ -11,14 +11,13 @@ from contextlib import contextmanager
 from typing import Any, NoReturn
 
 from simmer_tui.config.importer.python_builtins import CALLS
-from simmer_tui.config.importer.python_names import Budget, Scopes
+from simmer_tui.config.importer.python_names import Scopes
 from simmer_tui.config.importer.python_values import (
     Call,
     Class,
     Function,
     Instance,
     Located,
-    NamedValues,
     Reference,
     Unreadable,
     Vector,
@@ -51,17 +50,6 @@ _UNARY: Mapping[type[ast.unaryop], Callable[[Any], Any]] = {
 
 class ExpressionReader(Scopes, ast.NodeVisitor):
     """Reads expressions, each type by its method. A type without one is not understood."""
-
-    def __init__(
-        self,
-        file: str,
-        modules: Mapping[str, NamedValues],
-        budget: Budget,
-        classes: Mapping[str, Class] | None = None,
-    ) -> None:
-        super().__init__(file, modules, budget, classes)
-        self._depth = 0
-        self._imports_all = False
 
     @abstractmethod
     def visit_Lambda(self, node: ast.Lambda) -> Function:

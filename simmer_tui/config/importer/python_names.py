@@ -65,7 +65,10 @@ class Scopes:
         self._scopes: tuple[NamedValues, ...] = (self.source.names,)
         self._globals: set[str] = set()
         self._budget = budget
+        self._imports_all = False
         self._tries = 0  # `try` statements around a statement
+        self._bodies = 0  # loops and functions around it
+        self._depth = 0
 
     def _scope_of(self, name: str) -> NamedValues:
         """The scope that has a name; the innermost, if none has it."""

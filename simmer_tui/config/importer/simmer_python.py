@@ -25,7 +25,8 @@ from simmer_tui.config.importer.imported import (
 from simmer_tui.config.importer.literal import read_module, read_source
 from simmer_tui.config.importer.python_names import Source
 from simmer_tui.config.importer.python_values import Call, Class, Function, Located, Reference, Unreadable
-from simmer_tui.config.importer.simmer_python_devices import Surroundings, read_drives, read_sensors
+from simmer_tui.config.importer.simmer_python_drives import read_drives
+from simmer_tui.config.importer.simmer_python_sensors import Surroundings, read_sensors
 from simmer_tui.config.maze_csv import CELLS, MAX_CELLS
 from simmer_tui.config.robot_csv import outline_fault
 from simmer_tui.config.settings import all_settings
