@@ -40,8 +40,8 @@ _AXES = {DriveKind.ROT: ("rotation", "r"), DriveKind.UP: ("x", "y"), DriveKind.D
 
 class _Motion(Struct, frozen=True):
     """A drive's motion there, for each unit of its value: inches forward and to the left, and degrees
-    counter-clockwise; `speed` is units a second, `axes` the number of the three that are not 0. `kind` is the
-    row that is nearest."""
+    counter-clockwise. `speed` is units a second; unless it is above 0, a movement never ends. `axes` is the
+    number of the three that are not 0, `kind` the row that is nearest."""
 
     forward: float
     left: float
@@ -55,8 +55,8 @@ def _motion(fields: Fields) -> _Motion:
     left, forward = fields.point("velocity")
     turning = fields.number("ang_velocity", 0.0)
     length = math.hypot(left, forward)
-    # There a drive with any turning speed turns by one degree a unit, and one with any velocity moves by one
-    # inch a unit; the two speeds are added.
+    # There a drive with any turning speed turns clockwise by one degree a unit, however small it is and
+    # whatever its sign. One with any velocity moves by one inch a unit. The speeds are added with signs.
     along = (forward / length, left / length) if length else (0.0, 0.0)
     if math.radians(abs(turning)) * _HALF_ROBOT > length:
         kind = DriveKind.ROT
@@ -65,7 +65,7 @@ def _motion(fields: Fields) -> _Motion:
     else:
         kind = DriveKind.UP if left > 0 else DriveKind.DOWN
     axes = (left != 0) + (forward != 0) + (turning != 0)
-    return _Motion(*along, -1.0 if turning else 0.0, length + abs(turning), axes, kind)
+    return _Motion(*along, -1.0 if turning else 0.0, length + turning, axes, kind)
 
 
 def _row_for(motion: _Motion, taken: set[DriveKind]) -> DriveKind | None:
@@ -89,8 +89,10 @@ def _drive(fields: Fields, taken: set[DriveKind]) -> DriveSpec | None:
     if kind is None:
         fields.note("", "a set has five drives, and all are taken; left out")
         return None
-    if turning < 0:
-        fields.note("ang_velocity", f"is below 0, which never ends there; {-turning:g} is taken")
+    speed = motion.speed if motion.speed > 0 else abs(motion.speed or turning)
+    if speed != motion.speed:
+        what = f"makes the speed {motion.speed:g} a second, which never ends there; {speed:g} is taken"
+        fields.note("ang_velocity", what)
     bias, error = fields.axes("bias"), fields.axes("error")
     axis, ours = _AXES.get(motion.kind, ("y", "x"))
     wanted = Axes(motion.forward, motion.left, motion.turn)
@@ -100,6 +102,8 @@ def _drive(fields: Fields, taken: set[DriveKind]) -> DriveSpec | None:
     if motion.axes > 1:
         moved = f"{motion.forward:g} in forward, {motion.left:g} in left, {-motion.turn:g} deg clockwise"
         what = f"velocity and ang_velocity have more than one number: there each unit is {moved}"
+        if turning:
+            what += f"; ang_velocity {turning:g} turns 1 deg a unit there, whatever its size"
         advice = "for a plain movement set all but one to 0"
         fields.note("", f"{what}; the row {kind} has biases for that; {advice}")
     elif kind is not motion.kind:
@@ -119,7 +123,7 @@ def _drive(fields: Fields, taken: set[DriveKind]) -> DriveSpec | None:
         error=Axes(**{ours: abs(error[axis])}),
         bias=found,
         gain=gain,
-        speed=motion.speed,
+        speed=speed,
     )
 
 

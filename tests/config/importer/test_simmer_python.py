@@ -177,8 +177,22 @@ def test_a_drive_along_several_axes_moves_as_it_does_there(
     assert spec.bias.x == pytest.approx(bias.x)
     assert (spec.bias.y, spec.bias.r) == (pytest.approx(bias.y), pytest.approx(bias.r))
     assert "more than one number" in listed(imported, "1:w0")
+    assert ("turns 1 deg a unit there, whatever its size" in listed(imported, "1:w0")) == (bias.y == 0)
     write_set(imported, tmp_path)
     assert load(tmp_path).simulation.drives == (spec,)
+
+
+@pytest.mark.parametrize(
+    ("turning", "speed", "is_listed"), [(-2, 4.0, False), (2, 8.0, False), (-9, 3.0, True)]
+)
+def test_both_speeds_of_a_drive_are_added_with_their_signs(
+    turning: float, speed: float, is_listed: bool
+) -> None:
+    spec, imported = drive(f"'velocity': [0, 6], 'ang_velocity': {turning}")
+    assert spec is not None
+    assert spec.speed == speed
+    notes = [each.what for each in imported.left_out if each.where.endswith("w0.ang_velocity")]
+    assert bool(notes) == is_listed
 
 
 def test_a_second_drive_in_the_same_direction_takes_a_free_row() -> None:
