@@ -68,14 +68,6 @@ def _parsed(kind: type[float | int], *arguments: Any) -> Any:
     return checked(kind, *(each[:100] if isinstance(each, str) else each for each in arguments))
 
 
-def _enumerated(items: Any, start: Any = 0) -> list[list[Any]]:
-    return [[start + index, item] for index, item in enumerate(items_of(items))]
-
-
-def _zipped(*lists: Any, strict: Any = False) -> list[list[Any]]:
-    return [list(row) for row in zip(*map(items_of, lists), strict=False)]
-
-
 def table(given: Any = None, /, **more: Any) -> dict[Any, Located]:
     """A dict of another dict or of pairs, and of keywords, whose values are located."""
     made: dict[Any, Located] = {}
@@ -88,10 +80,6 @@ def table(given: Any = None, /, **more: Any) -> dict[Any, Located]:
             made[as_key(pair[0])] = Located(pair[1], 0)
     made.update(more)
     return made
-
-
-def _length(value: Any) -> int:
-    return len(value) if isinstance(value, dict | str) else len(items_of(value))
 
 
 def _sorted(items: Any, *, reverse: Any = False) -> list[Any]:
@@ -141,9 +129,9 @@ CALLS: Mapping[str, Callable[..., Any]] = {
     "bool": lambda value=False: truth(value),
     "str": lambda value="": as_text(value),
     "range": _range,
-    "len": _length,
-    "enumerate": _enumerated,
-    "zip": _zipped,
+    "len": lambda items: len(items_of(items)),
+    "enumerate": lambda items, start=0: [[start + n, each] for n, each in enumerate(items_of(items))],
+    "zip": lambda *lists, strict=False: [list(row) for row in zip(*map(items_of, lists), strict=False)],
     "reversed": lambda items: items_of(items)[::-1],
     "sorted": _sorted,
     "any": lambda items: any(map(truth, items_of(items))),
@@ -171,30 +159,10 @@ def called(name: str, arguments: tuple[Any, ...], keywords: Mapping[str, Any]) -
 _PLACE = re.compile(r"\{(\w*)(?::([^{}]*))?\}")
 
 
-def _append(to: list[Any], item: Any) -> None:
-    to.append(item)
-
-
-def _extend(to: list[Any], items: Any) -> None:
-    to.extend(items_of(items))
-
-
-def _insert(to: list[Any], index: Any, item: Any) -> None:
-    checked(to.insert, index, item)
-
-
 def _list_pop(of: list[Any], index: Any = -1) -> Any:
     item = item_of(of, index)
     del of[index]
     return item
-
-
-def _pairs(of: dict[Any, Located]) -> list[list[Any]]:
-    return [[key, readable(each.value)] for key, each in of.items()]
-
-
-def _values(of: dict[Any, Located]) -> list[Any]:
-    return [readable(each.value) for each in of.values()]
 
 
 def _get(of: dict[Any, Located], key: Any, default: Any = None) -> Any:
@@ -216,10 +184,6 @@ def _dict_pop(of: dict[Any, Located], key: Any, default: Any = _NEEDED) -> Any:
     return value
 
 
-def _update(of: dict[Any, Located], given: Any = None, /, **more: Any) -> None:
-    of.update(table(given, **more))
-
-
 def _format(text: str, *arguments: Any, **keywords: Any) -> str:
     given = {**{str(number): each for number, each in enumerate(arguments)}, **keywords}
     numbers = map(str, range(len(text)))
@@ -231,9 +195,7 @@ def _format(text: str, *arguments: Any, **keywords: Any) -> str:
         return formatted(given[name], place[2] or "")
 
     longest = max((len(each) for each in given.values() if isinstance(each, str)), default=0)
-    if longest * len(text) > MAX_ITEMS * 10:
-        raise NotUnderstoodError("a list is too long")
-    if set("{}") & set(_PLACE.sub("", text)):
+    if longest * len(text) > MAX_ITEMS * 10 or set("{}") & set(_PLACE.sub("", text)):
         raise NotUnderstoodError("a format is not understood")
     return _PLACE.sub(filled, text)
 
@@ -272,9 +234,9 @@ _METHODS: Mapping[type, Mapping[str, Callable[..., Any]]] = {
         "copy": Vector,
     },
     list: {
-        "append": _append,
-        "extend": _extend,
-        "insert": _insert,
+        "append": list.append,
+        "extend": lambda of, items: of.extend(items_of(items)),
+        "insert": lambda of, index, item: checked(of.insert, index, item),
         "pop": _list_pop,
         "reverse": list.reverse,
         "clear": list.clear,
@@ -282,13 +244,13 @@ _METHODS: Mapping[type, Mapping[str, Callable[..., Any]]] = {
         "tolist": list,
     },
     dict: {
-        "items": _pairs,
+        "items": lambda of: [[key, readable(each.value)] for key, each in of.items()],
         "keys": list,
-        "values": _values,
+        "values": lambda of: [readable(each.value) for each in of.values()],
         "get": _get,
         "setdefault": _setdefault,
         "pop": _dict_pop,
-        "update": _update,
+        "update": lambda of, *given, **more: of.update(table(*given, **more)),
         "copy": dict,
         "clear": dict.clear,
     },

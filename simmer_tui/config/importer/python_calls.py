@@ -53,10 +53,10 @@ class CallReader(ExpressionReader, ast.NodeVisitor):
         """Follow the statements of a function."""
 
     @abstractmethod
-    def _forget(self, effects: "Effects", why: str, line: int, seen: frozenset[int] = frozenset()) -> None:
+    def _forget(self, effects: Effects, why: str, line: int, seen: frozenset[int] = frozenset()) -> None:
         """Make all unreadable that a statement may have changed."""
 
-    def _effects_of(self, node: ast.AST) -> "Effects":
+    def _effects_of(self, node: ast.AST) -> Effects:
         # A loop may ask thousands of times.
         if id(node) not in self._effects:
             # With the node, so that no other one gets its number.

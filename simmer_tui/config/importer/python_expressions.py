@@ -4,9 +4,8 @@ Calls are in `python_calls.py`, statements in `literal.py`.
 """
 
 import ast
-import operator
 from abc import abstractmethod
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any, NoReturn
 
@@ -41,11 +40,6 @@ MAX_DEPTH = 60
 """Deepest nesting of expressions, statements and calls: each level takes several frames of Python's 1,000."""
 SPECIAL = ("dict", "map")
 """Functions of Python without a module that have a meaning here, beside `CALLS`."""
-
-_UNARY: Mapping[type[ast.unaryop], Callable[[Any], Any]] = {
-    ast.USub: operator.neg,
-    ast.UAdd: operator.pos,
-}
 
 
 class ExpressionReader(Scopes, ast.NodeVisitor):
@@ -148,11 +142,9 @@ class ExpressionReader(Scopes, ast.NodeVisitor):
         value = self.evaluate(node.operand)
         if isinstance(node.op, ast.Not):
             return not truth(value)
-        if isinstance(node.op, ast.USub) and isinstance(value, Vector):
-            return arithmetic(ast.Mult(), -1, value)
-        if type(node.op) not in _UNARY:
+        if not isinstance(node.op, ast.USub | ast.UAdd) or not isinstance(value, int | float | Vector):
             raise NotUnderstoodError("UnaryOp is not understood")
-        return checked(_UNARY[type(node.op)], value)
+        return arithmetic(ast.Mult(), -1 if isinstance(node.op, ast.USub) else 1, value)
 
     def visit_BinOp(self, node: ast.BinOp) -> Any:
         return arithmetic(node.op, self.evaluate(node.left), self.evaluate(node.right))
