@@ -236,6 +236,11 @@ def test_a_name_that_a_statement_may_have_changed_is_not_trusted(text: str) -> N
     assert [line for line, _ in source.skipped] == [2]
 
 
+def test_a_statement_that_is_not_followed_is_told_with_line_and_reason() -> None:
+    source = read_source("n = 1\nmatch n:\n    case 1: x = 2\n", "config.py")
+    assert list(source.skipped) == [(2, "match is not followed: Match is not understood")]
+
+
 def test_a_statement_that_is_not_followed_inside_a_loop_is_told_once() -> None:
     source = read_source("x = []\nfor i in range(50):\n    if unknown:\n        x.append(i)\n", "config.py")
     assert [line for line, _ in source.skipped] == [3]
