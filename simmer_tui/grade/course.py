@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-import shutil
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -18,6 +17,7 @@ from simmer_tui.config.leftovers import has_environment_name, is_leftover, is_le
 from simmer_tui.config.sets import MISSION_SET, find_set
 from simmer_tui.config.toml_file import TomlFile
 from simmer_tui.errors import ConfigurationError, Problem
+from simmer_tui.grade.archives import is_archive
 from simmer_tui.grade.limits import LIMITS, Limits
 from simmer_tui.program.shell_syntax import shell_command, shell_syntax
 from simmer_tui.sim.command import printable, shown_path
@@ -37,7 +37,8 @@ _LARGEST_TEAM_FILE = 65536
 # Judged: a name is a cell of a table; a path and a mistake with its advice need more room to be understood.
 _SHORT, LONG = 60, 300
 """Characters shown of the name of a team, and of a path or a mistake."""
-_ARCHIVES = (*(ending for _, endings, _ in shutil.get_unpack_formats() for ending in endings), ".rar", ".7z")
+_NO_TEAM = "names no team: a folder for each, or [[team]] with name and folder"
+_UNPACK = "unpack each into a folder with its name, such as: unzip ada.zip -d ada"
 _WORD = re.compile(r"[^a-z0-9]+")
 
 
@@ -171,6 +172,8 @@ def read_course(
     for each in (target, *((course_file,) if course_file else ())):
         if not each.exists():
             raise ConfigurationError([Problem(shown_path(each), "there is no such file or folder")])
+        if is_archive(each.name) and each.is_file():
+            raise ConfigurationError([Problem(shown_path(each), f"is an archive; {_UNPACK}")])
     if target.is_file() and target.suffix.lower() != ".toml":
         line = 'simmer-tui trials --run "CMD ..." runs one program many times'
         raise ConfigurationError([Problem(shown, f"is no TOML file of a course; {line}")])
@@ -199,7 +202,9 @@ def read_course(
     )
     where = file.file or shown
     if not teams and not problems:
-        problems.append(Problem(where, "names no team: a folder for each, or [[team]] with name and folder"))
+        has_archives = any(is_archive(path.name) for folder in team_folders for path in folder.iterdir())
+        what = f"the teams are in archives; {_UNPACK}" if has_archives else _NO_TEAM
+        problems.append(Problem(where, what))
     problems += _doubled(teams, where)
     if problems:
         raise ConfigurationError(problems)
@@ -285,8 +290,7 @@ def not_teams(course: Course) -> list[str]:
         path.name
         for folder in course.team_folders
         for path in sorted(folder.iterdir())
-        if not is_leftover(path.name)
-        and (path.is_symlink() if path.is_dir() else path.name.lower().endswith(_ARCHIVES))
+        if not is_leftover(path.name) and (path.is_symlink() if path.is_dir() else is_archive(path.name))
     ]
 
 

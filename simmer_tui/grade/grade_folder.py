@@ -40,6 +40,7 @@ from simmer_tui.grade.grade_run import GradeTrial
 from simmer_tui.grade.sandbox import Isolation
 from simmer_tui.grade.submission import PROGRAM, SubmissionCheck, check_submission, reference
 from simmer_tui.grade.submission_copy import LARGEST_SUBMISSION, copy_submission
+from simmer_tui.grade.submission_folder import folder_of_program, take_folder, unpacking_advice
 from simmer_tui.grade.submission_reader import SubmissionReader
 from simmer_tui.program.program_command import words_of
 from simmer_tui.sim.command import shown_path
@@ -354,17 +355,27 @@ def _kept(planned: PlannedTeam, path: Path, command: str, reader: SubmissionRead
     try:
         files = home / PROGRAM
         left_out = copy_submission(team.folder, files, LARGEST_SUBMISSION)
+        others = (TEAM_FILE, *([team.config] if team.config else []))
+        taken = folder_of_program(files, team.given.get("command", command), others, left_out)
+        take_folder(files, taken)
+        left_out = {_below(path, taken): reason for path, reason in left_out.items()}
         if (files / TEAM_FILE).exists():
             team = reader.call(submitted_team, team, files, command)
         else:
             team = submitted_team(team, files, command)
-        refused = _refusal(team, left_out)
+        refused = _refusal(team, left_out) or unpacking_advice(files, team.command)
     except GradeError as error:
         refused = str(error)
     not_copied = [f"{shown_path(path)} {reason}" for path, reason in islice(left_out.items(), _MOST_NAMED)]
     if more := len(left_out) - len(not_copied):
         not_copied.append(f"and {more} more")
     return PlannedTeam(team, planned.attempt, refused, tuple(not_copied))
+
+
+def _below(path: str, folder: PurePosixPath) -> str:
+    """A path relative to the folder, if it lies there."""
+    whole = PurePosixPath(path)
+    return str(whole.relative_to(folder)) if whole.is_relative_to(folder) else path
 
 
 def _refusal(team: Team, left_out: Mapping[str, str]) -> str:

@@ -13,13 +13,14 @@ import pytest
 
 from simmer_tui.cli.grade_command import run_grade
 from simmer_tui.document.as_data import json_text
-from simmer_tui.errors import GradeError
+from simmer_tui.errors import ConfigurationError, GradeError
 from simmer_tui.grade import submission_copy
 from simmer_tui.grade.course import not_teams, read_course
 from simmer_tui.grade.grade_folder import GradeFolder
 from simmer_tui.grade.sandbox import Isolation
 from simmer_tui.grade.site import grades_document, site
 from simmer_tui.grade.submission_copy import copy_submission
+from simmer_tui.grade.submission_folder import folder_of_program
 from simmer_tui.grade.team_result import team_results
 from simmer_tui.trials.cluster import pack
 from tests.grade.conftest import read_grades
@@ -297,3 +298,81 @@ def test_the_folder_that_is_too_large_is_named(tmp_path: Path) -> None:
     (tmp_path / "big" / "data" / "b" / "1").write_text("x" * 99)
     with pytest.raises(GradeError, match=r"2000 files, most of them in data/b: leave it out$"):
         copy_submission(tmp_path / "big", tmp_path / "goal", 50)
+
+
+@pytest.mark.parametrize(
+    ("files", "command", "taken"),
+    [
+        (["ada/main.py", "ada/lib/a.py"], "python main.py", "ada"),
+        (["ada/ada/main.py"], "python main.py", "ada/ada"),  # packed twice
+        (["main/main.py"], "python main.py", "main"),
+        (["python/main.py"], "python main.py", "python"),
+        (["ada/Main.java"], "java Main", "ada"),
+        (["src/team.toml", "src/src/a.py"], "python src/a.py", "src"),
+        (["src/main.py"], "python src/main.py", "."),  # as the course asks
+        (["robot/__main__.py"], "python -m robot", "."),
+        (["robot/main.py"], "python -m robot.main", "."),
+        (["src/main.m"], """matlab -batch "run('src/main.m')" """, "."),
+        (["ada/main.py"], "sh -c 'python */main.py'", "."),
+        (["ada/main.py", "notes.txt"], "python main.py", "."),
+        (["main.py"], "python main.py", "."),
+        ([], "python main.py", "."),
+    ],
+)
+def test_a_folder_that_was_packed_whole_is_the_submission(
+    tmp_path: Path, files: list[str], command: str, taken: str
+) -> None:
+    """Finder and Explorer pack a folder with its name, so that all files are one folder deeper."""
+    for name in files:
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).touch()
+    assert folder_of_program(tmp_path, command, ["team.toml"], {}).as_posix() == taken
+
+
+def test_packed_submissions_are_taken_or_refused_with_the_way(
+    make_course: Callable[..., Path], tmp_path: Path
+) -> None:
+    file = make_course({"a": "", "b": "", "c": "", "d": "", "e": ""})
+    teams = tmp_path / "teams"
+    for name in "abcde":
+        (teams / name / "main.py").unlink()
+    for name in "abd":
+        (teams / name / "mine").mkdir()
+        (teams / name / "mine" / "main.py").write_text(name)
+    (teams / "a" / "__MACOSX").mkdir()
+    (teams / "a" / "mine" / "link.py").symlink_to("main.py")
+    (teams / "b" / "main.py").symlink_to("mine/main.py")
+    (teams / "c" / "mine.zip").touch()
+    (teams / "d" / "report.pdf").touch()
+    folder = GradeFolder.create(tmp_path / "out", read_course(file), 3, Isolation.NONE)
+    assert {each.team.name: [*map(str, each.problems)] for each in folder.entries} == {
+        "a": [],
+        "b": [f"files: main.py is a symbolic link, which is not copied: {REMEDY}"],
+        "c": ["files: mine.zip is an archive, which is not unpacked: submit what is in it"],
+        "d": ["files: main.py is not there, but mine/main.py is: submit what is in the folder mine"],
+        "e": [],
+    }
+    first = folder.entries[0]
+    assert content(tmp_path / "out" / "teams" / first.team.slug / "program") == {"main.py": "a"}
+    assert first.planned.not_copied == ("link.py is a symbolic link",)
+
+
+@pytest.mark.parametrize("word", ["../../secrets/a.py", "/bin/sh", "x" * 300, "", "a\0b", "'"])
+def test_a_command_of_a_team_asks_for_nothing_outside_its_folder(
+    make_course: Callable[..., Path], secret: Path, tmp_path: Path, word: str
+) -> None:
+    file = make_course({"a": ""})
+    (tmp_path / "teams" / "a" / "lib").mkdir()
+    (tmp_path / "teams" / "a" / "lib" / "a.py").touch()
+    (tmp_path / "teams" / "a" / "team.toml").write_text(f"command = {json.dumps('python ' + word)}")
+    folder = GradeFolder.create(tmp_path / "out", read_course(file), 3, Isolation.NONE)
+    assert folder.entries[0].planned.refused == ""
+
+
+def test_archives_in_place_of_a_course_or_its_teams_are_named(tmp_path: Path) -> None:
+    (tmp_path / "ada.zip").write_bytes(b"PK\3\4\xff")
+    unpack = "unpack each into a folder with its name, such as: unzip ada.zip -d ada"
+    for target, what in ((tmp_path, "the teams are in archives"), (tmp_path / "ada.zip", "is an archive")):
+        with pytest.raises(ConfigurationError) as caught:
+            read_course(target)
+        assert [each.what for each in caught.value.problems] == [f"{what}; {unpack}"]
