@@ -37,7 +37,15 @@ def reason_of(error: BaseException) -> str:
 
     They are without error number and path: "Permission denied".
     """
+    if lacks_temporary_folder(error):
+        return "there is no folder for temporary files: set TMPDIR to one that can be written"
     return str(getattr(error, "strerror", None) or error)
+
+
+def lacks_temporary_folder(error: BaseException) -> bool:
+    """True if `tempfile` found no folder that can be written, as in a container with read-only files."""
+    # It has no error of its own, only this text.
+    return isinstance(error, FileNotFoundError) and "usable temporary directory" in str(error.strerror)
 
 
 def is_disk_full(error: OSError) -> bool:

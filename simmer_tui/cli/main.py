@@ -29,7 +29,7 @@ from simmer_tui.cli.command_line import (
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.sets import find_mission_set, find_set
 from simmer_tui.config.settings import OFF
-from simmer_tui.errors import ConfigurationError, Problem, is_disk_full, reason_of
+from simmer_tui.errors import ConfigurationError, Problem, is_disk_full, lacks_temporary_folder, reason_of
 from simmer_tui.version import __version__, requirement
 
 if TYPE_CHECKING:
@@ -254,6 +254,9 @@ def run() -> None:
         _drop_output()
         code = ExitCode.NO
     except OSError as error:
+        if lacks_temporary_folder(error):
+            say(f"simmer-tui: {reason_of(error)}")
+            sys.exit(ExitCode.PROBLEM)
         # Errors with a file's name are not from standard output.
         if error.filename is not None or not is_disk_full(error):
             raise

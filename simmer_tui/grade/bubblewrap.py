@@ -23,7 +23,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from simmer_tui import platform_has
-from simmer_tui.errors import GradeError, PortError, ProgramError
+from simmer_tui.errors import GradeError, PortError, ProgramError, reason_of
 from simmer_tui.grade import launcher
 from simmer_tui.grade.call_filter import call_filter
 from simmer_tui.grade.cgroup import made_group
@@ -156,6 +156,10 @@ def what_is_missing() -> str:
         return "bubblewrap is for Linux only"
     if shutil.which(COMMAND) is None:
         return "bubblewrap is not installed: apt-get install bubblewrap"
+    try:
+        tempfile.gettempdir()
+    except OSError as error:
+        return f"bubblewrap cannot make a sandbox here: {reason_of(error)}"
     with tempfile.TemporaryDirectory(prefix="simmer-grade-") as name:
         Path(name).chmod(0o755)
         ended = threading.Event()

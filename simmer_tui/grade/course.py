@@ -37,7 +37,6 @@ _LARGEST_TEAM_FILE = 65536
 # Judged: a name is a cell of a table; a path and a mistake with its advice need more room to be understood.
 _SHORT, LONG = 60, 300
 """Characters shown of the name of a team, and of a path or a mistake."""
-_NO_TEAM = "names no team: a folder for each, or [[team]] with name and folder"
 _UNPACK = "unpack each into a folder with its name, such as: unzip ada.zip -d ada"
 _WORD = re.compile(r"[^a-z0-9]+")
 
@@ -203,7 +202,9 @@ def read_course(
     where = file.file or shown
     if not teams and not problems:
         has_archives = any(is_archive(path.name) for folder in team_folders for path in folder.iterdir())
-        what = f"the teams are in archives; {_UNPACK}" if has_archives else _NO_TEAM
+        what = "names no team: a folder for each, or [[team]] with name and folder"
+        if has_archives:
+            what = f"the teams are in archives; {_UNPACK}"
         problems.append(Problem(where, what))
     problems += _doubled(teams, where)
     if problems:

@@ -6,11 +6,12 @@ import os
 import shutil
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import pytest
 
-from simmer_tui.cli.main import main
+from simmer_tui.cli.main import main, run
 
 
 def simmer(*arguments: object) -> tuple[int, str]:
@@ -45,3 +46,43 @@ def test_a_course_with_a_closed_folder_is_not_graded(tmp_path: Path) -> None:
     assert said.startswith(f"simmer-tui grade: {team}")
     assert said.endswith("cannot be opened: Permission denied\n")
     assert code == 2
+
+
+@pytest.mark.parametrize("command", ["doctor", "grade"])
+def test_no_folder_for_temporary_files_is_told_in_one_line(
+    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A container with read-only files has none, unless it has a tmpfs."""
+    monkeypatch.setattr("tempfile.tempdir", None)
+    monkeypatch.setattr("tempfile._candidate_tempdir_list", lambda: [str(tmp_path / "none")])
+    monkeypatch.setattr("shutil.which", lambda name: f"/usr/bin/{name}")
+    monkeypatch.setattr("simmer_tui.platform_has.LINUX", True)
+    (tmp_path / "teams" / "a").mkdir(parents=True)
+    told = "there is no folder for temporary files: set TMPDIR to one that can be written"
+    words = (
+        [command]
+        if command == "doctor"
+        else [command, str(tmp_path / "teams"), "--out", str(tmp_path / "out")]
+    )
+    with monkeypatch.context() as patch:
+        patch.setattr(sys, "argv", ["simmer-tui", *words])
+        with pytest.raises(SystemExit) as ended:
+            run()
+    out, err = capsys.readouterr()
+    assert told in out + err
+    assert "Traceback" not in out + err
+    assert ended.value.code == (0 if command == "doctor" else 2)
+
+
+def test_a_command_that_needs_a_temporary_file_ends_in_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("tempfile.tempdir", None)
+    monkeypatch.setattr("tempfile._candidate_tempdir_list", lambda: [str(tmp_path / "none")])
+    monkeypatch.setattr("simmer_tui.cli.main.main", tempfile.gettempdir)
+    with pytest.raises(SystemExit) as ended:
+        run()
+    assert ended.value.code == 2
+    assert capsys.readouterr().err == (
+        "simmer-tui: there is no folder for temporary files: set TMPDIR to one that can be written\n"
+    )
