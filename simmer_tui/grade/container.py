@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import os
 import shutil
 import socket
 import subprocess
@@ -75,7 +76,7 @@ class Container(LaunchedSandbox):
             raise NotImplementedError  # there are no Unix sockets
         self._door.chmod(0o755)
         with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as listening:
-            listening.bind(str(self._door / _KNOCKER))
+            _bind(listening, self._door)
             (self._door / _KNOCKER).chmod(0o666)
             listening.listen(1)
             listening.settimeout(_POLL_INTERVAL)
@@ -126,6 +127,16 @@ class Container(LaunchedSandbox):
             super().close()
         finally:
             shutil.rmtree(self._door, ignore_errors=True)
+
+
+def _bind(listening: socket.socket, door: Path) -> None:
+    """Bind a Unix socket in a folder with a path of any length. Raises OSError."""
+    # The path of a socket has at most 107 bytes (unix(7)), and TMPDIR may be longer, as in jobs of a cluster.
+    descriptor = os.open(door, os.O_RDONLY)
+    try:
+        listening.bind(f"/proc/self/fd/{descriptor}/{_KNOCKER}")
+    finally:
+        os.close(descriptor)
 
 
 def _knock(listening: socket.socket, process: subprocess.Popen[bytes]) -> socket.socket | None:

@@ -5,6 +5,7 @@ What the sandboxes keep from a program is tested with real ones (test_cheats.py,
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import shutil
@@ -107,7 +108,8 @@ class Launched:
         else:
             self.link = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
             name = next(each.split(":")[0] for each in words if each.endswith(":/door:ro"))
-            self.link.connect(f"{name}/launcher")
+            with contextlib.chdir(name):  # in the container its path is short
+                self.link.connect("launcher")
         for place, answer in enumerate(self.answers):
             sends = self.sends[place] if place < len(self.sends) else []
             socket.send_fds(self.link, [json.dumps(answer).encode()], sends)
@@ -616,7 +618,13 @@ def test_the_command_of_a_container(launched: Launched, tmp_path: Path) -> None:
     ]
 
 
-def test_the_door_of_a_container_is_for_one_launcher(launched: Launched, tmp_path: Path) -> None:
+@pytest.mark.parametrize("depth", [0, 200])
+def test_the_door_of_a_container_is_for_one_launcher(
+    launched: Launched, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, depth: int
+) -> None:
+    """The folder for temporary files has any length; the path of a Unix socket has at most 107 bytes."""
+    (tmp_path / ("x" * depth)).mkdir(exist_ok=True)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / ("x" * depth)))
     modes: list[int] = []
     popen = launched.popen
 
