@@ -153,7 +153,7 @@ def _course_of(folder: Path) -> str:
     if not file.is_file():
         return ""
     course = read_course(folder, file, alone=True)
-    name = escape(course.name)
+    name = shown_path(course.name)
     return f"\nCourse: {name}; a success rate of {course.require:g} passes ({COURSE_FILE})\n"
 
 

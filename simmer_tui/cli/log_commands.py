@@ -31,7 +31,7 @@ from simmer_tui.report.page import report_page
 from simmer_tui.report.run_statistics import CommandTable, RunStatistics
 from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.runlog.rerun import Rerun
-from simmer_tui.sim.command import counted, escape, escape_word, printable, shown_path
+from simmer_tui.sim.command import counted, escape_word, printable, shown_path
 from simmer_tui.sim.rules import IntegerRule, NumberRule
 from simmer_tui.version import __version__
 from simmer_tui.whole_file import whole_file, write_whole
@@ -185,7 +185,7 @@ def _report_rerun(rerun: Rerun, path: Path, *, as_json: bool) -> int:
     lines = [f"{shown}: {rerun.difference}"]
     if same:
         done = f"{counted(rerun.commands, 'command')} and {counted(rerun.actions, 'action')}"
-        made = f"(seed {header.seed}, configuration {escape(header.configuration)})"
+        made = f"(seed {header.seed}, configuration {shown_path(header.configuration)})"
         how = "" if rerun.same_machine else " but for rounding"
         lines = [f"{shown}: {done} repeated, every reply the same{how} {made}"]
     elif not rerun.same_machine:

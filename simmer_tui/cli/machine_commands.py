@@ -24,7 +24,7 @@ from simmer_tui.links import port_list
 from simmer_tui.links.link import port_requests
 from simmer_tui.links.ports import take_port
 from simmer_tui.runlog.saved_runs import BEFORE, saved_runs_folder
-from simmer_tui.sim.command import counted, escape, escape_word
+from simmer_tui.sim.command import counted, escape, escape_word, shown_path
 from simmer_tui.tui.sizes import SMALLEST_COLUMNS, SMALLEST_ROWS
 from simmer_tui.tui.terminal import GlyphMode, choose
 from simmer_tui.version import __version__, requirement
@@ -128,7 +128,7 @@ def _set() -> tuple[Configuration | None, Check]:
     except ConfigurationError as error:
         mistakes = counted(len(error.problems), "mistake")
         return None, (False, f"{mistakes} in ./config: simmer-tui check lists them")
-    return configuration, (True, f"{escape(configuration.name)}, {configuration.directory}")
+    return configuration, (True, f"{shown_path(configuration.name)}, {configuration.directory}")
 
 
 def _ports(server: ServerSettings) -> tuple[Check, bool]:

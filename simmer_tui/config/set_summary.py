@@ -20,7 +20,7 @@ from simmer_tui.dialect.inverse import InverseRules
 from simmer_tui.dialect.messages import dictionary
 from simmer_tui.sim.angles import ARROWS, PLAIN_ARROWS
 from simmer_tui.sim.columns import BASE, FIELD_OF_VIEW, THRESHOLD
-from simmer_tui.sim.command import escape, escape_passage
+from simmer_tui.sim.command import escape, escape_passage, shown_path
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.specs import (
     BLOCK,
@@ -63,7 +63,7 @@ def summarize(configuration: Configuration, *, ascii_only: bool = False) -> str:
     """The summary as lines of text, ended by a newline. With `ascii_only`, in ASCII characters only."""
     spec = configuration.simulation
     lines = [
-        f"Configuration: {escape_passage(configuration.name)}",
+        f"Configuration: {shown_path(configuration.name)}",
         "",
         f"Maze: {spec.maze.columns} x {spec.maze.rows} cells, {spec.maze.width:g} x {spec.maze.height:g} in, "
         f"floor {'generated' if spec.maze.floor is None else 'from floor.csv'}",

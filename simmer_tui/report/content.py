@@ -18,6 +18,7 @@ from simmer_tui.document.formats import (
     POSE,
     QUOTED,
     SHARE,
+    TYPED,
     WORDS,
     Format,
     number,
@@ -60,8 +61,8 @@ _COMMAND = DataColumn("command", QUOTED)
 RUN = data_table(
     "run",
     "Run",
-    DataColumn("log", PASSAGE),
-    DataColumn("configuration", PASSAGE),
+    DataColumn("log", TYPED),
+    DataColumn("configuration", TYPED),
     DataColumn("seed"),
     DataColumn("started", QUOTED),
     DataColumn("version", QUOTED, "simmer-tui"),

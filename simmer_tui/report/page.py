@@ -31,7 +31,7 @@ from simmer_tui.report.verdict import Outcome, Verdict, goals_met
 from simmer_tui.run.attempt import Attempt, Task
 from simmer_tui.run.events import Goal
 from simmer_tui.run.phrases import SHOWN_OUTPUT, contacts_text
-from simmer_tui.sim.command import escape, escape_passage, escape_word, plural, typed_path
+from simmer_tui.sim.command import escape_passage, escape_word, plural, shown_path, typed_path
 
 _TONES = {Outcome.SUCCEEDED: Tone.GOOD, Outcome.FAILED: Tone.BAD, Outcome.CRASHED: Tone.BAD}
 _CRASH_SIGN = "!"
@@ -74,7 +74,7 @@ def _about(run: RunStatistics, name: str) -> Paragraph:
     """Start, set, seed and name of the run, in one small line."""
     header = run.header
     started = escape_word(header.start.replace("T", " "))[:16]  # without seconds
-    told = (f"Run of {started}", f"set {escape(header.configuration)}", f"seed {header.seed}", name)
+    told = (f"Run of {started}", f"set {shown_path(header.configuration)}", f"seed {header.seed}", name)
     return Paragraph(" · ".join(told), kind="run")
 
 

@@ -10,7 +10,7 @@ from operator import attrgetter
 from simmer_tui.config import drive_csv, maze_csv, mission_toml, robot_csv, sensors_csv
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.settings import all_settings, value_of
-from simmer_tui.document.formats import COUNT, ESTIMATE, PASSAGE, Format, estimate, number, numbers
+from simmer_tui.document.formats import COUNT, ESTIMATE, TYPED, Format, estimate, number, numbers
 from simmer_tui.document.model import DataColumn, DataTable, Document, Paragraph, data_table
 from simmer_tui.errors import TrialsError
 from simmer_tui.sim.command import counted, escape
@@ -33,8 +33,8 @@ SETS = data_table(
     "Trials",
     DataColumn("set", heading=""),
     DataColumn("folder", Format(str), hidden=True),
-    DataColumn("program", PASSAGE, wraps=True),
-    DataColumn("configuration", PASSAGE, wraps=True),
+    DataColumn("program", TYPED, wraps=True),
+    DataColumn("configuration", TYPED, wraps=True),
     DataColumn("runs", COUNT),
     DataColumn("clock"),
     DataColumn("success_rate", ESTIMATE),

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import io
 import json
+import shutil
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -16,6 +17,7 @@ from simmer_tui.config.sets import FILES, bundled_folder, bundled_sets, find_set
 from simmer_tui.config.settings_file import Override
 from simmer_tui.errors import ConfigurationError
 from simmer_tui.sim.command import typed_path
+from tests.in_process import simmer
 
 Edit = Callable[[str, str, str], None]
 
@@ -268,3 +270,13 @@ def test_keys_of_the_json_of_a_set_are_names_and_blank_units_are_null(
     assert answer["settings"]["wheels_top_speed_in_per_s"] == 12.0
     assert {row["unit"] for row in answer["sensors"]} <= {"in", "deg", None}
     assert all((row["scan_rate_hz"] is None) == (row["kind"] != "lidar") for row in answer["sensors"])
+
+
+def test_a_folder_of_another_script_is_named_so_that_it_can_be_typed(tmp_path: Path) -> None:
+    folder, log = tmp_path / "größe" / "ロボット", tmp_path / "run.jsonl"
+    shutil.copytree(find_set("default"), folder)
+    assert simmer("check", folder).stdout.splitlines()[0] == f"Configuration: {folder}"
+    simmer(
+        "--no-ui", "--port", "0", "--config", folder, "--log", log, "--run", f"{sys.executable} -S -c pass"
+    )
+    assert "größe/ロボット" in simmer("report", log, env={"COLUMNS": "300"}).stdout
