@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import select
 import subprocess
 import sys
 import threading
@@ -21,6 +22,9 @@ from simmer_tui.program.program_output import OutputRoute
 
 _LAST_WAIT = 0.5
 """Seconds to wait for a killed program's end. Another user's program cannot be killed."""
+# Judged: in this time a program leaves some dozen processes; systems and containers allow hundreds and more.
+_REAP_INTERVAL = 1.0
+"""Seconds between two looks for adopted processes that have ended."""
 _SET_CHILD_SUBREAPER = 36
 """Option of prctl (linux/prctl.h)."""
 
@@ -133,6 +137,8 @@ class KeptProcess:
     def wait(self) -> int:
         """Wait for the program's end. Returns its exit code, or the negative number of the signal that ended
         it."""
+        if self._adoption is not None:
+            self._adoption.reap_until_end()
         return self._process.wait()
 
     def end(self) -> None:
@@ -178,6 +184,31 @@ class Adoption:
         """Take note of the program's process ID and start time."""
         with contextlib.suppress(OSError):  # no /proc: `living` will find nothing there either
             self._program, self._since = program, int(stat_of(program)[StatField.STARTED])
+
+    def reap_until_end(self) -> None:
+        """Reap adopted processes of the program's session until the program has ended. Otherwise those of a
+        sound in each turn (`aplay a.wav &`) would fill the system's table of processes."""
+        if sys.platform != "linux" or not self._is_on:
+            return
+        try:
+            descriptor = os.pidfd_open(self._program)
+        except OSError:  # it has been waited for already, or Linux is older than 5.3
+            return
+        try:
+            ending = select.poll()
+            ending.register(descriptor, select.POLLIN)
+            while not ending.poll(_REAP_INTERVAL * 1000):
+                self._reap()
+        finally:
+            os.close(descriptor)
+
+    def _reap(self) -> None:
+        for pid in children():
+            with contextlib.suppress(OSError):  # it has been reaped meanwhile
+                fields = stat_of(pid)
+                is_own = pid == self._program or int(fields[StatField.SESSION]) != self._program
+                if fields[StatField.STATE] == b"Z" and not is_own:
+                    os.waitpid(pid, os.WNOHANG)
 
     def nothing_left(self) -> bool:
         """True if the keeper is the only child of this process: all that the program started has ended.

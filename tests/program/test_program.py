@@ -24,6 +24,7 @@ from simmer_tui.errors import ProgramError
 from simmer_tui.program import Keeper, Program, ProgramOutput, keeper
 from simmer_tui.program.program_command import console_variables, is_python, words_of
 from simmer_tui.program.program_output import OutputRoute, OutputTail, _Stream
+from tests import in_process
 
 SECONDS = 120.0
 posix = pytest.mark.skipif(sys.platform == "win32", reason="signals and quoting are those of POSIX")
@@ -250,6 +251,22 @@ def test_processes_without_its_environment_end_too(
     simulator.terminate()
     assert simulator.wait(SECONDS) == 128 + signal.SIGTERM
     lifeline.wait_for_the_end()
+
+
+@linux
+@pytest.mark.slow
+def test_processes_that_a_program_leaves_behind_are_reaped_while_it_runs(tmp_path: Path) -> None:
+    """Each was a zombie until the program's end, so that a long run filled the table of processes."""
+    program = tmp_path / "program.py"
+    program.write_text(
+        "import os, subprocess, time\n"
+        "number = subprocess.check_output(['sh', '-c', 'sh -c \"exit 0\" >&2 & echo $!'])\n"
+        f"end = time.monotonic() + {SECONDS}\n"
+        "while os.path.exists(f'/proc/{int(number)}') and time.monotonic() < end: time.sleep(0.05)\n"
+        "print('gone' if time.monotonic() < end else 'a zombie')\n"
+    )
+    done = in_process.simmer("--no-ui", "--port", "0", "--run", f"{sys.executable} -S {program}")
+    assert "gone" in done.stdout.splitlines()
 
 
 @linux
