@@ -37,6 +37,9 @@ _MOST_PENS = 4096
 # About 500 bytes each.
 _MOST_TEXTS = 8192
 """Texts whose cells are kept."""
+# A paste and a program's output may have them. Rich counts them as no cell, terminals act on them.
+_NO_CONTROLS: Final = dict.fromkeys((*range(0x20), *range(0x7F, 0xA0)))
+"""Translation of a text without its control characters."""
 _END: Final = 1 << 16
 """A column beyond that of any terminal."""
 
@@ -101,10 +104,10 @@ class DeltaWriter:
                 found = known[text, style] = self._cells_of(text, style)
             if found:
                 cells += found
-            elif text:
+            elif text.translate(_NO_CONTROLS):
                 self._write_wide(row, column, segments, first, last)
                 return
-        begin, end = max(first - column, 0), max(last - column, 0)
+        begin, end = max(first - column, 0), max(min(last, self._screen[0]) - column, 0)
         self._write_cells(row, column + begin, cells[begin:end])
 
     # -- within ----------------------------------------------------------------------------------
@@ -125,7 +128,9 @@ class DeltaWriter:
         return number
 
     def _cells_of(self, text: str, style: Style | None) -> list[int]:
-        """Cells of a text. Empty if one of its characters takes two cells or none, or if it is a link."""
+        """Cells of a text without its control characters. Empty if another takes two cells or none, or if it
+        is a link."""
+        text = text.translate(_NO_CONTROLS)
         if len(self._known) >= _MOST_TEXTS:
             self._known.clear()
         is_link = style is not None and style.link is not None
@@ -202,8 +207,8 @@ class DeltaWriter:
         if self._pen:
             self._out.append("\x1b[0m")
             self._pen = 0
-        strip = Strip(segments)
-        begin = max(first - column, 0)
+        strip = Strip(Segment(text.translate(_NO_CONTROLS), style) for text, style, _ in segments)
+        begin, last = max(first - column, 0), min(last, self._screen[0])
         strip = strip.crop(begin, min(max(last - column, 0), strip.cell_length))
         colors = self._screen[2]
         shown = "".join(

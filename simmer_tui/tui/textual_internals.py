@@ -122,6 +122,11 @@ def writes_waiting(app: App[Any]) -> int:
     return 0 if queue is None else int(queue.qsize())
 
 
+def messages_waiting(app: App[Any]) -> int:
+    """Number of messages, keys among them, that the app has not taken yet."""
+    return app._message_queue.qsize()
+
+
 def age_of(event: Message) -> float:
     """Real seconds since an event was made; for a key, since it was read from the terminal."""
     # By the clock of Textual's events, which is not the same on every system.
@@ -270,6 +275,8 @@ if sys.platform != "win32" and platform_has.POSIX:
           it does not know for keys: the `r` and `b` of `rgb:` would restart the run and pause it.
         - A paste without an end ends after some seconds (irssi/irssi#942).
         - Input that comes faster than the app works it off is read later.
+        - A second stop by ctrl+Z, or one at the app's end, only stops the process. Textual would end its threads
+          again, and wait for them for ever.
 
         The class can go once Textual does all of this; no version up to 8.2 does.
         """
@@ -288,6 +295,8 @@ if sys.platform != "win32" and platform_has.POSIX:
             self._is_pasting = False
             self._read_at = 0.0
             self._sent = 0
+            self._has_terminal = False
+            self._is_suspending = self._is_suspended = False
 
         def _get_terminal_size(self) -> tuple[int, int]:
             return self._window(*super()._get_terminal_size())
@@ -306,11 +315,31 @@ if sys.platform != "win32" and platform_has.POSIX:
                 super().start_application_mode()  # type: ignore[no-untyped-call]
             finally:
                 names["WriterThread"] = usual
+            self._has_terminal = True
             loop = self._loop
             # Textual's own does nothing for a terminal that sends its size, too: see `_is_true_size`.
             signal.signal(
                 signal.SIGWINCH, lambda *_: loop.is_closed() or loop.call_soon_threadsafe(self._tell_size)
             )
+
+        def stop_application_mode(self) -> None:
+            self._has_terminal = False
+            super().stop_application_mode()  # type: ignore[no-untyped-call]
+
+        def _sigtstp_application(self, *_: object) -> None:
+            if self._is_suspending:
+                return  # it stops in a moment
+            if self._has_terminal:
+                self._is_suspending = True
+                self.suspend_application_mode()
+                self._is_suspending, self._is_suspended = False, True
+                self._must_signal_resume = True
+            os.kill(os.getpid(), signal.SIGSTOP)
+
+        def _sigcont_application(self, *_: object) -> None:
+            if self._is_suspended:
+                self._is_suspended = False
+                self.resume_application_mode()
 
         def _tell_size(self) -> None:
             size = Size(*self._get_terminal_size())

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pyte
 import pytest
 from hypothesis import given, settings
@@ -26,6 +28,7 @@ STYLES = [
     Style(strike=True, overline=True, italic=True),
 ]
 TRUE = ColorSystem.TRUECOLOR
+SEQUENCE = re.compile(r"\x1b\[[0-9;]*[mGH]")
 # Those that pyte knows; the others have no effect on its screen.
 ATTRIBUTES = ("bold", "italics", "underscore", "strikethrough", "reverse")
 
@@ -140,3 +143,21 @@ def test_of_a_line_some_columns_may_be_written() -> None:
         glass.writer.write(1, 2, [Segment(text[:3], STYLES[1]), Segment(text[3:], STYLES[2])], 6, 9)
         glass.stream.feed(glass.writer.end())
         assert glass.text(1).strip() == shown
+
+
+@pytest.mark.parametrize("end", ["", "世", "ü"])
+@pytest.mark.parametrize("control", ["\0", "\x0c", "\x1b", "\x1b[2J", "\x7f", "\x9b2J"])
+def test_control_characters_in_a_text_never_reach_the_terminal(control: str, end: str) -> None:
+    glass = Glass()
+    sent = glass.show(0, 0, Segment(control), Segment(f"ab{control}cd{end}"))
+    assert SEQUENCE.sub("", sent).isprintable()
+    kept = "".join(each for each in control if each.isprintable())
+    assert glass.text(0).replace(" ", "") == f"{kept}ab{kept}cd{end}"
+
+
+@pytest.mark.parametrize("text", ["abcdefghijklmnopqrs", "abcdefghijklmno世"])
+def test_what_is_wider_than_the_screen_is_cut(text: str) -> None:
+    glass = Glass()
+    glass.show(0, 2, Segment(text))
+    assert glass.text(0) == f"  {text}"[:WIDTH]
+    assert not glass.text(1).strip()

@@ -6,6 +6,8 @@ import asyncio
 import contextlib
 import fcntl
 import os
+import select
+import signal
 import struct
 import termios
 import threading
@@ -74,6 +76,26 @@ class Line:
             return steady_driver(LinuxDriver)(app)
 
         return asyncio.run_coroutine_threadsafe(made(), self.loop).result(SECONDS)
+
+    def call(self, *methods: Callable[[], object]) -> None:
+        """Call a driver's methods in the loop's thread."""
+
+        async def called() -> None:
+            for method in methods:
+                method()
+
+        asyncio.run_coroutine_threadsafe(called(), self.loop).result(SECONDS)
+
+    def written(self) -> bytes:
+        """Bytes written since the last call."""
+        data = b""
+        while select.select([self.ours], [], [], 0)[0]:
+            data += os.read(self.ours, 65536)
+        return data
+
+    @property
+    def is_raw(self) -> bool:
+        return not termios.tcgetattr(self.theirs)[3] & termios.ISIG
 
     def close(self) -> None:
         self.loop.call_soon_threadsafe(self.loop.stop)
@@ -205,6 +227,30 @@ def test_a_fault_of_the_input_ends_the_app_by_its_own_way(line: Line) -> None:
     driver._run_input_thread()
     line.app.until(lambda: line.app.fault)
     assert isinstance(line.app.fault, OSError)
+
+
+def test_a_stop_by_the_terminal_suspends_once_and_never_after_the_end(
+    line: Line, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Ctrl+Z sends a signal once the terminal is no longer raw: in a stop, and after ctrl+Q."""
+    attributes = termios.tcgetattr(line.theirs)
+    attributes[3] |= termios.ISIG
+    termios.tcsetattr(line.theirs, termios.TCSANOW, attributes)
+    stops: list[int] = []
+    monkeypatch.setattr(os, "kill", lambda _, number: stops.append(number))
+    driver = line.driver()
+    stop, go_on = driver._sigtstp_application, driver._sigcont_application
+    line.call(driver.start_application_mode, go_on)
+    assert line.is_raw
+    line.call(stop, stop, stop)
+    assert (line.written().count(b"\x1b[?1049l"), line.is_raw) == (1, False)
+    line.call(go_on, go_on)
+    assert line.is_raw
+    line.call(driver.stop_application_mode, driver.close)
+    assert line.written().count(b"\x1b[?1049h") == 1
+    line.call(stop, stop, go_on)
+    assert (line.written(), line.is_raw) == (b"", False)
+    assert stops == [signal.SIGSTOP] * 5
 
 
 def test_another_driver_stays() -> None:
