@@ -1,5 +1,5 @@
-"""Frames that are left out: all while the terminal is behind, some while the robot jumps, and parts of them
-that change slowly."""
+"""Frames that are left out: all while the terminal is behind, most while input waits, some while the robot
+jumps, and parts of them that change slowly."""
 
 import math
 import time
@@ -8,7 +8,7 @@ from contextlib import ExitStack
 from textual.app import App
 
 from simmer_tui.live.snapshot import Snapshot
-from simmer_tui.tui.textual_internals import writes_waiting
+from simmer_tui.tui.textual_internals import messages_waiting, writes_waiting
 
 # One is under way whenever something has just been drawn.
 _WAITING = 2
@@ -17,6 +17,12 @@ _WAITING = 2
 # where the robot goes, in half the bytes.
 _SHOWN = 8
 _OF = 15
+# A key takes 1 ms, a person presses 30 a second: so many wait only after a paste, or on a busy machine.
+_MUCH_INPUT = 10
+"""Messages to the app that wait for it, from which on they come before the picture."""
+# A picture costs as much as 15 keys. Twice a second it still shows where the robot is.
+_SELDOM = 0.5
+"""Seconds between two pictures while much input waits."""
 # Parts with history may lag, since nothing beside them shows the same. Each changed line is bytes over a slow
 # link, and nobody reads faster.
 _LAGS = {"events": 0.5, "values": 1.0, "radar": 0.2}
@@ -55,6 +61,22 @@ class Backpressure:
     def note_display(self) -> None:
         """Take note that something was displayed, or would have been."""
         self._lost |= self.closed
+
+
+class InputFirst:
+    """Leaves out most pictures while much input waits for the app."""
+
+    def __init__(self, app: App[int]) -> None:
+        self._app = app
+        self._shown = -math.inf
+
+    def passes_over(self) -> bool:
+        """True if the next picture is left out."""
+        now = time.monotonic()
+        if messages_waiting(self._app) >= _MUCH_INPUT and now - self._shown < _SELDOM:
+            return True
+        self._shown = now
+        return False
 
 
 class JumpThinning:

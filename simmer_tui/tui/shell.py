@@ -19,7 +19,7 @@ from textual.widget import Widget
 from simmer_tui.live.snapshot import Snapshot
 from simmer_tui.sim.command import escape_passage
 from simmer_tui.tui.answers import AnswerCard
-from simmer_tui.tui.frame_pace import Backpressure, JumpThinning
+from simmer_tui.tui.frame_pace import Backpressure, InputFirst, JumpThinning
 from simmer_tui.tui.key_table import ANYWHERE, IN_LOG, Hint, hints_of, keys_line
 from simmer_tui.tui.line_panel import LinePanel, heading
 from simmer_tui.tui.maze.palette import Look
@@ -64,6 +64,7 @@ class Shell(FaultReporting, TerminalApp):
         self._keys = LinePanel(id="keys")
         self._small = LinePanel(id="small")
         self._gate = Backpressure(self)
+        self._input_first = InputFirst(self)
         self._plan = Arrangement({}, False)
         self._known = 0
         self._sampling = False
@@ -135,6 +136,8 @@ class Shell(FaultReporting, TerminalApp):
             return
         if not self._gate.keep_up():
             self.skipped += 1
+            return
+        if self._input_first.passes_over():
             return
         # A snapshot comes from the robot's thread; slow ones must not form a queue.
         nothing_new = not self.source.has_news(self._known) and self._idle and not self._panes.has_unshown
