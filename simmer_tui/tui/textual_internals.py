@@ -275,8 +275,8 @@ if sys.platform != "win32" and platform_has.POSIX:
           it does not know for keys: the `r` and `b` of `rgb:` would restart the run and pause it.
         - A paste without an end ends after some seconds (irssi/irssi#942).
         - Input that comes faster than the app works it off is read later.
-        - A second stop by ctrl+Z, or one at the app's end, only stops the process. Textual would end its threads
-          again, and wait for them for ever.
+        - A second stop by ctrl+Z, or one at the app's end, only stops the process. Textual would end its
+          threads again, and wait for them for ever.
 
         The class can go once Textual does all of this; no version up to 8.2 does.
         """
@@ -324,7 +324,7 @@ if sys.platform != "win32" and platform_has.POSIX:
 
         def stop_application_mode(self) -> None:
             self._has_terminal = False
-            super().stop_application_mode()  # type: ignore[no-untyped-call]
+            super().stop_application_mode()
 
         def _sigtstp_application(self, *_: object) -> None:
             if self._is_suspending:

@@ -1,4 +1,13 @@
-"""Noise from a real terminal: the robot is served, and the screen lives or ends with one line."""
+"""Noise from a real terminal: the robot is served, and the screen ends by an order only.
+
+A person's order ends the screen every 10,000 bytes, and more noise meets its end. Then it starts again, and
+the noise goes on. `NOISE` is the number of bytes for each slow test. A million costs a quarter of an hour of
+CPU in each of the nine:
+
+    NOISE=1000000 python -m pytest -n 0 -m slow -s tests/fuzz/test_terminal_noise.py
+
+`tests/tui/test_terminal_driver.py` parses a million bytes without an app, in a few seconds.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +16,7 @@ import faulthandler
 import fcntl
 import os
 import random
+import re
 import select
 import shlex
 import signal
@@ -17,7 +27,7 @@ import sys
 import termios
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import pytest
@@ -26,13 +36,28 @@ from tests.tui.test_tmux import environment
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="a pseudo-terminal is POSIX's")
 
+AMOUNT = int(os.environ.get("NOISE", "12000"))
+"""Bytes of noise for each slow test."""
+# A byte costs 1 ms of CPU, the start 0.6 s.
+QUICK = 600
 SECONDS = 120.0
 AGAIN = 5.0
 """Seconds after which a person presses a key again."""
+PASSED_ON = 0.3
+"""Seconds without waiting input after which all has been read."""
 SIZES = ((80, 24), (120, 36), (200, 60))
-ALL = 1_000_000
+QUIT = b"\x11"
+PASTE_END = b"\x1b[201~"
+QUIT_EVERY = 10_000
+"""Bytes between two orders that end the screen, ctrl+Q."""
 # Keys by which a person ends a run, pauses it, takes a replay over, or opens the palette with such actions.
-LEFT_OUT = bytes(ord(key) for key in "bqtx") + b"\x10\x11"
+LEFT_OUT = bytes(ord(key) for key in "bqtx") + b"\x10" + QUIT
+# By ctrl+Q, and the program with it. Behind it the terminal makes signals of ctrl+C and of ctrl+\\.
+ENDS = (0, 130, 131, 143, -signal.SIGINT, -signal.SIGQUIT)
+"""Exit codes of a screen that a person has ended."""
+FAULTS = re.compile(rb"Traceback|the screen has failed|Exception ignored")
+TAIL = 4096
+"""Bytes of output that are kept."""
 SEQUENCES = (
     *(b"\x1b[<0;10;5M", b"\x1b[<35;900;900M", b"\x1b[<64;3;3M", b"\x1b[<0;-4;2m", b"\x1b[M !\xa0"),
     *(b"\x1b[200~d1-", b"\x1b[200~\xfc[/\x1b[201~", b"\x1b[201~", b"\x1b[I", b"\x1b[O"),
@@ -45,38 +70,41 @@ SEQUENCES = (
 )
 """What terminals send, and some that they should not."""
 PROGRAM = """
-import pathlib, sys, time
+import sys, time
 sys.path.insert(0, {root!r})
 from simmer_tui.client import Robot
-robot, count = Robot(), 0
-while not pathlib.Path("stop").exists():
-    robot.read("u1")
-    robot.send("d1-0")
-    count += 1
-    time.sleep(0.02)  # a program that thinks
-    pathlib.Path("count.new").write_text(str(count))
-    pathlib.Path("count.new").replace("count")
+robot = Robot()
+with open("count", "ab", 0) as count:
+    while True:
+        robot.read("u1")
+        robot.send("d1-0")
+        count.write(b".")
+        time.sleep(0.05)  # a program that thinks
 """
 
 
 def noise(chance: random.Random, size: int) -> bytes:
-    """Random bytes, and sequences, whole and cut."""
+    """Random bytes, and sequences, whole and cut; and now and then the order to end."""
     data = bytearray()
     while len(data) < size:
         if chance.random() < 0.5:
-            data += chance.randbytes(chance.randrange(1, 24))
+            data += chance.randbytes(chance.randrange(1, 24)).translate(None, LEFT_OUT)
         else:
-            sequence = chance.choice(SEQUENCES)
+            sequence = chance.choice(SEQUENCES).translate(None, LEFT_OUT)
             data += sequence if chance.random() < 0.7 else sequence[: chance.randrange(len(sequence))]
-    return bytes(data[:size]).translate(None, LEFT_OUT)
+    for at in range(QUIT_EVERY, size, QUIT_EVERY):
+        data[at : at + 1] = QUIT
+    return bytes(data[:size])
 
 
 class Terminal:
     """A pseudo-terminal with simmer-tui in it."""
 
-    def __init__(self, folder: Path, words: Sequence[str], size: tuple[int, int], **changes: str) -> None:
+    def __init__(self, folder: Path, words: Sequence[str], size: tuple[int, int]) -> None:
         self._ours, self._theirs = os.openpty()
-        self.seen = bytearray()
+        self._seen = b""
+        self.is_shown = True
+        """False once the screen has given the terminal back."""
         self.resize(*size)
         os.set_blocking(self._ours, False)
 
@@ -86,187 +114,246 @@ class Terminal:
 
         self.process = subprocess.Popen(
             [sys.executable, "-m", "simmer_tui", *words],
-            env=environment(folder, **changes),
+            env=environment(folder),
             cwd=folder,
             preexec_fn=own_terminal,
             **dict.fromkeys(("stdin", "stdout", "stderr"), self._theirs),
         )
+        try:
+            self.until(rb"\x1b\[\?1004h")  # after it has made the terminal raw
+            assert self.process.poll() is None, self._seen
+        except BaseException:
+            self.close()
+            raise
+
+    @property
+    def waiting(self) -> int:
+        """Bytes of input that the screen has not read."""
+        number = bytearray(4)
+        fcntl.ioctl(self._theirs, termios.FIONREAD, number)
+        return int.from_bytes(number, sys.byteorder)
 
     def resize(self, columns: int, rows: int) -> None:
         fcntl.ioctl(self._theirs, termios.TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))
 
-    def read(self) -> None:
-        """Take what has come, or wait a moment."""
-        if select.select([self._ours], [], [], 0.02)[0]:
+    def read(self) -> bytes:
+        """Take what has come, or wait a moment. Returns it with some of what came before."""
+        fresh = b""
+        if select.select([self._ours], [], [], 0.05)[0]:
             with contextlib.suppress(OSError):
-                self.seen += os.read(self._ours, 1 << 16)
+                fresh = os.read(self._ours, 1 << 16)
+        seen = self._seen[-64:] + fresh
+        self._seen = (self._seen + fresh)[-TAIL:]
+        assert not FAULTS.search(seen), self._seen
+        self.is_shown = self.is_shown and b"\x1b[?1049l" not in seen
+        return seen
 
-    def until(self, text: bytes, begin: int = 0) -> None:
+    def until(self, pattern: bytes) -> None:
+        """Read until a pattern comes, or until the process has ended."""
         end = time.monotonic() + SECONDS
-        while text not in self.seen[begin:]:
-            assert time.monotonic() < end, (text, bytes(self.seen[-600:]))
-            assert self.process.poll() is None, bytes(self.seen[-600:])
-            self.read()
+        while not re.search(pattern, self.read()) and self.process.poll() is None:
+            assert time.monotonic() < end, (pattern, self._seen)
 
-    def type(self, data: bytes) -> None:
-        """Type bytes as fast as the terminal takes them, or until the screen has ended."""
-        view = memoryview(data)
-        while view and self.process.poll() is None:
-            with contextlib.suppress(BlockingIOError):
-                view = view[os.write(self._ours, view[:256]) :]
+    def type(self, data: bytes) -> int:
+        """Type bytes as fast as the screen reads them. Returns their number, less if it has ended."""
+        sent, last, since = 0, (0, 0), time.monotonic()
+        while self.is_shown and self.process.poll() is None:
+            if sent < len(data):
+                with contextlib.suppress(BlockingIOError):
+                    sent += os.write(self._ours, data[sent : sent + 4096])
             self.read()
-        waiting = bytearray(b"\x01\0\0\0")
-        while any(waiting) and self.process.poll() is None:
-            fcntl.ioctl(self._theirs, termios.FIONREAD, waiting)
+            if (sent, self.waiting) != last:
+                last, since = (sent, self.waiting), time.monotonic()
+            # The kernel takes a moment to pass bytes on.
+            if last == (len(data), 0) and time.monotonic() > since + PASSED_ON:
+                break
+            assert time.monotonic() < since + SECONDS, f"no byte is read after {sent}: {self._seen!r}"
+        return sent
+
+    def await_end(self) -> None:
+        """Wait for the end of a screen that a person has ended, without a fault and with the terminal as
+        before."""
+        end = time.monotonic() + SECONDS
+        while self.process.poll() is None:
+            assert time.monotonic() < end, f"it does not end: {self._seen!r}"
+            # In the meantime the terminal is the shell's: ctrl+S stops output there, ctrl+Z the process.
+            termios.tcflush(self._theirs, termios.TCIFLUSH)
+            termios.tcflow(self._theirs, termios.TCOON)
+            self.process.send_signal(signal.SIGCONT)
             self.read()
+        while select.select([self._ours], [], [], 0)[0]:
+            self.read()
+        assert self.process.returncode in ENDS, (self.process.returncode, self._seen)
+        assert not self.is_shown, self._seen
+        restored = termios.ICANON | termios.ECHO | termios.ISIG
+        assert termios.tcgetattr(self._theirs)[3] & restored == restored
 
     def close(self) -> None:
-        self.process.send_signal(signal.SIGTERM)
-        end = time.monotonic() + SECONDS
-        while self.process.poll() is None and time.monotonic() < end:
-            self.read()
-        if self.process.poll() is None:
-            self.process.kill()
+        """End it in any case."""
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(self.process.pid, signal.SIGKILL)
         self.process.wait()
         os.close(self._ours)
         os.close(self._theirs)
 
 
-@pytest.fixture
-def terminals() -> Iterator[list[Terminal]]:
-    opened: list[Terminal] = []
-    yield opened
-    for each in opened:
-        each.close()
+class Noisy:
+    """A screen under noise."""
+
+    words: Sequence[str] = ("--port", "0", "--seed", "5", "--pace", "0")
+
+    def __init__(self, folder: Path, size: tuple[int, int]) -> None:
+        self.folder, self.size = folder, size
+        self.begin()
+
+    def begin(self) -> None:
+        """Start the screen."""
+        self.terminal = Terminal(self.folder, self.words, self.size)
+        self.is_served()
+
+    def is_served(self) -> None:
+        """Assert that the robot answers now."""
+
+    def take(self, data: bytes) -> int:
+        """Type all bytes, into one screen after the other. Returns the number of their ends."""
+        sent = ends = 0
+        while True:
+            sent += self.terminal.type(data[sent:])
+            if self.terminal.is_shown and self.terminal.process.poll() is None:
+                return ends
+            ends += 1
+            assert ends <= data[:sent].count(QUIT), f"nobody has ended it; {sent} bytes sent"
+            self.end()
+            self.begin()
+
+    def end(self) -> None:
+        """Wait for its end, and clean up."""
+        self.terminal.await_end()
+        self.terminal.close()
+
+    def quit(self) -> None:
+        """See that it draws again after a change of its size, and that ctrl+Q ends it."""
+        terminal, (columns, rows) = self.terminal, self.size
+        terminal.resize(columns + 1, rows + 1)
+        terminal.until(rb"\x1b\[%d;\d+H" % (rows + 1))
+        end = time.monotonic() + SECONDS
+        while terminal.is_shown and terminal.process.poll() is None:
+            assert time.monotonic() < end, "ctrl+Q does not end it"
+            # The noise may have begun a paste, or a sequence to which the next byte belongs.
+            terminal.type(PASTE_END + QUIT)
+            again = time.monotonic() + AGAIN
+            while terminal.is_shown and time.monotonic() < again:
+                terminal.read()
+        self.end()
+
+    def close(self) -> None:
+        if self.terminal.process.returncode is None:
+            self.terminal.close()
 
 
-def count(folder: Path) -> int:
-    """Commands that the program has had answered."""
-    file = folder / "count"
-    return int(file.read_text()) if file.exists() else 0
+class WithProgram(Noisy):
+    """The app beside a program that drives."""
+
+    def begin(self) -> None:
+        (self.folder / "robot.py").write_text(PROGRAM.format(root=str(Path(__file__).parents[2])))
+        (self.folder / "count").write_bytes(b"")
+        self.words = (*Noisy.words, "--run", shlex.join([sys.executable, "robot.py"]))
+        super().begin()
+
+    def is_served(self) -> None:
+        grows(lambda: (self.folder / "count").stat().st_size)
 
 
-def alive_or_closed_with_one_line(terminal: Terminal, size: tuple[int, int]) -> None:
-    """The screen draws again, and ends by its key; or its fault is one line."""
-    if b"the screen has failed" in terminal.seen:
-        assert terminal.seen.count(b"the screen has failed") == 1
-        assert b"Traceback" not in terminal.seen
-        return
-    assert terminal.process.poll() is None, bytes(terminal.seen[-600:])
-    begin = len(terminal.seen)
-    terminal.resize(size[0] - 1, size[1] - 1)
-    terminal.until(b"\x1b[", begin)
-    end = time.monotonic() + SECONDS
-    while terminal.process.poll() is None:
-        assert time.monotonic() < end, "ctrl+Q does not end it"
-        # The first may still belong to a paste without an end.
-        terminal.type(b"\x11")
-        again = time.monotonic() + AGAIN
-        while terminal.process.poll() is None and time.monotonic() < again:
-            terminal.read()
-    assert terminal.process.returncode in (0, 143), bytes(terminal.seen[-600:])
-    assert b"Traceback" not in terminal.seen
+class WithClient(Noisy):
+    """The app with a client that asks."""
+
+    def begin(self) -> None:
+        with socket.socket() as sock:
+            sock.bind(("127.0.0.1", 0))
+            port = int(sock.getsockname()[1])
+        self.words = ("--port", str(port), *Noisy.words[2:])
+        self._asking: Asking | None = None
+        self._port = port
+        super().begin()
+
+    def is_served(self) -> None:
+        if self._asking is None:
+            self._asking = Asking(self._port)
+        asking = self._asking
+        grows(lambda: asking.count)
+
+    def end(self) -> None:
+        super().end()
+        assert self._asking is not None
+        self._asking.join()
 
 
-def free_port() -> int:
-    with socket.socket() as sock:
-        sock.bind(("127.0.0.1", 0))
-        return int(sock.getsockname()[1])
+class Replayed(Noisy):
+    """A replay."""
 
-
-def ask(client: socket.socket) -> bytes:
-    client.sendall(b"u1\n")
-    return client.recv(8)
+    words = ("replay", "run.jsonl")
 
 
 class Asking(threading.Thread):
-    """A client of the robot without a program of ours: it asks until it is stopped."""
+    """A client of the robot: it asks until the connection ends."""
 
     def __init__(self, port: int) -> None:
         super().__init__(daemon=True)
-        self.client = socket.create_connection(("127.0.0.1", port), SECONDS)
-        self.over = threading.Event()
+        self._client = socket.create_connection(("127.0.0.1", port), SECONDS)
         self.count = 0
         self.start()
 
     def run(self) -> None:
-        with self.client:
-            while not self.over.wait(0.02) and len(ask(self.client)) == 8:
+        with self._client, contextlib.suppress(ConnectionError):
+            self._client.sendall(b"u1\n")
+            while self._client.recv(8):
                 self.count += 1
+                threading.Event().wait(0.05)
+                self._client.sendall(b"u1\n")
 
 
-def grows(number: object, more: int = 5) -> None:
+def grows(number: Callable[[], int], more: int = 3) -> None:
     """Wait until a number has grown: the robot is served now."""
-    assert callable(number)
     end, first = time.monotonic() + SECONDS, number()
     while number() < first + more:
         assert time.monotonic() < end, f"{first} answers, and no more"
         threading.Event().wait(0.05)
 
 
-def allow(amount: int) -> None:
-    """Switch the limit of every test off: a million bytes take a quarter of an hour (a millisecond a key)."""
-    if amount == ALL:
-        faulthandler.cancel_dump_traceback_later()
+@pytest.fixture
+def start(tmp_path: Path) -> Iterator[Callable[[type[Noisy], tuple[int, int]], Noisy]]:
+    """Starts a screen, which is closed at the end."""
+    with contextlib.ExitStack() as opened:
+
+        def started(kind: type[Noisy], size: tuple[int, int]) -> Noisy:
+            noisy = kind(tmp_path, size)
+            opened.callback(noisy.close)
+            return noisy
+
+        yield started
 
 
-AMOUNTS = (2_000, pytest.param(ALL, marks=pytest.mark.slow))
-CASES = [SIZES[0], *(pytest.param(size, marks=pytest.mark.slow) for size in SIZES[1:])]
+def endure(noisy: Noisy, seed: int, amount: int) -> None:
+    if amount > 100_000:
+        faulthandler.cancel_dump_traceback_later()  # the limit of every test; here each byte has one
+    ends = noisy.take(noise(random.Random(seed), amount))
+    noisy.is_served()
+    noisy.quit()
+    sys.stdout.write(f"{type(noisy).__name__} {noisy.size}, seed {seed}: {amount} bytes, {ends} ends\n")
 
 
-@pytest.mark.parametrize("amount", AMOUNTS)
-@pytest.mark.parametrize("size", CASES)
-def test_noise_of_the_terminal_stops_no_program(
-    amount: int, size: tuple[int, int], tmp_path: Path, terminals: list[Terminal]
-) -> None:
-    (tmp_path / "robot.py").write_text(PROGRAM.format(root=str(Path(__file__).parents[2])))
-    run = shlex.join([sys.executable, "robot.py"])
-    allow(amount)
-    terminal = Terminal(tmp_path, ["--port", "0", "--seed", "5", "--pace", "0", "--run", run], size)
-    terminals.append(terminal)
-    terminal.until(b"\x1b[?1049h")
-    grows(lambda: count(tmp_path))
-    terminal.type(noise(random.Random(size[0]), amount))
-    grows(lambda: count(tmp_path))
-    alive_or_closed_with_one_line(terminal, size)
+Start = Callable[[type[Noisy], tuple[int, int]], Noisy]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("amount", [3_000, ALL])
-@pytest.mark.parametrize("size", SIZES)
-def test_noise_without_a_program_stops_no_client(
-    amount: int, size: tuple[int, int], tmp_path: Path, terminals: list[Terminal]
-) -> None:
-    port = free_port()
-    allow(amount)
-    terminal = Terminal(tmp_path, ["--port", str(port), "--seed", "5", "--pace", "0"], size)
-    terminals.append(terminal)
-    terminal.until(b"\x1b[?1049h")
-    asking = Asking(port)
-    grows(lambda: asking.count)
-    terminal.type(noise(random.Random(size[0] + 1), amount))
-    grows(lambda: asking.count)
-    asking.over.set()
-    asking.join()
-    alive_or_closed_with_one_line(terminal, size)
+def test_noise_of_the_terminal_stops_no_program(start: Start) -> None:
+    endure(start(WithProgram, SIZES[0]), 1, QUICK)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("amount", [3_000, ALL])
 @pytest.mark.parametrize("size", SIZES)
-def test_noise_does_not_end_a_replay(
-    amount: int, size: tuple[int, int], tmp_path: Path, terminals: list[Terminal]
+@pytest.mark.parametrize("kind", [WithProgram, WithClient, Replayed])
+def test_much_noise_ends_no_screen_and_stops_no_program(
+    kind: type[Noisy], size: tuple[int, int], start: Start, log: bytes, tmp_path: Path
 ) -> None:
-    words = [sys.executable, "-m", "simmer_tui", "--no-ui", "--port", "0", "--log", "run.jsonl"]
-    (tmp_path / "robot.py").write_text(PROGRAM.format(root=str(Path(__file__).parents[2])))
-    (tmp_path / "stop").write_text("")
-    run = shlex.join([sys.executable, "robot.py"])
-    subprocess.run(
-        [*words, "--run", run], cwd=tmp_path, check=False, capture_output=True, env=environment(tmp_path)
-    )
-    allow(amount)
-    terminal = Terminal(tmp_path, ["replay", "run.jsonl"], size)
-    terminals.append(terminal)
-    terminal.until(b"\x1b[?1049h")
-    terminal.type(noise(random.Random(size[0] + 2), amount))
-    alive_or_closed_with_one_line(terminal, size)
+    (tmp_path / "run.jsonl").write_bytes(log)
+    endure(start(kind, size), size[0], AMOUNT)

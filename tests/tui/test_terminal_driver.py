@@ -6,11 +6,15 @@ import asyncio
 import contextlib
 import fcntl
 import os
+import random
+import resource
 import select
 import signal
 import struct
 import termios
 import threading
+from codecs import getincrementaldecoder
+from collections import Counter
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -21,6 +25,7 @@ from textual.message import Message
 
 from simmer_tui.tui import textual_internals
 from simmer_tui.tui.textual_internals import steady_driver
+from tests.fuzz.test_terminal_noise import noise
 
 SECONDS = 60.0
 
@@ -168,6 +173,53 @@ def test_replies_to_earlier_programs_are_no_keys(reply: str, line: Line) -> None
     keys = ["a", "b", "a", "b", "a", "b", "up", "ctrl+up", "c"]
     line.app.until(lambda: len(line.app.got) >= len(keys))
     assert [each.key for each in line.app.got if isinstance(each, events.Key)] == keys
+
+
+@pytest.mark.slow
+def test_a_million_bytes_of_noise_are_parsed_in_bounded_memory(line: Line) -> None:
+    chance = random.Random(7)
+    data = noise(chance, 500_000)
+    driver = line.driver()
+    kinds: Counter[type[Message]] = Counter()
+    driver.send_message = lambda message: kinds.update([type(message)])
+    driver._begin_parsing()
+    decode = getincrementaldecoder("utf-8")("replace").decode
+    kept = []
+    for _ in range(2):
+        at = 0
+        while at < len(data):
+            size = chance.randrange(1, 1024)
+            driver._feed(decode(data[at : at + size]))
+            at += size
+        kept.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+    assert line.app.fault is None
+    assert {events.Key, events.Paste, events.MouseDown, events.AppBlur} <= set(kinds)
+    assert kinds[events.Key] > len(data)
+    assert kept[1] < 1.1 * kept[0]
+
+
+def test_input_that_comes_too_fast_waits_in_the_kernel(reading: Line) -> None:
+    """An app that takes a message in each turn of its loop."""
+    typed = "u" * 3000
+    lengths = []
+
+    async def post(message: Message) -> bool:
+        reading.app._message_queue.put_nowait(None)
+        return await Listener._post_message(reading.app, message)
+
+    async def work() -> None:
+        for _ in typed:
+            await reading.app._message_queue.get()
+            lengths.append(reading.app._message_queue.qsize())
+            await asyncio.sleep(0)
+
+    reading.app._post_message = post  # type: ignore[method-assign]
+    working = asyncio.run_coroutine_threadsafe(work(), reading.loop)
+    for at in range(0, len(typed), 500):
+        os.write(reading.ours, typed[at : at + 500].encode())
+    working.result(SECONDS)
+    assert reading.app.typed == typed
+    assert max(lengths) < 3 * textual_internals._AHEAD
 
 
 def test_a_paste_without_an_end_ends_by_itself(reading: Line, monkeypatch: pytest.MonkeyPatch) -> None:
