@@ -170,7 +170,7 @@ def test_ci_runs_the_command_that_the_readme_names() -> None:
     assert commands == ["pip install '.[test]' && python -m pytest"]
     contributing = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
     assert re.findall(r"^python -m pytest -m slow.*$", contributing, re.MULTILINE) == [
-        "python -m pytest -m slow"
+        "python -m pytest -m slow -n 4"
     ]
     ci = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
     assert "README.md" in ci
