@@ -61,13 +61,18 @@ def take_folder(files: Path, taken: PurePosixPath) -> None:
 
 def unpacking_advice(files: Path, command: str) -> str:
     """The reason why a program cannot be found as it was submitted, with the next step; else empty: the files
-    are in an archive, or in a folder beside other files."""
+    are in an archive, in a folder beside other files, or have another case, as Windows and macOS allow."""
     inside = sorted(files.iterdir())
     if inside and all(is_archive(path.name) for path in inside):
         return f"{shown_path(inside[0].name)} is an archive, which is not unpacked: submit what is in it"
     words = _words(command)
     if any(_has(files, word) for word in words):
         return ""
+    for word in words:
+        for path in inside:
+            if path.name.lower() == word.removeprefix("./").lower():
+                there = f"{shown_path(word)} is not there, but {shown_path(path.name)} is"
+                return f"{there}: write its name in the same letters"
     found = [(path.name, word) for path in inside for word in words if (path / word).is_file()]
     if len(found) != 1:
         return ""

@@ -332,9 +332,9 @@ def test_a_folder_that_was_packed_whole_is_the_submission(
 def test_packed_submissions_are_taken_or_refused_with_the_way(
     make_course: Callable[..., Path], tmp_path: Path
 ) -> None:
-    file = make_course({"a": "", "b": "", "c": "", "d": "", "e": ""})
+    file = make_course({"a": "", "b": "", "c": "", "d": "", "e": "", "f": ""})
     teams = tmp_path / "teams"
-    for name in "abcde":
+    for name in "abcdef":
         (teams / name / "main.py").unlink()
     for name in "abd":
         (teams / name / "mine").mkdir()
@@ -344,6 +344,7 @@ def test_packed_submissions_are_taken_or_refused_with_the_way(
     (teams / "b" / "main.py").symlink_to("mine/main.py")
     (teams / "c" / "mine.zip").touch()
     (teams / "d" / "report.pdf").touch()
+    (teams / "f" / "Main.py").touch()
     folder = GradeFolder.create(tmp_path / "out", read_course(file), 3, Isolation.NONE)
     assert {each.team.name: [*map(str, each.problems)] for each in folder.entries} == {
         "a": [],
@@ -351,6 +352,7 @@ def test_packed_submissions_are_taken_or_refused_with_the_way(
         "c": ["files: mine.zip is an archive, which is not unpacked: submit what is in it"],
         "d": ["files: main.py is not there, but mine/main.py is: submit what is in the folder mine"],
         "e": [],
+        "f": ["files: main.py is not there, but Main.py is: write its name in the same letters"],
     }
     first = folder.entries[0]
     assert content(tmp_path / "out" / "teams" / first.team.slug / "program") == {"main.py": "a"}
