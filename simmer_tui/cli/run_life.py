@@ -352,6 +352,9 @@ class RunLife:
             self.front.show()
         if self._interruptions:
             return code
+        if self.command is None:
+            # A program of another terminal may still ask what it has done: it is not cut off in the middle.
+            server.drain()
         # Only for a run that ends by itself: after Ctrl-C nobody waits.
         self._grace = LAST_OUTPUT
         return ExitCode.DONE if referee.result is Result.SUCCESS else ExitCode.NO

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from simmer_tui.sim.command import escape_passage, escape_word, first_of, shown_passage
+from simmer_tui.sim.command import escape_passage, escape_word, first_of
 
 Plain = str | bool | int | float | Sequence[Any] | None
 """A value that JSON has: text, a number, a list of these, or nothing."""
@@ -122,7 +122,7 @@ QUOTED = Format(escape_word)
 """Text from outside for a column that does not wrap: a longer one would leave no room for the others."""
 PASSAGE = Format(escape_passage)
 """Text from outside for a column that wraps, and for records."""
-TYPED = Format(shown_passage)
+TYPED = Format(escape_passage)
 """A path, a name of a person or a command: letters of all scripts stay."""
 COUNT = number("d")
 COUNT_OR_BLANK = Format(lambda value: str(value or ""), numeric=True)
