@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -13,6 +14,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
+from simmer_tui.client import Robot
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.mission_plan import cells_of, draw_mission
 from simmer_tui.config.mission_toml import Heading, MissionSpec
@@ -409,6 +411,26 @@ def test_a_program_that_delivers_ends_the_run_with_exit_code_0(headless: Headles
     lines = [line for line in ran.stderr.splitlines() if line.startswith("mission:")]
     assert [line.split(" at ")[0] for line in lines[1:4]] == [f"mission: {goal.value}" for goal in Goal]
     assert lines[4].startswith("mission: success after 4.6 s, 24.0 in, 5 commands, no contact")
+
+
+@pytest.mark.slow
+def test_a_program_of_another_terminal_may_ask_what_it_has_done(mission_folder: Path) -> None:
+    """The mission has ended with its last command."""
+    ports = ("--port", "0", "--reply-port", "0", "--belief-port", "0")
+    words = ("--no-ui", "--mission", "--once", "--config", mission_folder, "--no-randbias", *ports)
+    command = [sys.executable, "-m", "simmer_tui", *map(str, words)]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
+    with subprocess.Popen(command, text=True, cwd=mission_folder, **pipes) as process:
+        assert process.stdout is not None
+        ready = next(line for line in process.stdout if line.startswith("seed "))
+        port, reply_port = (int(number) for number in re.findall(r"on port (\d+)", ready)[:2])
+        with Robot("127.0.0.1", port, reply_port) as robot:
+            for text in WAY:
+                robot.send(text)
+            assert robot.read("u1") > 0
+        told = process.stdout.read()
+        assert process.wait(60) == 0
+    assert "verdict: Succeeded" in told
 
 
 def test_a_program_that_gives_up_ends_the_run_with_exit_code_1(headless: Headless) -> None:
