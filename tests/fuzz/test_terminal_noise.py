@@ -106,8 +106,7 @@ class Terminal:
     def __init__(self, folder: Path, words: Sequence[str], size: tuple[int, int]) -> None:
         self._ours, self._theirs = os.openpty()
         self._seen = b""
-        self.is_shown = True
-        """False once the screen has given the terminal back."""
+        self._is_restored = False
         self.resize(*size)
         os.set_blocking(self._ours, False)
 
@@ -130,6 +129,13 @@ class Terminal:
             raise
 
     @property
+    def is_shown(self) -> bool:
+        """False once the screen has given the terminal back, or has ended."""
+        # Not by what it writes: from then on a ctrl+S stops its output, and a ctrl+Z the process.
+        is_raw = not termios.tcgetattr(self._theirs)[3] & termios.ICANON
+        return is_raw and self.process.poll() is None
+
+    @property
     def waiting(self) -> int:
         """Bytes of input that the screen has not read."""
         number = bytearray(4)
@@ -148,7 +154,7 @@ class Terminal:
         seen = self._seen[-64:] + fresh
         self._seen = (self._seen + fresh)[-TAIL:]
         assert not FAULTS.search(seen), self._seen
-        self.is_shown = self.is_shown and b"\x1b[?1049l" not in seen
+        self._is_restored = self._is_restored or b"\x1b[?1049l" in seen
         return seen
 
     def until(self, pattern: bytes) -> None:
@@ -160,7 +166,7 @@ class Terminal:
     def type(self, data: bytes) -> int:
         """Type bytes as fast as the screen reads them. Returns their number, less if it has ended."""
         sent, last, since = 0, (0, 0), time.monotonic()
-        while self.is_shown and self.process.poll() is None:
+        while self.is_shown:
             if sent < len(data):
                 with contextlib.suppress(BlockingIOError):
                     sent += os.write(self._ours, data[sent : sent + 4096])
@@ -179,7 +185,7 @@ class Terminal:
         end = time.monotonic() + SECONDS
         while self.process.poll() is None:
             assert time.monotonic() < end, f"it does not end: {self._seen!r}"
-            # In the meantime the terminal is the shell's: ctrl+S stops output there, ctrl+Z the process.
+            # As the shell's user would.
             termios.tcflush(self._theirs, termios.TCIFLUSH)
             termios.tcflow(self._theirs, termios.TCOON)
             self.process.send_signal(signal.SIGCONT)
@@ -187,7 +193,7 @@ class Terminal:
         while select.select([self._ours], [], [], 0)[0]:
             self.read()
         assert self.process.returncode in ENDS, (self.process.returncode, self._seen)
-        assert not self.is_shown, self._seen
+        assert self._is_restored, self._seen
         restored = termios.ICANON | termios.ECHO | termios.ISIG
         assert termios.tcgetattr(self._theirs)[3] & restored == restored
 
@@ -222,7 +228,7 @@ class Noisy:
         sent = ends = 0
         while True:
             sent += self.terminal.type(data[sent:])
-            if self.terminal.is_shown and self.terminal.process.poll() is None:
+            if self.terminal.is_shown:
                 return ends
             ends += 1
             assert ends <= data[:sent].count(QUIT), f"nobody has ended it; {sent} bytes sent"
@@ -242,7 +248,7 @@ class Noisy:
         terminal.resize(columns + 1, rows + 1)
         terminal.until(rb"\x1b\[%d;\d+H" % (rows + 1))
         end = time.monotonic() + SECONDS
-        while terminal.is_shown and terminal.process.poll() is None:
+        while terminal.is_shown:
             assert time.monotonic() < end, "ctrl+Q does not end it"
             # The noise may have begun a paste, or a sequence to which the next byte belongs.
             terminal.type(PASTE_END + QUIT)
