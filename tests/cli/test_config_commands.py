@@ -209,7 +209,7 @@ def test_file_in_place_of_a_folder_is_one_problem(folder: Path) -> None:
 def test_summary_draws_the_courses_maze_with_robot_and_block(folder: Path) -> None:
     text = summarize(load(folder, {"bot_rot": Override("--bot-rot", "-90")}))
     lines = text.splitlines()
-    assert max(map(len, lines)) <= 100
+    assert max(map(len, lines[1:])) <= 100  # the first has the folder, however long that is
     top = lines.index("+" + "-" * 64 + "+")
     drawing = lines[top + 1 : top + 17]
     assert lines[top + 17] == lines[top]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -106,6 +107,7 @@ def test_clusters_and_courses_refuse_it_too(tmp_path: Path) -> None:
     assert team.command == shell_command('cd src && python "main.py"')
 
 
+@pytest.mark.skipif(shutil.which("bash") is None, reason="the line has bash do it")
 def test_the_line_that_is_told_works(tmp_path: Path) -> None:
     run = [sys.executable, "-m", "simmer_tui", "--no-ui", "--quiet", "--port", "0", "--run"]
     command = f"{shlex.quote(sys.executable)} -c 'print(7)' > out.txt"
