@@ -184,6 +184,7 @@ class SerialLine:
         # Checked first, since readline() reads byte by byte: a read of the connection costs more than a byte.
         first = self._first()
         while first is None or first > now:
+            _refuse_beside_threads()
             if first is not None and _program_clock() is not None:
                 return _pass_time_until(first, until, now)
             self._receive(0.0)
@@ -281,6 +282,20 @@ def _program_clock() -> Any:
     """The program's clock, if this process uses it."""
     module = sys.modules.get("simmer_clock")
     return module.PROGRAM_CLOCK[0] if module is not None and module.PROGRAM_CLOCK else None
+
+
+def _refuse_beside_threads() -> None:
+    """End a program that waits for the port by its clock while it has other threads or processes: whose turn is
+    next would hang on when the bytes are noticed."""
+    clock = _program_clock()
+    if clock is not None and clock.is_shared:
+        # Only a program has this folder on its path.
+        from simmer_clock import refuse  # type: ignore[import-not-found]
+
+        refuse(
+            "a wait for the serial port beside other threads or processes",
+            "One thread that reads, and in_waiting before a read, are followed",
+        )
 
 
 def _pass_time_until(first: float, until: float | None, now: float) -> bool:
