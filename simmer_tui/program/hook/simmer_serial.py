@@ -285,8 +285,8 @@ def _program_clock() -> Any:
 
 
 def _refuse_beside_threads() -> None:
-    """End a program that waits for the port by its clock while it has other threads or processes: whose turn is
-    next would hang on when the bytes are noticed."""
+    """End a program that waits for the port by its clock beside other threads or processes: whose turn is next
+    would hang on when the bytes are noticed."""
     clock = _program_clock()
     if clock is not None and clock.is_shared:
         # Only a program has this folder on its path.
