@@ -124,7 +124,7 @@ def test_a_board_that_starts_again_at_each_opening_loses_no_command(emulate: Emu
     boot = ("--serial-boot", "60" if greets else "4")
     port = emulate("--boot", "1", *(["--boot-noise"] if greets else []))
     for _ in range(2):
-        done = simmer("--serial", port, *boot, "--serial-timeout", "20", program=wander(2))
+        done = run("--serial", port, *boot, "--serial-timeout", "20", program=wander(2))
         told = done.stdout + done.stderr
         assert done.returncode == 0, told
         assert f"waiting {boot[1]} s for the board to start" in told

@@ -6,6 +6,7 @@ import contextlib
 import errno
 import os
 import socket
+import sys
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -114,11 +115,12 @@ def open_port(name: str, baud: int, *, moves_dtr: bool = True) -> Any:
 
 def _keep_dtr(descriptor: int) -> None:
     """Have a terminal's lines stay as they are when it is closed."""
-    import termios
+    if sys.platform != "win32":
+        import termios
 
-    attributes = termios.tcgetattr(descriptor)
-    attributes[2] &= ~termios.HUPCL
-    termios.tcsetattr(descriptor, termios.TCSANOW, attributes)
+        attributes = termios.tcgetattr(descriptor)
+        attributes[2] &= ~termios.HUPCL
+        termios.tcsetattr(descriptor, termios.TCSANOW, attributes)
 
 
 def close_port(port: Any) -> None:

@@ -207,7 +207,7 @@ class Adoption:
             with contextlib.suppress(OSError):  # it has been reaped meanwhile
                 fields = stat_of(pid)
                 is_own = pid == self._program or int(fields[StatField.SESSION]) != self._program
-                if fields[StatField.STATE] == b"Z" and not is_own:
+                if sys.platform != "win32" and fields[StatField.STATE] == b"Z" and not is_own:
                     os.waitpid(pid, os.WNOHANG)
 
     def nothing_left(self) -> bool:

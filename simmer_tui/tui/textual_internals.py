@@ -253,11 +253,9 @@ _LARGEST = Size(1000, 500)
 
 def steady_driver(usual: type[Driver]) -> type[Driver]:
     """The driver to use in place of Textual's usual one for this system: the same if it needs no mend."""
-    if sys.platform == "win32" or not (platform_has.POSIX and is_known_version(textual.__version__)):
-        return usual
-    from textual.drivers.linux_driver import LinuxDriver
-
-    return SteadyDriver if usual is LinuxDriver else usual
+    if sys.platform != "win32" and platform_has.POSIX and is_known_version(textual.__version__):
+        return SteadyDriver if usual is LinuxDriver else usual
+    return usual
 
 
 if sys.platform != "win32" and platform_has.POSIX:

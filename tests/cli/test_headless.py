@@ -189,7 +189,8 @@ def test_only_other_addresses_are_warned_of(run: Callable[..., Run]) -> None:
     started = run("--host", "0.0.0.0").until_ready()
     assert started.error_line().startswith("warning: anyone who reaches 0.0.0.0 can drive the robot")
     alone = run("--once").until_ready()
-    alone.client().close()
+    with alone.client() as client:
+        alone.ask(client, "u1")
     assert "warning" not in alone.end()[2]
 
 

@@ -163,7 +163,7 @@ def test_the_mouse_is_left_to_the_terminal_when_asked(pane: Pane, option: str, t
         (("--num-segments", "0"), "--num-segments: must be a whole number from 1 to 10000"),
         pytest.param(("--port", "TAKEN"), "in use on 127.0.0.1", marks=pytest.mark.slow),
         pytest.param(("--key-poll", "w"), '--key-poll: needs the key "w"', marks=pytest.mark.slow),
-        (("--run", "/no/such/program"), "--run '/no/such/program': No such file or directory"),
+        (("--run", "/no/such/program"), "--run '/no/such/program': there is no file /no/such/program"),
     ],
 )
 def test_a_failed_start_is_one_line_on_a_terminal_as_it_was(

@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from typing import Any
 
+# Functions that Windows lacks are looked up where `os.fork` has been found.
+_POSIX: Any = os
+"""The module `os`, as POSIX has it."""
 _TOKEN = "SIMMER_CLOCK_TOKEN"
 """The variable with the token that a process gets from its parent."""
 _PIPES = "SIMMER_CLOCK_PIPES"
@@ -99,7 +102,7 @@ def _has_ended(pid: int) -> bool:
         _REAL_PAUSE(0.002)
         return False
     try:
-        return _REAL_WAITID(os.P_PID, pid, os.WEXITED | os.WNOHANG | os.WNOWAIT) is not None
+        return _REAL_WAITID(_POSIX.P_PID, pid, _POSIX.WEXITED | _POSIX.WNOHANG | _POSIX.WNOWAIT) is not None
     except ChildProcessError:
         return True
 
@@ -172,7 +175,7 @@ def install(clock: Any) -> None:
         _replace_forks(clock, processes)
         _replace_pipes(clock)
         os.waitpid = _waitpid(clock, processes)
-        os.wait = lambda: os.waitpid(-1, 0)
+        _POSIX.wait = lambda: os.waitpid(-1, 0)
 
 
 def _replace_forks(clock: Any, processes: Processes) -> None:
@@ -201,7 +204,7 @@ def _replace_pipes(clock: Any) -> None:
         if not clock.is_shared or clock.is_away or not clock.is_own_thread:
             return False
         try:
-            return os.fstat(descriptor).st_mode & 0o170000 in _PIPE_TYPES and os.get_blocking(descriptor)
+            return os.fstat(descriptor).st_mode & 0o170000 in _PIPE_TYPES and _POSIX.get_blocking(descriptor)
         except OSError:
             return False
 
@@ -228,15 +231,15 @@ def _waitpid(clock: Any, processes: Processes) -> Callable[[int, int], tuple[int
 
     def waitpid(pid: int, options: int) -> tuple[int, int]:
         known = pid in processes.living or (pid <= 0 and processes.living)
-        if clock.is_away or not clock.is_own_thread or not known or options & os.WNOHANG:
-            if options & os.WNOHANG or clock.is_away or not clock.is_own_thread:
+        if clock.is_away or not clock.is_own_thread or not known or options & _POSIX.WNOHANG:
+            if options & _POSIX.WNOHANG or clock.is_away or not clock.is_own_thread:
                 ended = real(pid, options)
             else:
                 ended = clock.away(lambda: real(pid, options))
         else:
             ended, again = (0, 0), False
             while not ended[0]:
-                ended = real(pid, options | os.WNOHANG)
+                ended = real(pid, options | _POSIX.WNOHANG)
                 if not ended[0] and not clock.wait(float("inf"), again=again):
                     ended = clock.away(lambda: real(pid, options))
                 again = True
@@ -372,9 +375,10 @@ def _enlarge(descriptors: Any) -> None:
     """Have pipes take all that is written to them before anybody reads."""
     import fcntl
 
+    change: Any = vars(fcntl)["fcntl"]
     for each in descriptors:
         try:
-            fcntl.fcntl(each, _SET_PIPE_SIZE, _PIPE_SIZE)
+            change(each, _SET_PIPE_SIZE, _PIPE_SIZE)
         except (OSError, ValueError):  # noqa: PERF203
             continue  # no pipe, or not Linux
 

@@ -285,12 +285,12 @@ def _program_clock() -> Any:
 
 
 def _refuse_beside_threads() -> None:
-    """End a program that waits for the port by its clock beside other threads or processes: whose turn is next
-    would hang on when the bytes are noticed."""
+    """End a program that waits for the port by its clock beside other threads: whose turn is next would hang
+    on when the bytes are noticed."""
     clock = _program_clock()
     if clock is not None and clock.is_shared:
         # Only a program has this folder on its path.
-        from simmer_clock import refuse  # type: ignore[import-not-found]
+        from simmer_clock import refuse
 
         refuse(
             "a wait for the serial port beside other threads or processes",

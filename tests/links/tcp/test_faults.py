@@ -236,7 +236,8 @@ def test_a_thousand_clients_one_after_the_other(serve: Any) -> None:
         if count % 2:
             assert program.ask("d1-0.001") == math.inf, count
         program.close()
-    served.wait(lambda: served.clients_left == 1000)
+    # One that has sent nothing is no client.
+    served.wait(lambda: served.clients_left == 500)
     assert not any("turned away" in text for text in served.notices)
     assert_next_is_served(serve, served)
 
