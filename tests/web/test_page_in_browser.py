@@ -84,7 +84,7 @@ def test_in_timed_motion_the_pose_shown_is_right_and_fresh(tmp_path: Path, size:
                 assert abs(heading - pose.heading) < 1.0
     ages = sorted(real - begun - moment for real, moment, _ in seen)
     told = f"{len(ages)} pictures, median age {ages[len(ages) // 2]:.3f} s, oldest {ages[-1]:.3f} s"
-    # Some pictures late on a busy machine are not the page's fault; with a second for nine of ten, as at load 12.
+    # Some pictures late on a busy machine are not the page's fault: nine of ten have a second, as at load 12.
     assert ages[len(ages) // 2] <= 0.2, told
     assert ages[int(0.9 * len(ages))] <= 1.0, told
 
