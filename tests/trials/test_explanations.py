@@ -177,7 +177,9 @@ def test_each_intervention_changes_one_thing(mission: Configuration) -> None:
         "no noise of the drives",
         "no bias of the drives",
         "exact drives",
+        "no link delay",
         "no time for readings and link",
+        "the start pose known",
     ]
     old, new = mission.simulation, found["true readings of u1"].configuration.simulation
     assert [each for each in new.sensors if each not in old.sensors] == [replace(old.sensors[0], error=0.0)]
