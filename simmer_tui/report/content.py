@@ -200,17 +200,18 @@ def report_document(run: RunStatistics, name: str, path: str | None = None) -> D
         Bullets("Notes", run.notes, "notes"),
         *report_tables(run, name),
         *(() if failed else (output(run.verdict),)),
-        again(name if path is None else path),
+        again(name if path is None else path, why=run.failed and run.header.can_run_again),
     ]
     return Document(f"Run {name}", parts)
 
 
-def again(name: str) -> Paragraph:
-    """Commands that show the run again."""
+def again(name: str, *, why: bool = False) -> Paragraph:
+    """Commands that show the run again; `why` for one that can be run again with one change at a time."""
     argument = f" {typed_path(name)}" if name else ""
     commands: tuple[Prose, ...] = (
         *("Play it: ", Code(f"simmer-tui replay{argument}")),
         *(". Compare every reply: ", Code(f"simmer-tui rerun{argument}")),
+        *((". Try again with one change: ", Code(f"simmer-tui why{argument}")) if why else ()),
     )
     return Paragraph(commands, kind="note")
 

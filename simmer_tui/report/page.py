@@ -65,7 +65,7 @@ def _page(run: RunStatistics, name: str, *, commands: bool) -> Document:
         *(() if strips is None else (Folded("Sensors over time", (strips,)),)),
         Folded("Movements, errors of readings, timing", report_tables(run, name)),
         Folded(last.heading, (Bullets("", last.entries, kind="output"),) if last.entries else ()),
-        *((again(name),) if commands else ()),
+        *((again(name, why=run.failed and run.header.can_run_again),) if commands else ()),
     ]
     return Document(f"Run {name}", parts)
 
