@@ -97,7 +97,7 @@ def build_parser() -> OneLineParser:
         "--token-file",
         metavar="FILE",
         type=Path,
-        help="the first line of FILE is the --token, which other users could read on the command line",
+        help="first line: the --token, unseen by other users",
     )
     add_trust_option(run)
     add_setting_options(parser, has_screen=True)

@@ -76,7 +76,7 @@ def run_why(options: argparse.Namespace) -> int:
         raise TrialsError(f"{shown_path(path)}: {problem}")
     if not run.failed:
         text = f"This run did not fail, so no change is tried. {run.verdict.text}"
-        print_answer(Document("Why", [Paragraph(text, "text", "strong")]), as_json=options.json)
+        print_answer(Document("Why", [Paragraph(text, "answer", "strong")]), as_json=options.json)
         return ExitCode.DONE
     program = _given(options.run) if options.run is not None else _logged(run.header.run, path)
     if options.run is None and not _may_run(program, run.header.run, path, yes=options.yes):

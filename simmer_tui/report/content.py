@@ -200,18 +200,26 @@ def report_document(run: RunStatistics, name: str, path: str | None = None) -> D
         Bullets("Notes", run.notes, "notes"),
         *report_tables(run, name),
         *(() if failed else (output(run.verdict),)),
-        again(name if path is None else path, why=run.failed and run.header.can_run_again),
+        again(name if path is None else path),
+        try_again(run, name if path is None else path),
     ]
     return Document(f"Run {name}", parts)
 
 
-def again(name: str, *, why: bool = False) -> Paragraph:
-    """Commands that show the run again; `why` for one that can be run again with one change at a time."""
+def try_again(run: RunStatistics, name: str) -> Paragraph:
+    """The command that finds the change which saves a failed run; empty if it cannot be run again."""
+    if not (run.failed and run.header.can_run_again):
+        return Paragraph("")
+    command = f"simmer-tui why {typed_path(name)}" if name else "simmer-tui why"
+    return Paragraph(("Try again with one change: ", Code(command)), kind="note")
+
+
+def again(name: str) -> Paragraph:
+    """Commands that show the run again."""
     argument = f" {typed_path(name)}" if name else ""
     commands: tuple[Prose, ...] = (
         *("Play it: ", Code(f"simmer-tui replay{argument}")),
         *(". Compare every reply: ", Code(f"simmer-tui rerun{argument}")),
-        *((". Try again with one change: ", Code(f"simmer-tui why{argument}")) if why else ()),
     )
     return Paragraph(commands, kind="note")
 
