@@ -279,6 +279,7 @@ _LIKELY = {
     ChangedPart.BIAS: "drive bias",
     ChangedPart.DRIVES: "drive noise and bias together",
     ChangedPart.SENSOR_ERRORS: "the noise and bias of the sensor",
+    ChangedPart.ROBOT: "the sensors and drives together",
     ChangedPart.TIME: "the time that readings and the link take",
     ChangedPart.LINK: "the delay of the link",
     ChangedPart.BELIEF: "the program's belief of its start",
@@ -367,6 +368,8 @@ def _simplest(saved: Sequence[ChangedRun]) -> list[ChangedRun]:
     alone = noisy | {code for each in saved if each.part is ChangedPart.SENSOR for code in each.codes}
     kept: list[ChangedRun] = []
     for each in saved:
+        if each.part is ChangedPart.ROBOT and len(saved) > 1:
+            continue
         if each.part is ChangedPart.SENSORS:
             within = any(set(other.codes) < set(each.codes) for other in saved)
             if within or not alone.isdisjoint(each.codes):

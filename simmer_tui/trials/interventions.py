@@ -40,6 +40,8 @@ class ChangedPart(StrEnum):
     BIAS = "bias"
     DRIVES = "drives"
     """Noise and bias of all drives."""
+    ROBOT = "robot"
+    """All sensors and drives."""
     LINK = "link"
     """The delay of the link."""
     TIME = "time"
@@ -109,6 +111,11 @@ def interventions(
         made("no noise of the drives", ChangedPart.NOISE, _without_noise(spec)),
         made("no bias of the drives", ChangedPart.BIAS, _without_bias(spec, nominal)),
         made("exact drives", ChangedPart.DRIVES, _without_noise(_without_bias(spec, nominal))),
+        made(
+            "exact sensors and drives",
+            ChangedPart.ROBOT,
+            _without_noise(_without_bias(with_true(*true), nominal)),
+        ),
         _without_link_delay(configuration),
         _without_delays(configuration),
     ]

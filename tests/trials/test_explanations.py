@@ -179,6 +179,7 @@ def test_each_intervention_changes_one_thing(mission: Configuration) -> None:
         "no noise of the drives",
         "no bias of the drives",
         "exact drives",
+        "exact sensors and drives",
         "no link delay",
         "no time for readings and link",
         "the start pose known",
