@@ -71,13 +71,14 @@ _KIND = StoreKind(
 class Explanation:
     """The explanation of a failed run by the changes that make it succeed. `confirmed` is True or False where
     its verdict was only likely and the changes confirm or contradict it, else None. `controls` are those of
-    these changes."""
+    these changes, and `sure` are the changes that save it surely not by chance."""
 
     run: int
     text: str
     suspected: str
     confirmed: bool | None
     controls: tuple[ChanceControl, ...] = ()
+    sure: tuple[str, ...] = ()
 
 
 _Asked = tuple[int, Intervention, int]
@@ -304,7 +305,8 @@ def explained(result: TrialResult, changed: Sequence[ChangedRun], name: str = ""
         text = f"{name} {_outcome_text(len(tried), saved, controls)}"
     suspected = str(cause.get("kind", "")) if likely else ""
     confirmed = _confirmed(cause, tried, saved, controls) if likely and repeats else None
-    return Explanation(result.number, text, suspected, confirmed, tuple(controls))
+    sure = tuple(each.change for each in _sure(saved, controls))
+    return Explanation(result.number, text, suspected, confirmed, tuple(controls), sure)
 
 
 def _controls(saved: Sequence[ChangedRun], changed: Sequence[ChangedRun]) -> list[ChanceControl]:
@@ -349,9 +351,12 @@ def _outcome_text(tried: int, saved: Sequence[ChangedRun], controls: Sequence[Ch
 
 
 def _sure(saved: Sequence[ChangedRun], controls: Sequence[ChanceControl]) -> list[ChangedRun]:
-    """The changes that saved a run, and surely not by chance."""
-    sure = {each.change for each in controls if each.is_sure}
-    return [each for each in saved if each.change in sure]
+    """The changes that saved a run, and surely not by chance. If noise and bias of a sensor suffice, its true
+    readings are left out: they contain them."""
+    names = {each.change for each in controls if each.is_sure}
+    sure = [each for each in saved if each.change in names]
+    noisy = {code for each in sure if each.part is ChangedPart.SENSOR_ERRORS for code in each.codes}
+    return [each for each in sure if each.part is not ChangedPart.SENSOR or noisy.isdisjoint(each.codes)]
 
 
 def _shown(controls: Sequence[ChanceControl]) -> str:
@@ -364,8 +369,7 @@ def _shown(controls: Sequence[ChanceControl]) -> str:
 def _simplest(saved: Sequence[ChangedRun]) -> list[ChangedRun]:
     """The changes that saved a run, without those that contain another of them."""
     parts = {each.part for each in saved}
-    noisy = {code for each in saved if each.part is ChangedPart.SENSOR_ERRORS for code in each.codes}
-    alone = noisy | {code for each in saved if each.part is ChangedPart.SENSOR for code in each.codes}
+    alone = {code for each in saved if each.part is ChangedPart.SENSOR for code in each.codes}
     kept: list[ChangedRun] = []
     for each in saved:
         if each.part is ChangedPart.ROBOT and len(saved) > 1:
@@ -374,8 +378,6 @@ def _simplest(saved: Sequence[ChangedRun]) -> list[ChangedRun]:
             within = any(set(other.codes) < set(each.codes) for other in saved)
             if within or not alone.isdisjoint(each.codes):
                 continue
-        if each.part is ChangedPart.SENSOR and not noisy.isdisjoint(each.codes):
-            continue
         if each.part is ChangedPart.TIME and ChangedPart.LINK in parts:
             continue
         if each.part is ChangedPart.DRIVES and parts & {ChangedPart.NOISE, ChangedPart.BIAS}:

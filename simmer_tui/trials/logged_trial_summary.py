@@ -32,7 +32,7 @@ def why_document(logged: LoggedTrial) -> Document:
     explanation = logged.explanation
     done = {each.change: each for each in logged.changed if not each.repeat}
     own = [done[change] for change in logged.explanations.planned if change in done]
-    headline = " ".join(_sentence(each) for each in explanation.controls if each.is_sure)
+    headline = " ".join(_sentence(each) for each in explanation.controls if each.change in explanation.sure)
     parts: list[DocumentPart] = []
     if headline:
         parts.append(Paragraph(headline, "headline", "strong"))

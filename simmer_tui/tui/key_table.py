@@ -73,7 +73,7 @@ ANYWHERE = (
     _QUIT,
     KeyGroup(EXAMPLE_KEY.lower(), "run the sample program, while a simulated robot waits for one"),
     KeyGroup(AGAIN_KEY, "after the end of a run: restart it, with its program"),
-    KeyGroup(TRY_KEY, "after a failed run: run its program again, with one change at a time"),
+    KeyGroup(TRY_KEY, "after a failed run: again, with one change at a time"),
 )
 IN_LOG = (
     KeyGroup("/, slash", "filter by what is typed next; escape shows all",

@@ -397,3 +397,22 @@ def test_repeats_end_when_the_rest_cannot_change_the_answer(
 ) -> None:
     control = ChanceControl("true readings of u1", PairCounts(0, first, second, 1), 1)
     assert control.is_decided(more) is decided
+
+
+def test_noise_that_saves_a_run_by_chance_does_not_hide_its_sensor(
+    made_result: Callable[..., TrialResult],
+) -> None:
+    """Noise and bias are a part of true readings: which of the two saves it is known after the repeats."""
+
+    def told(noisy: int) -> str:
+        runs = changed("true readings of u1")
+        saved = {"part": ChangedPart.SENSOR_ERRORS, "codes": ("u1",), "change": "no noise and bias of u1"}
+        own = [each for each in runs if each.change == "true readings of u1"]
+        more = [structs.replace(each, **saved, succeeded=each.repeat <= noisy) for each in own]
+        return explained(made_result(7, 1, success=False), [*runs, *more]).text
+
+    assert told(0).startswith("Run 7 succeeds with true readings of u1. The likely cause is the sensor.")
+    both = told(10)
+    assert both.startswith(
+        "Run 7 succeeds with no noise and bias of u1. The likely cause is the noise and bias"
+    )
