@@ -8,6 +8,10 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
+from simmer_tui.config import load_default
+from simmer_tui.config.settings import with_any_ports
+from simmer_tui.live.server import Server
+from simmer_tui.runlog.header import parse_header
 from simmer_tui.runlog.run_command import RunCommand, run_command
 
 
@@ -73,3 +77,18 @@ def test_a_command_with_a_secret_is_not_kept(line: str) -> None:
 )
 def test_other_commands_are_kept(line: str) -> None:
     assert run_command(line, token="swordfish").line == line
+
+
+@pytest.mark.parametrize("command", ["", "python robot.py --simulator swordfish", "python robot.py"])
+def test_a_log_keeps_the_command_of_its_run_and_no_token(tmp_path: Path, command: str) -> None:
+    configuration = load_default().with_settings({"server.token": "swordfish"})
+    server = Server(replace(configuration, settings=with_any_ports(configuration.settings)))
+    server.program_command = command
+    server.start_log(str(tmp_path / "run.jsonl"))
+    server.start()
+    server.stop()
+    text = (tmp_path / "run.jsonl").read_text()
+    assert "swordfish" not in text
+    header = parse_header(text.splitlines()[0].encode(), "the log")
+    assert (header.run is not None) == bool(command)
+    assert header.can_run_again == (command == "python robot.py")
