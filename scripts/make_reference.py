@@ -42,7 +42,7 @@ from simmer_tui.live.operating.orders import CONSOLE_COMMANDS
 from simmer_tui.report import content, run_statistics
 from simmer_tui.sim.columns import BASE
 from simmer_tui.sim.sensors import KINDS
-from simmer_tui.trials import compare, sweep_summary, trials_summary
+from simmer_tui.trials import compare, logged_trial_summary, sweep_summary, trials_summary
 from simmer_tui.tui.key_table import ANYWHERE, IN_LOG, IN_REPLAY, WITH_THE_MOUSE
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -311,6 +311,7 @@ def answers() -> str:
 ANSWERS: dict[str, tuple[DataTable, ...]] = {
     "report": content.TABLES,
     "report --csv": (DataTable("csv", "Commands of the log", run_statistics.COMMAND_COLUMNS),),
+    "why": logged_trial_summary.TABLES,
     "trials": trials_summary.TABLES,
     "trials --vary": (sweep_summary.SWEEP, trials_summary.RUNS_TABLE),
     "compare": compare.TABLES,

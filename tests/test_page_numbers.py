@@ -238,7 +238,7 @@ PHRASES = {
         "`--margin` ({test.margin})",
         "up to {trials.cluster.MOST_PROGRAM_BYTES/1000000:g} MB",
         "repeats {trials.explanations.EXPLAINED!w} failed runs",
-        "is repeated {trials.chance_control.REPEATS!w} times",
+        "is repeated up to {trials.chance_control.REPEATS!w} times",
         "If p is not below {trials.intervals.SIGNIFICANCE}",
         "McNemar's exact test at {100*trials.intervals.SIGNIFICANCE:g} %",
         "the exit code is {exit.LOST:d}, and finished runs are kept",

@@ -45,6 +45,7 @@ SUBCOMMANDS = {
     "import": ("config_commands:run_import", "make a configuration set from a team's config.py or Main.m"),
     "replay": ("replay_command:run_replay", "play a logged run on the screen"),
     "report": ("log_commands:run_report", "summarize a logged run: verdict, tables, pictures, a page"),
+    "why": ("why_command:run_why", "run a failed run again with one change at a time"),
     "export": ("log_commands:run_export", "make pictures of a logged run: an animated GIF, an SVG"),
     "trials": ("trials_command:run_trials", "run a program many times and measure its success rate"),
     "compare": ("compare_command:run_compare", "compare two sets of trials on the same seeds"),
@@ -96,7 +97,7 @@ def build_parser() -> OneLineParser:
         "--token-file",
         metavar="FILE",
         type=Path,
-        help="the first line of FILE is the --token, which other users could read on the command line",
+        help="first line: the --token, unseen by other users",
     )
     add_trust_option(run)
     add_setting_options(parser, has_screen=True)

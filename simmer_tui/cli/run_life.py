@@ -124,6 +124,7 @@ class RunLife:
     page: PageServer | None = None
 
     def __post_init__(self) -> None:
+        self.server.program_command = self.command or ""
         self._shutdown = Shutdown(self.server)
         self._interruptions: list[int] = []
         """The exit codes of signals, as they came."""

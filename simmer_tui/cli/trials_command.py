@@ -42,7 +42,7 @@ from simmer_tui.program.program_command import check_no_shell, is_python, missin
 from simmer_tui.runlog.writer import moment_name
 from simmer_tui.sim.command import counted, escape, shown_path, typed_path
 from simmer_tui.trials.cluster import check_package, pack
-from simmer_tui.trials.explanations import Explanations
+from simmer_tui.trials.explanations import Explanations, FolderRuns
 from simmer_tui.trials.failures import success_rate
 from simmer_tui.trials.figures import write_run_pages
 from simmer_tui.trials.folder import PLAN, REPORT_PAGE, TABLE, TrialFolder, TrialPlan
@@ -275,7 +275,9 @@ def _jobs(folder: TrialFolder, options: argparse.Namespace) -> int:
 
 def _explain(folder: TrialFolder, options: argparse.Namespace) -> None:
     """Run failed runs again with changes. Raises TrialsError, ConfigurationError."""
-    with contextlib.closing(Explanations(folder).explain(options.why, _jobs(folder, options))) as changed:
+    with contextlib.closing(
+        Explanations(FolderRuns(folder)).explain(options.why, _jobs(folder, options))
+    ) as changed:
         for each in changed:
             end = {True: "succeeds", False: "fails", None: "has no result"}[each.succeeded]
             other = f" and other errors ({each.repeat})" if each.repeat else ""

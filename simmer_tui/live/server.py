@@ -162,6 +162,8 @@ class Server:
         self._links: list[Link] = []
         self._processes = ProcessLookup()
         self._log: RunLog | None = None
+        self.program_command = ""
+        """The command of `--run`, which logs keep; empty without one."""
         self.saved_run: SavedRun | None = None
         """The run in the folder of saved runs, if there is one."""
         self._simulated = SimulatorBackend(self.engine)
@@ -459,7 +461,10 @@ class Server:
 
     def _log_to(self, path: Path, file: Callable[[Path], LineFile] | None = None) -> RunLog:
         """A log of this run. Raises RunLogError."""
+        from simmer_tui.runlog.run_command import run_command
         from simmer_tui.runlog.writer import RunLog
+
+        command = self.program_command
 
         return RunLog(
             path,
@@ -469,6 +474,7 @@ class Server:
             on_stop=self._log_stopped,
             file=file,
             prefix=self.prefix,
+            run=run_command(command, self._token) if command else None,
         )
 
     def _log_stopped(self, why: str) -> None:

@@ -201,8 +201,17 @@ def report_document(run: RunStatistics, name: str, path: str | None = None) -> D
         *report_tables(run, name),
         *(() if failed else (output(run.verdict),)),
         again(name if path is None else path),
+        try_again(run, name if path is None else path),
     ]
     return Document(f"Run {name}", parts)
+
+
+def try_again(run: RunStatistics, name: str) -> Paragraph:
+    """The command that finds the change which saves a failed run; empty if it cannot be run again."""
+    if not (run.failed and run.header.can_run_again):
+        return Paragraph("")
+    command = f"simmer-tui why {typed_path(name)}" if name else "simmer-tui why"
+    return Paragraph(("Try again with one change: ", Code(command)), kind="note")
 
 
 def again(name: str) -> Paragraph:

@@ -21,7 +21,7 @@ from simmer_tui.document.model import (
     Tone,
     VerdictBox,
 )
-from simmer_tui.report.content import again, output, report_tables
+from simmer_tui.report.content import again, output, report_tables, try_again
 from simmer_tui.report.figure import maze_figure
 from simmer_tui.report.findings import findings
 from simmer_tui.report.player import left_out_text, player_script, player_style
@@ -65,7 +65,7 @@ def _page(run: RunStatistics, name: str, *, commands: bool) -> Document:
         *(() if strips is None else (Folded("Sensors over time", (strips,)),)),
         Folded("Movements, errors of readings, timing", report_tables(run, name)),
         Folded(last.heading, (Bullets("", last.entries, kind="output"),) if last.entries else ()),
-        *((again(name),) if commands else ()),
+        *((again(name), try_again(run, name)) if commands else ()),
     ]
     return Document(f"Run {name}", parts)
 

@@ -127,6 +127,14 @@ class RunStatistics:
         return verdict_of(self.history, self.task, findings=self.findings)
 
     @property
+    def failed(self) -> bool:
+        """True for a failed run; without a mission also if its program ended with another exit code than 0,
+        as in trials; after `finish`."""
+        program = self.verdict.program
+        by_code = self.task is None and program is not None and program.exit_code != 0 and not program.stopped
+        return self.verdict.outcome.is_failure or by_code
+
+    @property
     def cause(self) -> Cause | None:
         """Cause of the run's failure, None if it did not fail; after `finish`."""
         return self.verdict.cause

@@ -30,6 +30,7 @@ from simmer_tui.runlog.logged_devices import (
     runnable_kinds,
     same_files,
 )
+from simmer_tui.runlog.run_command import RunCommand
 from simmer_tui.runlog.typed_json import TypedJson
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import escape, escape_word
@@ -70,9 +71,9 @@ class Header(msgspec.Struct, tag_field="kind", tag="header", frozen=True, kw_onl
     `t`, `number`, `pose`, `block`, `holding`, `noise` and `bias` are the state in which the log began. It has
     simulated time, the number of commands before it, and values that a person may have changed. `real_time`
     is seconds since 1970. `mission` is true if a mission was under way. `taken_over` is the origin of a run
-    that continues another one. `mathematics` is the fingerprint of the machine's sines; empty if it is not
-    known. `devices` are the set's own device files by hash, and `kinds` describes the kinds of sensor that
-    are not built in.
+    that continues another one. `run` is the command of `--run`, if there was one. `mathematics` is the
+    fingerprint of the machine's sines; empty if it is not known. `devices` are the set's own device files by
+    hash, and `kinds` describes the kinds of sensor that are not built in.
     """
 
     t: Real
@@ -89,6 +90,7 @@ class Header(msgspec.Struct, tag_field="kind", tag="header", frozen=True, kw_onl
     noise: bool
     mission: bool
     taken_over: TakenOver | None = None
+    run: RunCommand | None = None
     mathematics: str = ""
     logged_bias: dict[DriveKind, LoggedPose] = msgspec.field(name="bias")
     settings: dict[str, Any]
@@ -134,6 +136,11 @@ class Header(msgspec.Struct, tag_field="kind", tag="header", frozen=True, kw_onl
         """True if the robot was a simulated one."""
         return self.settings.get("sim") is not False
 
+    @property
+    def can_run_again(self) -> bool:
+        """True if the log names a program that can be run again from the start of a simulated run."""
+        return self.simulated and self.taken_over is None and self.run is not None and bool(self.run.line)
+
 
 class _Version(msgspec.Struct, tag_field="kind", tag="header"):
     """The part of a header that every format has."""
@@ -152,6 +159,7 @@ def header_of(
     now: datetime,
     mission: bool = False,
     taken_over: TakenOver | None = None,
+    run: RunCommand | None = None,
 ) -> Header:
     """The header of a log that begins now."""
     return Header(
@@ -169,6 +177,7 @@ def header_of(
         noise=simulator.noise,
         mission=mission,
         taken_over=taken_over,
+        run=run,
         mathematics=math_fingerprint(),
         logged_bias={kind: (axes.x, axes.y, axes.r) for kind, axes in simulator.bias.items()},
         # Logs get shared, so the access token is removed.

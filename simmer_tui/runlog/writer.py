@@ -26,6 +26,7 @@ from simmer_tui.runlog.closing import Closing
 from simmer_tui.runlog.encode import LogEncoder, checkpoint_record
 from simmer_tui.runlog.header import TakenOver, header_of
 from simmer_tui.runlog.log_records import encode_line
+from simmer_tui.runlog.run_command import RunCommand
 from simmer_tui.sim.command import shown_path, typed_path
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.whole_file import NOT_OVERWRITTEN
@@ -149,9 +150,11 @@ class RunLog(Closing):
         clock: Callable[[], float] | None = None,
         file: Callable[[Path], LineFile] | None = None,
         prefix: ReplayedPrefix | None = None,
+        run: RunCommand | None = None,
     ) -> None:
         """Write the header. An existing file is never overwritten. `file` opens it, by default by the
-        ending of its name. The events of a `prefix` come first. Raises RunLogError."""
+        ending of its name. The events of a `prefix` come first. `run` is the command of the run's program.
+        Raises RunLogError."""
         self.path = path
         self.stopped = ""
         """Reason why writing has stopped, or empty."""
@@ -179,7 +182,7 @@ class RunLog(Closing):
         self._begun = clock()
         now = datetime.fromtimestamp(self._begun).astimezone()
         taken_over = None if prefix is None else prefix.origin
-        self._write(header_of(configuration, simulator, now, mission, taken_over))
+        self._write(header_of(configuration, simulator, now, mission, taken_over, run))
         if self.stopped:
             raise RunLogError(self.stopped)
         self._on_stop = on_stop

@@ -8,7 +8,7 @@ seeds for both. The unchanged runs show the effect of chance alone.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from simmer_tui.document.formats import COUNT, Format, estimate
 from simmer_tui.document.model import DataColumn, DataTable, data_table
@@ -47,6 +47,13 @@ class ChanceControl:
     def is_sure(self) -> bool:
         """True if the change makes more runs succeed than chance does."""
         return self.pairs.second_only > self.pairs.first_only and self.p < SIGNIFICANCE
+
+    def is_decided(self, more: int) -> bool:
+        """True if `more` pairs cannot change `is_sure`, whatever their results."""
+        pairs = self.pairs
+        best = replace(self, pairs=replace(pairs, second_only=pairs.second_only + more))
+        worst = replace(self, pairs=replace(pairs, first_only=pairs.first_only + more))
+        return best.is_sure == worst.is_sure
 
     @property
     def text(self) -> str:

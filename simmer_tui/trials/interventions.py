@@ -16,6 +16,7 @@ from enum import StrEnum
 from msgspec.structs import replace
 
 from simmer_tui.config.loader import Configuration
+from simmer_tui.config.mission_toml import Heading, MissionSpec
 from simmer_tui.config.nominal import Nominal
 from simmer_tui.config.settings import LinkSettings
 from simmer_tui.sim.columns import BASE
@@ -33,21 +34,33 @@ class ChangedPart(StrEnum):
     SENSOR = "sensor"
     SENSORS = "sensors"
     """Several sensors, or all."""
+    SENSOR_ERRORS = "sensor errors"
+    """Noise and bias of one sensor; gain and mounting stay."""
     NOISE = "noise"
     BIAS = "bias"
     DRIVES = "drives"
     """Noise and bias of all drives."""
+    ROBOT = "robot"
+    """All sensors and drives."""
+    LINK = "link"
+    """The delay of the link."""
     TIME = "time"
+    """The time of readings and of the link."""
+    BELIEF = "belief"
+    """The start pose, which the program then knows."""
+    TIME_LIMIT = "time limit"
 
 
 @dataclass(frozen=True, slots=True)
 class Intervention:
-    """One change. `change` names it (`true readings of u1`), `codes` are the sensors that it makes true."""
+    """One change. `change` names it (`true readings of u1`), `codes` are the sensors that it makes true. With
+    `tells_start` the program is given its start pose, as where mission.toml has it."""
 
     change: str
     part: ChangedPart
     configuration: Configuration
     codes: tuple[str, ...] = ()
+    tells_start: bool = False
 
 
 def interventions(
@@ -56,6 +69,7 @@ def interventions(
     *,
     read: Collection[str] | None = None,
     suspects: Sequence[str] = (),
+    time_was_up: bool = False,
 ) -> list[Intervention]:
     """All interventions that make a difference, the run without a change first.
 
@@ -64,6 +78,7 @@ def interventions(
         nominal: The set that its own is a variant of.
         read: IDs of the sensors that the program read; None if they are not known.
         suspects: Codes of sensors and drives that a verdict names; several sensors are changed together.
+        time_was_up: True if the run ended at the time limit of its mission.
     """
     spec = configuration.simulation
     true = {
@@ -81,6 +96,12 @@ def interventions(
 
     found = [Intervention(UNCHANGED, ChangedPart.NOTHING, configuration)]
     found += [made(f"true readings of {code}", ChangedPart.SENSOR, with_true(code), code) for code in true]
+    for each in spec.sensors:
+        if each.code in true:
+            exact = _without_errors(each)
+            sensors = tuple(exact if other is each else other for other in spec.sensors)
+            change = f"no noise and bias of {each.code}"
+            found.append(made(change, ChangedPart.SENSOR_ERRORS, replace(spec, sensors=sensors), each.code))
     together = tuple(code for code in suspects if code in true)
     if len(together) > 1:
         change = f"true readings of {' and '.join(together)}"
@@ -90,8 +111,24 @@ def interventions(
         made("no noise of the drives", ChangedPart.NOISE, _without_noise(spec)),
         made("no bias of the drives", ChangedPart.BIAS, _without_bias(spec, nominal)),
         made("exact drives", ChangedPart.DRIVES, _without_noise(_without_bias(spec, nominal))),
+        made(
+            "exact sensors and drives",
+            ChangedPart.ROBOT,
+            _without_noise(_without_bias(with_true(*true), nominal)),
+        ),
+        _without_link_delay(configuration),
         _without_delays(configuration),
     ]
+    if configuration.mission is not None:
+        # A given start is known already.
+        if configuration.mission.start is None or isinstance(configuration.mission.heading, Heading):
+            found.append(
+                Intervention("the start pose known", ChangedPart.BELIEF, configuration, tells_start=True)
+            )
+        if time_was_up:
+            longer = replace(configuration.mission, time_limit=2 * configuration.mission.time_limit)
+            changed = replace(configuration, mission=longer)
+            found.append(Intervention("twice the time", ChangedPart.TIME_LIMIT, changed))
     return _different(found)
 
 
@@ -104,8 +141,9 @@ def _different(found: Sequence[Intervention]) -> list[Intervention]:
     return kept
 
 
-def _effective(each: Intervention) -> tuple[SimulationSpec, LinkSettings]:
-    return each.configuration.simulation, each.configuration.settings.link
+def _effective(each: Intervention) -> tuple[SimulationSpec, LinkSettings, MissionSpec | None, bool]:
+    configuration = each.configuration
+    return configuration.simulation, configuration.settings.link, configuration.mission, each.tells_start
 
 
 def _true_sensor(spec: SensorSpec, nominal: Nominal | None) -> SensorSpec:
@@ -118,9 +156,14 @@ def _true_sensor(spec: SensorSpec, nominal: Nominal | None) -> SensorSpec:
     else:
         # Its number names its random stream and its time is no error of its readings.
         base = replace(known, number=spec.number, enabled=spec.enabled, read_time=spec.read_time)
+    return _without_errors(base)
+
+
+def _without_errors(spec: SensorSpec) -> SensorSpec:
+    """The sensor without noise, bias and other errors of its kind; gain and mounting stay."""
     # Rows of every kind may fill the base columns.
-    columns = (*BASE, *base.kind.columns)
-    return with_values(base, {column.field: 0.0 for column in columns if column.is_error})
+    columns = (*BASE, *spec.kind.columns)
+    return with_values(spec, {column.field: 0.0 for column in columns if column.is_error})
 
 
 def _without_noise(spec: SimulationSpec) -> SimulationSpec:
@@ -140,10 +183,16 @@ def _true_drive(spec: DriveSpec, known: DriveSpec | None) -> DriveSpec:
     return replace(spec, kind=known.kind, gain=known.gain, bias=Axes())
 
 
+def _without_link_delay(configuration: Configuration) -> Intervention:
+    """Messages take no simulated time."""
+    changed = configuration.with_settings({"link.latency": 0.0, "link.jitter": 0.0})
+    return Intervention("no link delay", ChangedPart.LINK, changed)
+
+
 def _without_delays(configuration: Configuration) -> Intervention:
     """Readings and messages take no simulated time."""
     spec = configuration.simulation
     sensors = tuple(replace(each, read_time=0.0) for each in spec.sensors)
-    linked = configuration.with_settings({"link.latency": 0.0, "link.jitter": 0.0})
+    linked = _without_link_delay(configuration).configuration
     changed = replace(linked, simulation=replace(spec, sensors=sensors))
     return Intervention("no time for readings and link", ChangedPart.TIME, changed)

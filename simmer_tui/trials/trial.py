@@ -43,7 +43,8 @@ class Trial:
     """One run. `configuration` has the maze already, unless one is to be made at random. In a sweep
     `repetition` is its number among the runs of its value; 0 represents the run's number. With `drawn_for`
     the mission is drawn as for that configuration, so that different robots have the same one. With
-    `errors_seed` sensors and drives draw their errors by it; mission and maze stay those of `seed`."""
+    `errors_seed` sensors and drives draw their errors by it; mission and maze stay those of `seed`. With
+    `tells_start` the program is given its start pose."""
 
     number: int
     repetition: int = 0
@@ -55,6 +56,7 @@ class Trial:
     time_limit: float
     drawn_for: Configuration | None = None
     errors_seed: int | None = None
+    tells_start: bool = False
 
     @property
     def name(self) -> str:
@@ -122,6 +124,8 @@ def prepare(trial: Trial) -> tuple[Configuration, MissionPlan | None]:
         configuration = planned(configuration, plan, trial.seed)
     elif configuration.mission is not None:
         configuration, plan = plan_run(configuration, trial.seed)
+    if plan is not None and trial.tells_start:
+        plan = replace(plan, start_known=True)
     errors = trial.seed if trial.errors_seed is None else trial.errors_seed
     settings = replace(configuration.settings, randerror=False, seed=errors)
     if not trial.fixed_ports:

@@ -32,7 +32,7 @@ from simmer_tui.sim.scan_rays import extremes
 from simmer_tui.sim.specs import Axes, DriveKind
 from simmer_tui.tui.event_text import clock_text, grid_lines, off_text
 from simmer_tui.tui.gauges import bearing_words
-from simmer_tui.tui.key_table import AGAIN_KEY
+from simmer_tui.tui.key_table import AGAIN_KEY, TRY_KEY
 from simmer_tui.tui.line_panel import StyledLine, heading, length, shortened, wrapped_lines
 from simmer_tui.tui.readouts import Room, goals_line, movement_line, spent_words, standing_scan
 from simmer_tui.tui.sizes import BRIEF_ANSWER
@@ -282,9 +282,10 @@ def note(title: str, text: str, role: str = "value") -> AnswerCard:
 # -- the end of a run ------------------------------------------------------------------------------
 
 
-def end_answer(snapshot: Snapshot, *, orders: bool) -> AnswerCard | None:
+def end_answer(snapshot: Snapshot, *, orders: bool, tries: bool = False) -> AnswerCard | None:
     """The end of a run: outcome, cause, the program's last lines, numbers, and the possible actions. None
-    while it continues. Without `orders`, as in a replay, no action is offered."""
+    while it continues. Without `orders`, as in a replay, no action is offered. With `tries` a failed run can
+    be tried again with one change at a time."""
     mission, verdict = snapshot.mission, snapshot.verdict
     over = mission if mission is not None and mission.over else None
     if over is not None and over.result is Result.SUCCESS:
@@ -292,20 +293,30 @@ def end_answer(snapshot: Snapshot, *, orders: bool) -> AnswerCard | None:
     if verdict is not None and verdict.outcome is Outcome.CRASHED:
         program = verdict.program
         if program is not None and program.crashed:
-            return _crash(snapshot, program, orders=orders)
+            return _crash(snapshot, program, orders=orders, tries=tries)
     if over is not None:
-        return _failure(snapshot, escape_passage(over.reason), orders=orders)
+        return _failure(snapshot, escape_passage(over.reason), orders=orders, tries=tries)
     if verdict is None or verdict.outcome is Outcome.STILL_GOING:
         return None
     if verdict.outcome.is_failure:
-        return _failure(snapshot, _silent_text(verdict) or printable(verdict.text), orders=orders)
+        return _failure(
+            snapshot, _silent_text(verdict) or printable(verdict.text), orders=orders, tries=tries
+        )
     text: StyledLine = ((printable(verdict.text), "value"),)
-    return AnswerCard("result", "", (text, _numbers(snapshot), *_offered(_AFTERWARDS, orders=orders)))
+    failed = verdict.program is not None and verdict.program.exit_code != 0
+    offered = _offered(_AFTERWARDS, orders=orders)
+    tried = _tried(tries=tries and failed, orders=orders)
+    return AnswerCard("result", "", (text, _numbers(snapshot), *tried, *offered))
 
 
 _REPORT = (":report", "page")
 _AFTERWARDS = ((":why", "more"), _REPORT, (AGAIN_KEY, "again"))
 """Orders and keys offered after the end of a run, each with its effect."""
+
+
+def _tried(*, tries: bool, orders: bool) -> tuple[StyledLine, ...]:
+    """The line about the key that tries a failed run again; none without `tries`."""
+    return _offered(((TRY_KEY, "try again with one change"),), orders=orders and tries)
 
 
 def _success(snapshot: Snapshot, mission: MissionState, *, orders: bool) -> AnswerCard:
@@ -339,7 +350,7 @@ def _notes(verdict: Verdict | None) -> list[StyledLine]:
     return [] if verdict is None else [((printable(each), "value"),) for each in verdict.notes]
 
 
-def _failure(snapshot: Snapshot, reason: str, *, orders: bool) -> AnswerCard:
+def _failure(snapshot: Snapshot, reason: str, *, orders: bool, tries: bool) -> AnswerCard:
     verdict, mission = snapshot.verdict, snapshot.mission
     cause = None if verdict is None else verdict.cause
     lines: list[StyledLine] = [((reason, "danger"),)]
@@ -347,8 +358,9 @@ def _failure(snapshot: Snapshot, reason: str, *, orders: bool) -> AnswerCard:
         lines.append(((_first_sentences(printable(cause.text)), "value"),))
     offered = _offered(_AFTERWARDS, orders=orders)
     notes = _notes(verdict)
-    brief = (lines[-1], *notes, (*_numbers(snapshot), *_GAP, *(offered[0] if offered else ())))
-    lines += [*notes, _numbers(snapshot)]
+    short: StyledLine = ((TRY_KEY, "mark"), (" try", "label")) if tries and orders else ()
+    brief = (lines[-1], *notes, (*_numbers(snapshot), *_GAP, *(offered[0] if offered else ()), *short))
+    lines += [*notes, _numbers(snapshot), *_tried(tries=tries, orders=orders)]
     at = f"at {clock_text(mission.time)}" if mission is not None else ""
     return AnswerCard("why it failed", at, (*lines, *offered), brief, role="danger")
 
@@ -364,7 +376,7 @@ def _first_sentences(text: str) -> str:
     return shown
 
 
-def _crash(snapshot: Snapshot, program: ProgramEnded, *, orders: bool) -> AnswerCard:
+def _crash(snapshot: Snapshot, program: ProgramEnded, *, orders: bool, tries: bool) -> AnswerCard:
     """The error of a program, and the calls before it, the innermost first."""
     lines: list[StyledLine] = [((escape_passage(program.error), "danger"),)]
     if program.signal:
@@ -372,10 +384,11 @@ def _crash(snapshot: Snapshot, program: ProgramEnded, *, orders: bool) -> Answer
     calls = _calls(program)
     numbers = _numbers(snapshot)
     offered = _offered(((":program", "whole error"), _REPORT), orders=orders)
+    tried = _tried(tries=tries, orders=orders)
     note = f"exit code {program.exit_code}"
     second = (*calls[0], *_GAP, *calls[1]) if len(calls) > 1 else calls[0] if calls else numbers
     brief = ((*lines[0], (f"   {note}", "dim")), second, (*numbers, *_GAP, *(offered[0] if offered else ())))
-    return AnswerCard("why it ended", note, (*lines, *calls, numbers, *offered), brief, role="danger")
+    return AnswerCard("why it ended", note, (*lines, *calls, numbers, *tried, *offered), brief, role="danger")
 
 
 def _calls(program: ProgramEnded) -> list[StyledLine]:

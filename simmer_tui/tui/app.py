@@ -11,6 +11,7 @@ from textual.binding import Binding, BindingType
 from textual.events import Event, Key
 from textual.screen import Screen
 from textual.widget import Widget
+from textual.worker import get_current_worker
 
 from simmer_tui import platform_has
 from simmer_tui.config.dialects import COMMANDS
@@ -24,7 +25,8 @@ from simmer_tui.live.snapshot import Snapshot
 from simmer_tui.report.why import why
 from simmer_tui.robot.playback_throttle import checked_pace
 from simmer_tui.run.events import Action
-from simmer_tui.sim.command import Command, escape, printable, shown_path
+from simmer_tui.runlog.saved_runs import SavedRun
+from simmer_tui.sim.command import Command, escape, printable, shown_path, typed_path
 from simmer_tui.sim.specs import DriveKind
 from simmer_tui.tui import answers
 from simmer_tui.tui.console import ConsolePane, History
@@ -35,6 +37,7 @@ from simmer_tui.tui.key_table import (
     AGAIN_KEY,
     EXAMPLE_KEY,
     IN_CONSOLE,
+    TRY_KEY,
     Hint,
     MazePane,
     drive_keys,
@@ -44,7 +47,7 @@ from simmer_tui.tui.key_table import (
 )
 from simmer_tui.tui.key_velocity import PERIOD, KeyVelocity
 from simmer_tui.tui.line_panel import LinePanel, between, shortened
-from simmer_tui.tui.live import LiveSource, report_text
+from simmer_tui.tui.live import LiveSource, report_text, why_text
 from simmer_tui.tui.picture import screen_picture
 from simmer_tui.tui.readouts import Room, last_reply, status_line
 from simmer_tui.tui.shell import Shell, put
@@ -70,6 +73,7 @@ class SimmerApp(Shell):
         Binding("enter", "focus_console", priority=True),
         Binding(EXAMPLE_KEY.lower(), "example"),
         Binding(AGAIN_KEY, "again", priority=True),
+        Binding(TRY_KEY, "try_changes", priority=True),
     ]
 
     def __init__(
@@ -79,7 +83,10 @@ class SimmerApp(Shell):
         super().__init__(LiveSource(server), choice, MazePane(choice.glyphs, choice.color))
         self.server = server
         self._console = ConsolePane(self._spec, History(history_file), self.follow)
-        self._console.again = self._again_typed
+        self._console.free_keys = {
+            AGAIN_KEY: partial(self._over, self.action_again),
+            TRY_KEY: partial(self._over, self.action_try_changes),
+        }
         self._prompt = LinePanel(id="prompt")
         self._reply = LinePanel(id="reply")
         self._operator = Operator(server)
@@ -95,6 +102,7 @@ class SimmerApp(Shell):
         self._panes.pointer = " ".join(REASONS)
         self._panes.slot.first_steps = self._first_steps
         self._panes.slot.has_orders = True
+        self._panes.slot.tries = bool(program)
         self._panes.program_name = program
 
     # -- putting together ------------------------------------------------------------------------
@@ -151,9 +159,10 @@ class SimmerApp(Shell):
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Leave keys to pages and text fields that have a use of their own for them."""
-        if action in ("colon", "again", "focus_console"):
+        if action in ("colon", "again", "try_changes", "focus_console"):
             is_elsewhere = len(self.screen_stack) == 1 and not self._console.has_focus_within
-            return is_elsewhere and (action != "again" or self._panes.phase.is_over)
+            after_end = action in ("again", "try_changes")
+            return is_elsewhere and (not after_end or self._panes.phase.is_over)
         return super().check_action(action, parameters)
 
     def _first_steps(self) -> answers.AnswerCard:
@@ -194,12 +203,37 @@ class SimmerApp(Shell):
         self.run_again()
         self.refresh_frame()
 
-    def _again_typed(self) -> bool:
-        """Restart the run if it is over, by the key for it in an empty console."""
+    def _over(self, act: Callable[[], object]) -> bool:
+        """Do an action for a run that is over, by the key for it in an empty console."""
         if self._panes.phase.is_over:
-            self.action_again()
+            act()
             return True
         return False
+
+    def action_try_changes(self) -> None:
+        """Run the program of a failed run again, with one change at a time, and show what saves it."""
+        saved = self.server.saved_run
+        if not self._panes.phase.is_over:
+            self._console.show_error("try: the run has not ended yet")
+        elif saved is None:
+            self._console.show_error("try: this run is not saved; start with --log FILE for simmer-tui why")
+        elif not self.server.program_command:
+            line = f'simmer-tui why {typed_path(saved.path)} --run "CMD"'
+            self._console.show_error(f"try: no program was started with --run; type {line}")
+        else:
+            self.run_worker(self._try_changes(saved), group="try", exclusive=True)
+
+    async def _try_changes(self, saved: SavedRun) -> None:
+        """Show the progress of the runs on a page, and then their answer. Closing the page ends them."""
+        worker = get_current_worker()
+        room, title = self.size.width - PAGE_FRAME, "Try again with one change"
+        screen = ReportScreen("Starting ...", title, "Esc closes, and ends the runs")
+        await self.push_screen(screen, lambda _: worker.cancel())
+        try:
+            text = await why_text(saved, room, self._plain, screen.replace)
+        except OSError as error:
+            text = f"The runs cannot be started: {reason_of(error)}"
+        screen.replace(text)
 
     def page_turned(self) -> None:
         if not self._console.has_focus_within:
@@ -245,6 +279,7 @@ class SimmerApp(Shell):
             "pace": lambda factor: self._set_pace(float(factor)),
             "why": self._show_why,
             "report": lambda _: self.run_worker(self._show_report(), group="report", exclusive=True),
+            "try": lambda _: self.action_try_changes(),
             "program": lambda _: self._show_program(),
             "bias": lambda _: self.ask(answers.bias_answer(self.server.simulator.bias), stays=True),
             "vv": self._drive_for,

@@ -17,7 +17,7 @@ from simmer_tui.errors import ConsoleCommandError
 from simmer_tui.live.operating.orders import ConsoleCommand, completed, completions, read_console_command
 from simmer_tui.sim.command import escape_word
 from simmer_tui.sim.specs import SimulationSpec
-from simmer_tui.tui.key_table import AGAIN_KEY, IN_CONSOLE, bindings_of
+from simmer_tui.tui.key_table import IN_CONSOLE, bindings_of
 from simmer_tui.tui.line_panel import LinePanel, StyledLine
 from simmer_tui.whole_file import write_whole
 
@@ -111,8 +111,9 @@ class _ConsoleInput(Input):
 
     async def take_key(self, event: Key) -> bool:
         """Do a key's action completely before this returns; False if it has none here."""
-        is_free = event.character == AGAIN_KEY and not self.value and not completions(AGAIN_KEY, self._spec)
-        if is_free and self._owner.again():
+        key = event.character or ""
+        free = self._owner.free_keys.get(key)
+        if free is not None and not self.value and not completions(key, self._spec) and free():
             return True
         if event.is_printable and event.character is not None:
             self._type(event.character)
@@ -207,8 +208,8 @@ class ConsolePane(Vertical):
         self._mistaken = ""
         """Text of the line when the error was shown; with something else in it the error goes."""
         self._note = ""
-        self.again: Callable[[], bool] = lambda: False
-        """Restarts a run that is over; returns false for one that is not."""
+        self.free_keys: dict[str, Callable[[], bool]] = {}
+        """Actions of keys while nothing is typed; each returns false if it is not possible now."""
         self.given = 0
         """Lines given so far."""
 

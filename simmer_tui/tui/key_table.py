@@ -53,6 +53,8 @@ EXAMPLE_KEY = "F5"
 # Codes have small letters, and so has the maze's key for a reset at any time.
 AGAIN_KEY = "R"
 """Key that restarts a run that is over, also from an empty console."""
+TRY_KEY = "T"
+"""Key that runs the program of a failed run again with one change at a time."""
 WITH_THE_MOUSE = (
     KeyGroup("wheel", "on the maze: zoom"),
     KeyGroup("drag", "on the maze: look elsewhere; on text: mark and copy it"),
@@ -71,6 +73,7 @@ ANYWHERE = (
     _QUIT,
     KeyGroup(EXAMPLE_KEY.lower(), "run the sample program, while a simulated robot waits for one"),
     KeyGroup(AGAIN_KEY, "after the end of a run: restart it, with its program"),
+    KeyGroup(TRY_KEY, "after a failed run: again, with one change at a time"),
 )
 IN_LOG = (
     KeyGroup("/, slash", "filter by what is typed next; escape shows all",

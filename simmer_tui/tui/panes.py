@@ -98,6 +98,8 @@ class AnswerSlot:
         """Advice for a beginning, if there is any."""
         self.has_orders = False
         """True if orders can be typed, which an answer may name."""
+        self.tries = False
+        """True if the run's program can be run again with one change at a time."""
         self.asked_at = 0
         """Number of the newest event when an answer was last requested."""
         self._asked: AnswerCard | None = None
@@ -130,7 +132,7 @@ class AnswerSlot:
                 self._moved = state.moved
             else:
                 self._asked = None
-        end = end_answer(snapshot, orders=self.has_orders)
+        end = end_answer(snapshot, orders=self.has_orders, tries=self.tries)
         if end is None:
             self._closed, self._commands = False, -1
         elif phase is RunPhase.ENDED:

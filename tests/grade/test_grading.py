@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import gzip
 import json
 import os
 import re
@@ -76,6 +77,11 @@ def test_course_is_graded_and_all_of_the_answer_is_there(
     results_of = (json.loads(line)["result"] for line in (out / "results.jsonl").read_text().splitlines())
     first = sum(each["success"] and each["number"] % 100_000 == 1 for each in results_of)
     assert len(kept) == failures + first, "and those of first runs"
+    headers = [
+        json.loads(gzip.decompress(path.read_bytes()).splitlines()[0])
+        for path in (out / "runs").rglob("*.gz")
+    ]
+    assert not any("run" in header for header in headers), "a team's command is nobody else's to run"
     page = (out / "site" / "good.html").read_text()
     assert "✓ succeeded" in page
     (played,) = re.findall(r"href='(good-run-[^']+)'", page)

@@ -31,6 +31,7 @@ from simmer_tui.run.events import (
     WireMessage,
 )
 from simmer_tui.runlog.header import TakenOver
+from simmer_tui.runlog.run_command import RunCommand
 from simmer_tui.runlog.writer import CHECKPOINT_EVERY, ReplayedPrefix, RunLog
 from simmer_tui.sim import GripperSpec, Pose, Simulator, Status, WheelLayout, WheelsSpec, parse_command
 from simmer_tui.sim.sensors.lidar import Lidar, LidarSpec
@@ -64,7 +65,7 @@ def other_log(path: Path, configuration: Any, motion: str) -> None:
     simulator = Simulator(simulation, 7)
     prefix = ReplayedPrefix(TakenOver("other.jsonl", 1, 0.0), begun=1e9)
     prefix.end()
-    with RunLog(path, changed, simulator, mission=True, prefix=prefix) as log:
+    with RunLog(path, changed, simulator, mission=True, prefix=prefix, run=RunCommand("/")) as log:
         engine = Engine(simulator)
         engine.watch(log)
         session = engine.session()

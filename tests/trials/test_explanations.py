@@ -21,7 +21,9 @@ from simmer_tui.sim.columns import CsvColumn
 from simmer_tui.sim.rules import NumberRule
 from simmer_tui.sim.specs import Axes, SensorSpec
 from simmer_tui.trials import explanations
+from simmer_tui.trials.chance_control import ChanceControl
 from simmer_tui.trials.explanations import ChangedRun, explained
+from simmer_tui.trials.intervals import PairCounts
 from simmer_tui.trials.interventions import UNCHANGED, ChangedPart, Intervention, interventions
 from simmer_tui.trials.sweep import files_at
 from simmer_tui.trials.trial import Trial, TrialResult, prepare
@@ -177,7 +179,10 @@ def test_each_intervention_changes_one_thing(mission: Configuration) -> None:
         "no noise of the drives",
         "no bias of the drives",
         "exact drives",
+        "exact sensors and drives",
+        "no link delay",
         "no time for readings and link",
+        "the start pose known",
     ]
     old, new = mission.simulation, found["true readings of u1"].configuration.simulation
     assert [each for each in new.sensors if each not in old.sensors] == [replace(old.sensors[0], error=0.0)]
@@ -344,3 +349,70 @@ def test_a_certain_verdict_needs_no_confirmation(made_result: Callable[..., Tria
     result = made_result(7, 1, success=False, verdict={"cause": cause})
     told = explained(result, changed("no noise of the drives"))
     assert (told.suspected, told.confirmed) == ("", None)
+
+
+# -- one change more -------------------------------------------------------------------------------
+
+
+def test_noise_and_bias_are_told_from_the_gain_of_a_sensor(mission: Configuration) -> None:
+    u1, *rest = mission.simulation.sensors
+    wrong = replace(u1, gain=1.3, bias=2.0)
+    faulty = replace(mission, simulation=replace(mission.simulation, sensors=(wrong, *rest)))
+    found = by_change(interventions(faulty, nominal_of(mission), read={u1.id, rest[0].id}))
+    without = found["no noise and bias of u1"].configuration.simulation.sensors[0]
+    assert without == replace(wrong, error=0.0, bias=0.0)
+    assert found["true readings of u1"].configuration.simulation.sensors[0] == replace(u1, error=0.0)
+    assert f"no noise and bias of {rest[0].code}" not in found, "its true readings are the same"
+
+
+def test_more_time_is_given_to_a_run_that_had_too_little(mission: Configuration) -> None:
+    assert mission.mission is not None
+    assert "twice the time" not in by_change(interventions(mission))
+    longer = by_change(interventions(mission, time_was_up=True))["twice the time"].configuration
+    assert longer.simulation == mission.simulation
+    assert longer.mission == replace(mission.mission, time_limit=2 * mission.mission.time_limit)
+
+
+def test_a_start_pose_is_given_with_the_same_mission(mission: Configuration) -> None:
+    change = by_change(interventions(mission))["the start pose known"]
+    trial = Trial(
+        number=1, seed=5, configuration=mission, maze="", command="", fixed_ports=False, time_limit=1.0
+    )
+    _, plan = prepare(trial)
+    _, given = prepare(dataclasses.replace(trial, tells_start=change.tells_start))
+    assert plan is not None
+    assert given == replace(plan, start_known=True)
+    spec = mission.mission
+    assert spec is not None
+    known = replace(mission, mission=replace(spec, start=(9.0, 42.0), heading=90.0))
+    assert "the start pose known" not in by_change(interventions(known)), "it is known already"
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "more", "decided"),
+    [(0, 9, 1, True), (0, 8, 2, False), (1, 3, 3, True), (1, 3, 6, False), (0, 0, 5, True), (0, 0, 6, False)],
+)
+def test_repeats_end_when_the_rest_cannot_change_the_answer(
+    first: int, second: int, more: int, decided: bool
+) -> None:
+    control = ChanceControl("true readings of u1", PairCounts(0, first, second, 1), 1)
+    assert control.is_decided(more) is decided
+
+
+def test_noise_that_saves_a_run_by_chance_does_not_hide_its_sensor(
+    made_result: Callable[..., TrialResult],
+) -> None:
+    """Noise and bias are a part of true readings: which of the two saves it is known after the repeats."""
+
+    def told(noisy: int) -> str:
+        runs = changed("true readings of u1")
+        saved = {"part": ChangedPart.SENSOR_ERRORS, "codes": ("u1",), "change": "no noise and bias of u1"}
+        own = [each for each in runs if each.change == "true readings of u1"]
+        more = [structs.replace(each, **saved, succeeded=each.repeat <= noisy) for each in own]
+        return explained(made_result(7, 1, success=False), [*runs, *more]).text
+
+    assert told(0).startswith("Run 7 succeeds with true readings of u1. The likely cause is the sensor.")
+    both = told(10)
+    assert both.startswith(
+        "Run 7 succeeds with no noise and bias of u1. The likely cause is the noise and bias"
+    )

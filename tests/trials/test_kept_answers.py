@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pickle
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace as changed_trial
 from pathlib import Path
 
@@ -17,7 +17,7 @@ from simmer_tui.document.as_data import document_value, plain
 from simmer_tui.document.as_html import html_page
 from simmer_tui.trials import explanations
 from simmer_tui.trials.compare import comparison, paired
-from simmer_tui.trials.explanations import Explanations, explanation_tables
+from simmer_tui.trials.explanations import Explanations, FolderRuns, explanation_tables
 from simmer_tui.trials.folder import TrialFolder, TrialPlan
 from simmer_tui.trials.interventions import UNCHANGED
 from simmer_tui.trials.sweep import points_of
@@ -97,11 +97,11 @@ def test_a_comparison_is_told_as_it_was_kept(make: Make) -> None:
 def test_failed_runs_are_explained_by_what_changed_runs_do(
     make: Make, made_result: Callable[..., TrialResult], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Of two failed runs the first succeeds without bias of the drives; unchanged once in three."""
+    """Of two failed runs the first succeeds without bias of the drives; unchanged once in seven."""
     folder = make("why", "sxt")
     asked: list[tuple[int, int, int | None]] = []
 
-    def run(trials: Sequence[Trial], logs: Path, jobs: int) -> Iterator[TrialResult]:
+    def run(trials: Iterable[Trial], logs: Path, jobs: int, make: object) -> Iterator[TrialResult]:
         for trial in trials:
             asked.append((trial.number, trial.repetition, trial.errors_seed))
             fair = not trial.configuration.simulation.randbias
@@ -109,19 +109,20 @@ def test_failed_runs_are_explained_by_what_changed_runs_do(
             yield made_result(trial.number, trial.seed, success=success, verdict={"text": "it hit"})
 
     monkeypatch.setattr(explanations, "run_locally", run)
-    monkeypatch.setattr(explanations, "REPEATS", 3)
-    found = Explanations(folder)
+    monkeypatch.setattr(explanations, "REPEATS", 7)
+    found = Explanations(FolderRuns(folder))
     done = [(each.run, each.change, each.repeat, each.succeeded, each.text) for each in found.explain(2, 4)]
     unchanged = [(run, *outcome) for run, change, *outcome, _ in done if change == UNCHANGED]
     assert unchanged == [
-        (2, 0, False), (3, 0, False), (2, 1, False), (2, 2, True), (2, 3, False),
+        (2, 0, False), (3, 0, False), (2, 1, False), (2, 2, True),
+        (2, 3, False), (2, 4, False), (2, 5, False), (2, 6, False), (2, 7, False),
     ]  # fmt: skip
     tables = {table.key: table.rows for table in explanation_tables(folder)}
     why = [(row[0], row[1], row[2], row[3]) for row in tables["why"]]
     assert_kept({"asked": asked, "done": done, "why": why}, KEPT, "explanations")
     assert len(tables["interventions"]) == len(done)
     before = len(asked)
-    assert list(Explanations(folder).explain(2, 4)) == []
+    assert list(Explanations(FolderRuns(folder)).explain(2, 4)) == []
     assert len(asked) == before
 
 

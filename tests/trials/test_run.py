@@ -59,6 +59,7 @@ def test_log_of_a_run_repeats_it(trial: Trial, program: Callable[[str], str], tm
     result = TrialRun(replace(trial, command=program(FETCH)), tmp_path).run()
     with LogReader(tmp_path / "0003.jsonl") as log:
         assert log.header.seed == result.seed
+        assert log.header.run is None, "only --run of a single run is kept"
         assert rebuild(log.header).simulation.bot_center == result.start[:2]
         events = [told.event for told in log if isinstance(told, Logged)]
         assert len([event for event in events if isinstance(event, CommandResult)]) == result.commands

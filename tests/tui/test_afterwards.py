@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import re
+import shlex
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -276,3 +278,52 @@ def test_a_page_may_open_as_the_app_ends(fly: Fly) -> None:
         cockpit.app.exit(0)
 
     assert fly(scenario) == 0
+
+
+# -- try again with one change ---------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_a_failed_run_is_tried_again_without_a_question(
+    fly: Fly, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
+    monkeypatch.setattr("platformdirs.user_data_path", lambda *_, **__: tmp_path / "data/simmer-tui")
+    program = tmp_path / "robot.py"
+    root = str(Path(__file__).parents[2])
+    program.write_text(
+        f"import os, sys\nsys.path.insert(0, {root!r})\nfrom simmer_tui.client import Robot\n"
+        "Robot().read('u1')\nopen(f'ran{os.getpid()}', 'w').close()\nsys.exit(3)\n"
+    )
+    monkeypatch.chdir(tmp_path)
+
+    async def scenario(cockpit: Cockpit) -> None:
+        app = cockpit.app
+        await cockpit.type(":try")
+        await cockpit.until(lambda: "the run has not ended yet" in cockpit["hint"])
+        cockpit.server.program_command = shlex.join([sys.executable, "robot.py"])
+        app._panes.slot.tries = True
+        cockpit.server.call(cockpit.server.save_run)
+        await cockpit.until(lambda: cockpit.server.saved_run is not None)
+        robot = cockpit.client()
+        await asyncio.to_thread(robot.send, "u1")
+        cockpit.server.tell(ProgramEnded(0.0, 3, stderr=(OutputLine(0.0, "lost"),)))
+        await cockpit.until(lambda: "T try again with one change" in cockpit["answer"])
+        await cockpit.pilot.press("T")
+        await cockpit.until(lambda: isinstance(app.screen, ReportScreen))
+        # On a quick machine the end is there before one looks.
+        await cockpit.until(lambda: "of at most" in page(cockpit) or "with seed" in page(cockpit))
+        assert len(list(tmp_path.glob("ran*"))) >= 1
+        while "The likely cause is the program itself" not in " ".join(page(cockpit).split()):
+            await cockpit.pilot.pause(0.05)
+        await cockpit.pilot.press("escape")
+        await cockpit.until(lambda: not isinstance(app.screen, ReportScreen))
+        # Closed before the end: the runs end, too.
+        ran = len(list(tmp_path.glob("ran*")))
+        await cockpit.type(":try")
+        await cockpit.until(lambda: isinstance(app.screen, ReportScreen))
+        await cockpit.pilot.press("escape")
+        await cockpit.until(lambda: not app.workers._workers)
+        assert len(list(tmp_path.glob("ran*"))) < 2 * ran
+
+    fly(scenario)

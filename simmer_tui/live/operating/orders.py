@@ -177,6 +177,7 @@ _ORDERS = (
     OrderSpec(":log FILE", "log the run from here on (or auto)", _file),
     OrderSpec(":why [move]", "why the run ended so, or (before, or with move) a movement", _why),
     OrderSpec(":report", "report of this run so far", _alone),
+    OrderSpec(":try", "run a failed program again, with one change at a time", _alone),
     OrderSpec(":program", "last output and whole error of a program that has ended", _alone),
     OrderSpec(":web", "links to the page that shows this run in browsers", _alone),
     OrderSpec(":robot PORT", "drive the robot on a serial port", _file),
