@@ -71,17 +71,19 @@ class Counted(float):
     """A number that counts what is done with numbers of its kind."""
 
     done = 0
-
-    def _counted(operation: str) -> Any:  # type: ignore[misc]
-        def count(self: float, other: object) -> Any:
-            Counted.done += 1
-            return getattr(float, operation)(self, other)
-
-        return count
-
-    __eq__, __ne__, __mul__, __truediv__ = map(_counted, ("__eq__", "__ne__", "__mul__", "__truediv__"))
-    __rmul__, __pow__ = _counted("__rmul__"), _counted("__pow__")
     __hash__ = float.__hash__
+
+
+def counting(operation: str) -> Any:
+    def count(number: float, other: object) -> Any:
+        Counted.done += 1
+        return getattr(float, operation)(number, other)
+
+    return count
+
+
+for each in ("eq", "ne", "mul", "rmul", "truediv", "pow"):
+    setattr(Counted, f"__{each}__", counting(f"__{each}__"))
 
 
 class CountingNames(Names):
