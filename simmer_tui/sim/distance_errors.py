@@ -22,6 +22,7 @@ from msgspec import Struct
 from msgspec.structs import astuple
 
 from simmer_tui.sim.arcs import Twist
+from simmer_tui.sim.device_faults import faults_of
 from simmer_tui.sim.noise import distance_stream
 from simmer_tui.sim.sensors import CountingSensor
 from simmer_tui.sim.specs import CELL_SIZE, Axes, DriveKind, DriveSpec
@@ -179,10 +180,13 @@ class TrueVelocity:
     def counts(self, pressed_turn: float | None = None) -> dict[str, float]:
         """Rates of odometers (in/s) and gyros (deg/s), by sensor ID. Wheels turn even if the robot does not
         move. Gyros of a pressed robot count its real turning rate, `own`'s or 0."""
-        return {
-            sensor.spec.id: self._rolled(sensor) if sensor.slips else self._turned(sensor, pressed_turn)
-            for sensor in self._errors.sensors
-        }
+        rates = {sensor.spec.id: 0.0 for sensor in self._errors.sensors}
+        for sensor in self._errors.sensors:
+            with faults_of(sensor, kept=True):
+                rates[sensor.spec.id] = float(
+                    self._rolled(sensor) if sensor.slips else self._turned(sensor, pressed_turn)
+                )
+        return rates
 
     def _rolled(self, sensor: CountingSensor) -> float:
         exact, error = self._exact, sensor.spec.error
