@@ -77,6 +77,14 @@ class _Stretch(Struct):
     """Draws of odometers (turning, rolling) and gyros (twice the same), by sensor ID."""
 
 
+def stretches_per_second(drives: Iterable[DriveSpec], segments: int) -> float:
+    """The most stretches of errors that a robot begins in a second: all its drives are at their speed."""
+    speeds = {each.kind: each.speed for each in drives if each.enabled}
+    lengths = (CELL_SIZE, CELL_SIZE, REFERENCE_TURN)
+    pairs = zip(AXIS_KINDS, lengths, strict=True)
+    return segments * sum(max(speeds.get(kind, 0.0) for kind in kinds) / length for kinds, length in pairs)
+
+
 class DistanceErrors:
     """The errors of a robot's velocity, drawn stretch by stretch from streams of their own."""
 
