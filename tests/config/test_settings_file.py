@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from simmer_tui.config.loader import load
-from simmer_tui.config.sets import bundled_folder, bundled_sets, init_set
 from simmer_tui.config.set_warnings import set_warnings
+from simmer_tui.config.sets import bundled_folder, bundled_sets, init_set
 from simmer_tui.config.settings import MotionSettings, ServerSettings, Settings, all_settings
 from simmer_tui.config.settings_file import Override, load_settings
 from simmer_tui.errors import ConfigurationError, Problem
