@@ -82,7 +82,7 @@ def plain_number(value: Any) -> float:
 
 
 def plain_view(view: object) -> RangeScan | FloorPatch | None:
-    """What is drawn beside a reading, in plain numbers; anything else is not drawn. Raises TypeError,
+    """The geometry beside a reading, in plain numbers; anything else is not drawn. Raises TypeError,
     ValueError."""
     if isinstance(view, RangeScan):
         x, y = map(plain_number, view.origin)
