@@ -35,8 +35,8 @@ def located(path: str, what: str, error: BaseException, kind: str = "") -> Devic
     except Exception:  # noqa: BLE001 - an exception of the team's own, whose text fails too
         told = "(its text cannot be shown)"
     if kind and not frames:
-        what = f"a reading of {kind} must be a number, and observe() must return it as in (21.5, None)"
-        return DeviceError(f"{path}: {what}: {told}")
+        form = "must be a number, and observe() must return it as in (21.5, None)"
+        return DeviceError(f"{path}: a reading of {kind} {form}: {told}")
     where = f"{path}:{frames[-1][1]}" if frames else path
     what = what or (frames[0][0].f_code.co_qualname if frames else "a part of it")
     if isinstance(error, NotImplementedError):
