@@ -27,7 +27,8 @@ from simmer_tui.sim.simulator import Simulator
 
 MOST_SECONDS, MOST_BYTES = 0.001, 65_536
 HALF = "x" * (LONGEST_TEXT // 2)
-NAMES: dict[str, FieldValue] = {"s": HALF, "h": 10**39, "i": 2**53, "f": 1e308}
+LISTS: dict[str, FieldValue] = {"codes": ("u0",) * 30_000, "others": ("u0",) * 30_000}
+NAMES: dict[str, FieldValue] = {"s": HALF, "h": 10**39, "i": 2**53, "f": 1e308, **LISTS}
 HARD: dict[str, Callable[[int], str]] = {
     "sums of texts": lambda n: "pick(0, " + ", ".join(["s+s"] * n) + ")",
     "texts held": lambda n: "(s+s)==(" * n + "1" + ")" * n,
@@ -42,6 +43,7 @@ HARD: dict[str, Callable[[int], str]] = {
     "rounding": lambda n: "round(f, 15)" + "+round(f, 15)" * n,
     "a scan": lambda n: f"scan(0, 1, {MOST_RAYS})",
     "rays": lambda n: "ray(1)" + "+ray(2)" * min(n, 3),
+    "lists compared": lambda n: " and ".join(["codes!=others or others==codes"] * n),
 }
 """Expressions of a size; the largest one that is not refused is measured."""
 FIELDS = {

@@ -11,6 +11,7 @@ from simmer_tui.errors import AtlasError, UnknownSensorError
 from simmer_tui.sim import Simulator
 from simmer_tui.sim.angles import MOST_HEADINGS
 from simmer_tui.sim.arrays import BoolArray, FloatArray, NDArray
+from simmer_tui.sim.device_faults import faults_of
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.rules import IntegerRule, NumberRule
@@ -144,8 +145,9 @@ def compute_atlas(
 
 def _readings(sensor: ObservingSensor, world: World, poses: FloatArray) -> list[float]:
     """Readings of a sensor without noise at (n, 3) poses at time 0."""
-    if isinstance(sensor, RangeSensor):
-        true = sensor.true_values(world, poses).tolist()
-    else:
-        true = [sensor.observe(world, Pose(*pose))[0] for pose in poses.tolist()]
-    return [sensor.reading(value, None, 0.0) for value in true]
+    with faults_of(sensor):
+        if isinstance(sensor, RangeSensor):
+            true = sensor.true_values(world, poses).tolist()
+        else:
+            true = [float(sensor.observe(world, Pose(*pose))[0]) for pose in poses.tolist()]
+        return [float(sensor.reading(value, None, 0.0)) for value in true]

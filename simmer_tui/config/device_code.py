@@ -13,11 +13,11 @@ from typing import Any
 from msgspec.structs import fields
 
 from simmer_tui.config.device_file import DeviceFile
-from simmer_tui.config.device_guard import guard, located
 from simmer_tui.config.device_outline import python_tree
 from simmer_tui.errors import ConfigurationError, DeviceError, Problem
 from simmer_tui.sim.columns import CsvColumn
 from simmer_tui.sim.command import escape
+from simmer_tui.sim.device_faults import located
 from simmer_tui.sim.rules import Rule
 from simmer_tui.sim.sensors import Sensor
 from simmer_tui.sim.sensors.recorded_kinds import (
@@ -35,15 +35,15 @@ def kinds_of(file: DeviceFile) -> tuple[type[Sensor], ...]:
     ConfigurationError."""
     module = run_device(file)
     try:
-        return _guarded_kinds(file, module)
+        return _checked_kinds(file, module)
     except (ConfigurationError, KeyboardInterrupt):
         raise
     except BaseException as error:  # noqa: BLE001 - its classes may have code of their own, as a metaclass has
         raise ConfigurationError([_problem(located(file.path, "a class of it", error))]) from None
 
 
-def _guarded_kinds(file: DeviceFile, module: ModuleType) -> tuple[type[Sensor], ...]:
-    """The kinds among the classes of a module, checked and guarded. Raises ConfigurationError."""
+def _checked_kinds(file: DeviceFile, module: ModuleType) -> tuple[type[Sensor], ...]:
+    """The kinds among the classes of a module, checked. Raises ConfigurationError."""
     classes = [each for each in vars(module).values() if isinstance(each, type)]
     # Only the sensors are hashed: a class beside them may have a metaclass without a hash.
     own = dict.fromkeys(
@@ -62,7 +62,6 @@ def _guarded_kinds(file: DeviceFile, module: ModuleType) -> tuple[type[Sensor], 
         raise ConfigurationError(problems)
     for kind in kinds:
         kind.is_opaque = True
-    guard(file.path, file.module, kinds)
     return tuple(kinds)
 
 
@@ -119,7 +118,7 @@ def device_faults(files: Iterable[DeviceFile], problems: list[Problem]) -> Itera
     except Exception as error:
         # A rule or a class variable of the team's own.
         for file in files:
-            found = _problem(located(file.path, "a part of it", error))
+            found = _problem(located(file.path, "", error))
             if found.where != file.path:
                 problems.append(found)
                 return

@@ -400,7 +400,7 @@ class DialectDevice:
                 return
             codes = self._sensors_in(expressions_of(step), task.values)
             if codes:
-                self.host.read(codes, lambda values, step=step: self._with_readings(task, step, values))  # type: ignore[misc]
+                self._read(codes, lambda values, step=step: self._with_readings(task, step, values))  # type: ignore[misc]
                 return
             if not self._do(task, step, task.values):
                 return
@@ -558,9 +558,20 @@ class DialectDevice:
             then()
 
         if codes:
-            self.host.read(codes, made)
+            self._read(codes, made)
         else:
             made({})
+
+    def _read(self, codes: Sequence[str], done: Callable[[FieldValues], None]) -> None:
+        """Read sensors. A yes or no is a whole number, as a robot's digitalRead() gives it."""
+        yes_or_no = self._rules.parts.yes_or_no
+
+        def read(values: FieldValues) -> None:
+            whole = {code: round(value) for code, value in values.items()
+                     if code in yes_or_no and isinstance(value, float) and math.isfinite(value)}  # fmt: skip
+            done({**values, **whole})
+
+        self.host.read(codes, read)
 
     def _sensors_in(self, expressions: Sequence[Expression], values: FieldValues) -> tuple[str, ...]:
         """The sensors that expressions read. Those of `named` are in the message, in the state, or in the

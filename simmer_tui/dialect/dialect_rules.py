@@ -12,7 +12,7 @@ from msgspec.structs import replace
 from simmer_tui.dialect.expressions import Expression, FieldValue, FieldValues, Scope
 from simmer_tui.dialect.frames import TYPE, Frame, Framing
 from simmer_tui.dialect.patterns import Pattern
-from simmer_tui.dialect.templates import BinaryReply, TextReply
+from simmer_tui.dialect.templates import BinaryReply, TextReply, pack_codes, packable
 from simmer_tui.errors import ExpressionError
 from simmer_tui.sim.specs import DriveSpec, GripperSpec, SensorSpec, VelocityKind, VelocitySpec
 from simmer_tui.sim.velocity_commands import WAIT
@@ -150,7 +150,11 @@ class MessageRule(Struct, frozen=True, kw_only=True):
 
     def example(self, number: int) -> dict[str, FieldValue]:
         """The values of a message that it matches, with this number for each packed value."""
-        values: dict[str, FieldValue] = dict.fromkeys(self.names, number)
+        values: dict[str, FieldValue] = {}
+        if self.unpack:
+            codes = pack_codes(self.unpack)
+            packed = (packable(str(number) if code in "spc" else number, code) for code in codes)
+            values |= _unpacked(self.unpack, self.names, struct.pack(self.unpack, *packed)) or {}
         if self.patterns:
             values |= self.patterns[0].match(self.patterns[0].example) or {}
         return values
@@ -160,7 +164,10 @@ def _unpacked(shape: str, names: tuple[str, ...], content: bytes) -> dict[str, F
     if struct.calcsize(shape) != len(content):
         return None
     values = struct.unpack(shape, content)
-    plain = (each.decode("latin-1") if isinstance(each, bytes) else each for each in values)
+    plain = (
+        each.decode("latin-1") if isinstance(each, bytes) else int(each) if isinstance(each, bool) else each
+        for each in values
+    )
     return dict(zip(names, plain, strict=True))
 
 

@@ -25,7 +25,7 @@ CONSTANTS: Mapping[str, float] = {"cm": 2.54, "mm": 25.4, "m": 0.0254}
 # Far more than needed: no rule of the public teams has more than 90 characters.
 _LONGEST = 1000
 """Characters of an expression."""
-# Evaluation takes about a microsecond a node, and no expression may take more than a millisecond.
+# Evaluation takes about a microsecond a part, and no expression may take more than a millisecond.
 MOST_NODES = 200
 """Parts of an expression: names, numbers, operators, calls."""
 # 2**64 is the greatest number with a use in a protocol.
@@ -88,6 +88,10 @@ _OPERATORS: Mapping[type[ast.operator], Callable[[RealNumber, RealNumber], RealN
     ast.Mod: operator.mod,
     ast.Pow: _power,
 }
+# Of float and a finite number other than 0: the result is a float, and missing where the float is.
+_QUICK = frozenset((ast.Add, ast.Sub, ast.Mult))
+_QUICK_BEFORE = _QUICK | {ast.Div, ast.FloorDiv, ast.Mod}
+"""Operators that need no look at each value of a list: with a number before it, and with one behind it."""
 _COMPARISONS: Mapping[type[ast.cmpop], Callable[[FieldValue, FieldValue], bool]] = {
     ast.Eq: operator.eq,
     ast.NotEq: operator.ne,
@@ -96,6 +100,12 @@ _COMPARISONS: Mapping[type[ast.cmpop], Callable[[FieldValue, FieldValue], bool]]
     ast.Gt: lambda left, right: _number(left) > _number(right),
     ast.GtE: lambda left, right: _number(left) >= _number(right),
 }
+
+
+def _unless_missing(values: Sequence[FieldValue]) -> Sequence[RealNumber]:
+    """The numbers, or the missing ones alone if there are any."""
+    numbers = [_number(each) for each in values]
+    return [each for each in numbers if not math.isfinite(each)] or numbers
 
 
 def _int(value: FieldValue) -> FieldValue:
@@ -125,8 +135,8 @@ def _length(value: FieldValue) -> FieldValue:
 
 
 FUNCTIONS: Mapping[str, tuple[Callable[..., FieldValue], int, int]] = {
-    "min": (lambda *values: min(map(_number, values)), 1, 100),
-    "max": (lambda *values: max(map(_number, values)), 1, 100),
+    "min": (lambda *values: min(_unless_missing(values)), 1, 100),
+    "max": (lambda *values: max(_unless_missing(values)), 1, 100),
     "abs": (lambda value: abs(_number(value)), 1, 1),
     "round": (_round, 1, 2),
     "int": (_int, 1, 1),
@@ -142,24 +152,26 @@ _MOST_SENSING = 4
 # than an expression may.
 MOST_RAYS = 360
 """Rays of one scan."""
-# At 0.1 us each, half of the time that an expression may take. A sensor has at most 2,000 rays.
-MOST_CALCULATED = 8000
-"""Values of lists with which one evaluation may calculate."""
+# At 0.1 us each, the time that an expression may take. A sensor has at most 2,000 rays: four calculations
+# with all of them, beside 200 parts.
+MOST_STEPS = 10_000
+"""Steps of one evaluation: `_PART` for each part, 1 for each value of a list, `_SLOW` more for one with which
+Python cannot calculate at once."""
+_PART, _SLOW = 10, 3
 
 
 class _Bounded:
-    """A scope, with the number of values of lists that may still be calculated."""
+    """A scope, with the number of steps that are left."""
 
-    def __init__(self, scope: Scope) -> None:
+    def __init__(self, scope: Scope, steps: int) -> None:
         self.value, self.call = scope.value, scope.call
-        self.left = MOST_CALCULATED
+        self.left = steps
 
-    def take(self, values: tuple[FieldValue, ...]) -> tuple[FieldValue, ...]:
-        """The values of a list, counted against the limit. Raises ExpressionError beyond it."""
-        self.left -= len(values)
+    def spend(self, steps: int) -> None:
+        """Count steps. Raises ExpressionError beyond the limit."""
+        self.left -= steps
         if self.left < 0:
-            raise ExpressionError(f"calculates with more than {MOST_CALCULATED} values of lists")
-        return values
+            raise ExpressionError(f"takes more than {MOST_STEPS} steps: its lists are too long")
 
 
 class Expression:
@@ -187,6 +199,7 @@ class Expression:
         count = sum(1 for node in ast.walk(self.tree) if not isinstance(node, ast.expr_context))
         if count > MOST_NODES:
             raise ValueError(f"'{self.source[:40]}...' has {count} parts; {MOST_NODES} are allowed")
+        self._steps = MOST_STEPS - _PART * count
         for node in ast.walk(self.tree):
             _check(node)
         called = _called(self.tree)
@@ -206,7 +219,7 @@ class Expression:
     def value(self, scope: Scope) -> FieldValue:
         """Its value. Division by zero gives a missing number, and so does an index beyond a list. Raises
         ExpressionError."""
-        return _value(self.tree, _Bounded(scope))
+        return _value(self.tree, _Bounded(scope, self._steps))
 
     def number(self, scope: Scope) -> float:
         """Its value as a number. Raises ExpressionError."""
@@ -281,17 +294,39 @@ def _calculated(node: ast.BinOp, scope: _Bounded) -> FieldValue:
     """The result of an operator; with a list and a number, value by value."""
     left, made, right = _value(node.left, scope), type(node.op), _value(node.right, scope)
     if isinstance(left, tuple) and isinstance(right, int | float):
-        return tuple(_combined(each, made, right) for each in scope.take(left))
+        return _for_each(left, made, right, scope)
     if isinstance(right, tuple) and isinstance(left, int | float):
-        return tuple(_combined(left, made, each) for each in scope.take(right))
+        return _for_each(right, made, left, scope, reverse=True)
     return _combined(left, made, right)
+
+
+def _for_each(
+    values: tuple[FieldValue, ...],
+    made: type[ast.operator],
+    number: RealNumber,
+    scope: _Bounded,
+    *,
+    reverse: bool = False,
+) -> FieldValue:
+    """The results of an operator with each value of a list, and a number behind it, or before it."""
+    scope.spend(len(values))
+    quick = _QUICK if reverse else _QUICK_BEFORE
+    if made in quick and number and math.isfinite(number) and {*map(type, values)} == {float}:
+        calculate: Any = _OPERATORS[made]
+        return tuple([calculate(number, each) if reverse else calculate(each, number) for each in values])
+    scope.spend(_SLOW * len(values))
+    pairs = [(number, each) if reverse else (each, number) for each in values]
+    return tuple([_combined(left, made, right) for left, right in pairs])
 
 
 def _combined(left: FieldValue, made: type[ast.operator], right: FieldValue) -> FieldValue:
     if isinstance(left, str) and isinstance(right, str) and made is ast.Add:
         return bounded_text(left + right)
+    one, other = _number(left), _number(right)
+    if not (math.isfinite(one) and math.isfinite(other)):
+        return other if math.isfinite(one) else one
     try:
-        return _bounded(_OPERATORS[made](_number(left), _number(right)))
+        return _bounded(_OPERATORS[made](one, other))
     except ZeroDivisionError:
         return math.nan
     except OverflowError:
@@ -320,6 +355,8 @@ def _compared(node: ast.Compare, scope: _Bounded) -> FieldValue:
     left = _value(node.left, scope)
     for made, other in zip(node.ops, node.comparators, strict=True):
         right = _value(other, scope)
+        if isinstance(left, tuple) and isinstance(right, tuple):
+            scope.spend(len(left))
         if not _COMPARISONS[type(made)](left, right):
             return 0
         left = right
@@ -333,6 +370,9 @@ def _chosen(node: ast.IfExp, scope: _Bounded) -> FieldValue:
 def _result(node: ast.Call, scope: _Bounded) -> FieldValue:
     assert isinstance(node.func, ast.Name), "checked"
     name, values = node.func.id, [_value(each, scope) for each in node.args]
+    if name == "named" and not isinstance(values[0], int | float):
+        # A code with its reading, or about three characters of a text.
+        scope.spend((1 + _SLOW) * len(values[0]) if isinstance(values[0], tuple) else len(values[0]))
     return FUNCTIONS[name][0](*values) if name in FUNCTIONS else scope.call(name, values)
 
 

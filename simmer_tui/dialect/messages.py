@@ -57,7 +57,8 @@ class _Example:
 
     def call(self, function: str, arguments: Sequence[FieldValue]) -> FieldValue:
         if function == "named":
-            return ",".join(f"{code}:12.30" for code in listed_codes(arguments[0]))
+            read = ((code, self._values.get(code)) for code in listed_codes(arguments[0]))
+            return ",".join(f"{code}:{n if isinstance(n, int | float) else 12.3:.2f}" for code, n in read)
         if function == "scan":
             count = arguments[2]
             is_known = isinstance(count, int | float) and 1 <= count <= MOST_RAYS

@@ -26,14 +26,21 @@ MOST_PENDING = 64
 # A line of 360 rays with 7 characters each.
 _LONGEST = 4096
 """Bytes of a reply; longer ones are only passed on."""
-# Each text may end anywhere, so that every further one multiplies the possible matches.
+# Each of these may end anywhere, so that every further one multiplies the possible matches.
 MOST_TEXTS = 2
-"""Most fields of a reply that are not numbers; a reply with more is only passed on."""
+"""Most fields of a reply that are texts, or numbers without an end of their own; a reply with more is only
+passed on."""
+# Each has a few ends.
+_MOST_PADDED = 8
+"""Most numbers with leading zeros that follow each other without anything in between."""
 _ENDS = ("done", "stopped")
-_NUMBER = rb"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
+# A double has at most 309 digits before the point. Each text is a number in one way only.
+_NUMBER = rb"[+-]?(?:[0-9]{1,%d}(?:\.[0-9]{0,%d})?|\.[0-9]{1,%d})(?:[eE][+-]?[0-9]{1,3})?"
+_LONG, _SHORT = _NUMBER % (310, 99, 99), _NUMBER % (17, 17, 17)
+"""Regular expressions of a number with an end, and of one that a field follows."""
 _DIGITS = {"x": (16, b"[0-9a-fA-F]"), "X": (16, b"[0-9a-fA-F]"), "o": (8, b"[0-7]"), "b": (2, b"[01]")}
 """Bases of formats that are not decimal, with their digits."""
-_WORDS = rb"|inf|-inf|nan|ovf"
+_WORDS = (b"inf", b"-inf", b"nan", b"ovf")
 _TEXT = rb"([^\r\n]{0,400}?)"
 
 
@@ -236,19 +243,28 @@ class ReplyReader:
         """Regular expression of a text reply, with a group for each field."""
         if isinstance(reply, BinaryReply):
             return re.compile(rb"(?!)")
-        texts = [part for part in reply.parts if isinstance(part, Field) and not self._is_number(part)]
-        if len(texts) > MOST_TEXTS:
-            return re.compile(rb"(?!)")
-        missing = re.escape(self._rules.missing.encode())
-        made = b""
-        for part in reply.parts:
+        made, loose, padded = b"", 0, 0
+        for part, following in itertools.pairwise((*reply.parts, self._rules.reply_end)):
             if isinstance(part, str):
                 made += re.escape(part.encode())
-            elif self._is_number(part):
-                made += b"[ ]*(" + _number(part.format) + (b"|" + missing if missing else b"") + _WORDS + b")"
+            elif not self._is_number(part):
+                made, loose = made + _TEXT, loose + 1
+            elif _ends_before(part.format, following):
+                number = _number(part.format, _LONG)
+                made += rb"[ ]*+((?>(?:%b)(?![0-9.])|%b))" % (self._words(number), number)
             else:
-                made += _TEXT
+                number = _number(part.format, _SHORT)
+                made += rb"[ ]*+(%b|%b)" % (number, self._words(number))
+                padded, loose = (padded + 1, loose) if _padded(part.format) else (padded, loose + 1)
+        if loose > MOST_TEXTS or padded > _MOST_PADDED:
+            return re.compile(rb"(?!)")
         return re.compile(made + re.escape(self._end))
+
+    def _words(self, number: bytes) -> bytes:
+        """Regular expression of what stands for a missing number, and is not a number itself."""
+        missing = self._rules.missing.encode()
+        words = {*_WORDS, *((missing,) if missing and not re.fullmatch(number, missing) else ())}
+        return b"|".join(re.escape(each) for each in sorted(words, key=len, reverse=True))
 
     def _is_number(self, part: Field) -> bool:
         """True if a field is a number, and cannot be a text."""
@@ -292,19 +308,31 @@ class ReplyReader:
         return RobotReply(frame.data)
 
 
-def _number(shape: str) -> bytes:
-    """Regular expression of a number in a format. Numbers with leading zeros may follow each other without
-    anything in between."""
+def _padded(shape: str) -> re.Match[str] | None:
+    """The width of a format with leading zeros and a base."""
+    return re.search(r"(#?)0(\d+)", shape) if shape[-1:] in _DIGITS else None
+
+
+def _ends_before(shape: str, following: str | Field) -> bool:
+    """True if a number in a format ends where the next part of its reply begins."""
+    continues = "0123456789abcdefABCDEFxX" if shape[-1:] in _DIGITS else "0123456789.eE"
+    return isinstance(following, str) and (not following or following[0] not in continues)
+
+
+def _number(shape: str, decimal: bytes) -> bytes:
+    """Regular expression of a number in a format, `decimal` if it has no base. Numbers with leading zeros may
+    follow each other without anything in between."""
     if shape[-1:] not in _DIGITS:
-        return _NUMBER
+        return decimal
     _, digit = _DIGITS[shape[-1]]
-    padded = re.search(r"(#?)0(\d+)", shape)
+    padded = _padded(shape)
     if padded is None:
-        return rb"[+-]?(?:0[xXob])?" + digit + b"+"
+        return rb"[+-]?(?:0[xXob])?%b{1,%d}" % (digit, 64 if decimal is _LONG else 17)
     # The width counts the sign, and the 0x of a #.
     width = int(padded[2]) - 2 * len(padded[1])
-    sizes = (digit, max(width - 1, 1), digit, max(width, 1))
-    return rb"(?:[+-](?:0[xXob])?%b{%d,}?|(?:0[xXob])?%b{%d,}?)" % sizes
+    less, full, lazy = max(width - 1, 1), max(width, 1), b"" if decimal is _LONG else b"?"
+    sizes = (digit, less, less + 3, lazy, digit, full, full + 3, lazy)
+    return rb"(?:[+-](?:0[xXob])?%b{%d,%d}%b|(?:0[xXob])?%b{%d,%d}%b)" % sizes
 
 
 def _solved(text: str, shape: str, line: tuple[float, float]) -> float:

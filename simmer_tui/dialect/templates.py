@@ -107,12 +107,13 @@ class BinaryReply(Struct, frozen=True):
             return self.text.text(scope, missing).encode("utf-8", "surrogateescape")
         values = [each.value(scope) for each in self.values]
         try:
-            return struct.pack(self.pack, *map(_packed, values, pack_codes(self.pack)))
+            return struct.pack(self.pack, *map(packable, values, pack_codes(self.pack)))
         except (struct.error, OverflowError) as error:
             raise ExpressionError(f"cannot be packed as '{self.pack}': {error}") from None
 
 
-def _packed(value: FieldValue, code: str) -> object:
+def packable(value: FieldValue, code: str) -> object:
+    """A value as `struct` packs it by a code. Raises ExpressionError for a list."""
     if isinstance(value, tuple):
         raise ExpressionError("a list cannot be packed; name its values one by one")
     if isinstance(value, str):

@@ -26,7 +26,7 @@ from simmer_tui.sim.obstacles import Obstacles
 from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import Axes, ContactRule, DriveKind, SimulationSpec
-from simmer_tui.sim.velocity_plan import VelocityPlan, VelocityTarget
+from simmer_tui.sim.velocity_plan import VelocityPlan, VelocityTarget, velocity_target
 from simmer_tui.sim.wall_moves import wall_moves
 
 # A robot that chatters along a wall touches it many times a second; people see one contact.
@@ -113,7 +113,6 @@ class ContinuousMotion:
         """Times at which stretches of errors end, if the leg under way is long enough."""
         self._noise = True
         self._expires = math.inf
-        self._release = VelocityTarget(STILL)
         self._wall = _WallState()
         self._free: _FreePlace | None = None
 
@@ -130,7 +129,6 @@ class ContinuousMotion:
         """Accept a velocity at a simulated time to which the motion has been advanced; `pose` is the robot's
         then. The same velocity only renews `expires`. Returns True if the velocity changes."""
         self._expires = expires
-        self._release = replace(target, twist=STILL)
         if not self._plan.command(time, target):
             return False
         if self.leg is None:
@@ -142,8 +140,11 @@ class ContinuousMotion:
         return True
 
     def release(self, time: float, pose: Pose) -> None:
-        """Velocity 0 from a simulated time on, with the lag and the ramp of the velocity in force."""
-        self.command(time, pose, self._release, math.inf, noise=self._noise)
+        """Velocity 0 from a simulated time on, as a command of it would set it."""
+        self.command(time, pose, self._still(), math.inf, noise=self._noise)
+
+    def _still(self) -> VelocityTarget:
+        return velocity_target(STILL, self.commanded, self._drives)
 
     def halt(self, time: float) -> None:
         """End all motion at a simulated time, without lag or ramp."""
@@ -180,7 +181,7 @@ class ContinuousMotion:
         if self._expires <= time:
             self._expires = math.inf
             self._listener.velocity_expired(time)
-            self._plan.command(time, self._release)
+            self._plan.command(time, self._still())
         self._change(time)
         self._plan_leg(time, pose)
 

@@ -22,6 +22,7 @@ from msgspec import Struct
 from msgspec.structs import astuple
 
 from simmer_tui.sim.arcs import Twist
+from simmer_tui.sim.device_faults import faults_of
 from simmer_tui.sim.noise import distance_stream
 from simmer_tui.sim.sensors import CountingSensor
 from simmer_tui.sim.specs import CELL_SIZE, Axes, DriveKind, DriveSpec
@@ -74,6 +75,14 @@ class _Stretch(Struct):
     """True if its draws have been made."""
     counting: dict[str, tuple[float, float]] = {}
     """Draws of odometers (turning, rolling) and gyros (twice the same), by sensor ID."""
+
+
+def stretches_per_second(drives: Iterable[DriveSpec], segments: int) -> float:
+    """The most stretches of errors that a robot begins in a second: all its drives are at their speed."""
+    speeds = {each.kind: each.speed for each in drives if each.enabled}
+    lengths = (CELL_SIZE, CELL_SIZE, REFERENCE_TURN)
+    pairs = zip(AXIS_KINDS, lengths, strict=True)
+    return segments * sum(max(speeds.get(kind, 0.0) for kind in kinds) / length for kinds, length in pairs)
 
 
 class DistanceErrors:
@@ -179,10 +188,13 @@ class TrueVelocity:
     def counts(self, pressed_turn: float | None = None) -> dict[str, float]:
         """Rates of odometers (in/s) and gyros (deg/s), by sensor ID. Wheels turn even if the robot does not
         move. Gyros of a pressed robot count its real turning rate, `own`'s or 0."""
-        return {
-            sensor.spec.id: self._rolled(sensor) if sensor.slips else self._turned(sensor, pressed_turn)
-            for sensor in self._errors.sensors
-        }
+        rates = {sensor.spec.id: 0.0 for sensor in self._errors.sensors}
+        for sensor in self._errors.sensors:
+            with faults_of(sensor, kept=True):
+                rates[sensor.spec.id] = float(
+                    self._rolled(sensor) if sensor.slips else self._turned(sensor, pressed_turn)
+                )
+        return rates
 
     def _rolled(self, sensor: CountingSensor) -> float:
         exact, error = self._exact, sensor.spec.error

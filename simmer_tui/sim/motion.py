@@ -11,6 +11,7 @@ from msgspec.structs import astuple, replace
 
 from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.contact import FirstContact, first_contact
+from simmer_tui.sim.device_faults import faults_of
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.noise import DRIVE_STREAM
@@ -94,7 +95,9 @@ class Planner:
         for sensor in sensors:
             name, shape = sensor.spec.id, (count, 2) if sensor.slips else (count,)
             draws = self._streams[name].standard_normal(shape) if noise else np.zeros(shape)
-            (wheels if sensor.slips else turns)[name] = sensor.increments(path.turn, trajectory.move, draws)
+            counts = (wheels if sensor.slips else turns)[name] = np.zeros(shape)
+            with faults_of(sensor, kept=True):
+                counts[...] = sensor.increments(path.turn, trajectory.move, draws)
         return replace(trajectory, wheels=wheels, turns=turns)
 
     def standing(

@@ -22,6 +22,7 @@ from simmer_tui.sim.command import (
     utf8_text,
 )
 from simmer_tui.sim.continuous import ContinuousMotion, MotionListener
+from simmer_tui.sim.device_faults import faults_of, plain_number, plain_view
 from simmer_tui.sim.distance_errors import DistanceErrors
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.gripper import Gripper
@@ -448,12 +449,15 @@ class Simulator:
     def _read(self, sensor: Sensor, pose: Pose) -> Reading:
         true, view = self._observe(sensor, pose)
         spec = sensor.spec
-        if not self._noise:
-            value = sensor.reading(true, None, self.time)
-        elif (faults := self._faults.get(spec.code)) is not None:
-            value = faults.reading(true, self._streams[spec.id], self.time)
-        else:
-            value = sensor.reading(true, self._streams[spec.id], self.time)
+        with faults_of(sensor):
+            if not self._noise:
+                value = sensor.reading(true, None, self.time)
+            elif (faults := self._faults.get(spec.code)) is not None:
+                value = faults.reading(true, self._streams[spec.id], self.time)
+            else:
+                value = sensor.reading(true, self._streams[spec.id], self.time)
+            if sensor.is_opaque:
+                value = plain_number(value)
         return Reading(spec, value, true, view, spec.read_time)
 
     def wait_for_scan(self, command: Command) -> None:
@@ -480,12 +484,16 @@ class Simulator:
         if seen is not None and seen[0] is pose:
             # A robot at rest keeps its pose, and its view.
             return seen[1]
-        if isinstance(sensor, ObservingSensor):
-            observed = sensor.observe(self._world_at(pose), pose)
-            self._seen[code] = (pose, observed)
-            return observed
-        assert isinstance(sensor, CountingSensor), "a sensor observes or counts"
-        return self._count(sensor, self.time), None
+        with faults_of(sensor):
+            if isinstance(sensor, ObservingSensor):
+                observed = sensor.observe(self._world_at(pose), pose)
+                if sensor.is_opaque:
+                    true, view = observed
+                    observed = plain_number(true), plain_view(view)
+                self._seen[code] = (pose, observed)
+                return observed
+            assert isinstance(sensor, CountingSensor), "a sensor observes or counts"
+            return plain_number(self._count(sensor, self.time)), None
 
     def _count(self, sensor: CountingSensor, time: float) -> float:
         counted = self._counted[sensor.spec.id]

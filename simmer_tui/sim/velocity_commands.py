@@ -18,7 +18,7 @@ from simmer_tui.sim.arcs import Twist
 from simmer_tui.sim.command import LARGEST_VALUE, parse_value
 from simmer_tui.sim.distance_errors import AXIS_KINDS, components
 from simmer_tui.sim.specs import DriveKind, DriveSpec, VelocityKind, VelocitySpec, WheelsSpec
-from simmer_tui.sim.velocity_plan import VelocityTarget, ramp_of
+from simmer_tui.sim.velocity_plan import VelocityTarget, velocity_target
 from simmer_tui.sim.wheels import WheelKinematics
 
 WAIT = "wt"
@@ -79,7 +79,7 @@ class VelocityControl:
     def _of_wheels(self, speeds: Sequence[float], seconds: float, before: Twist) -> VelocityRequest:
         assert self._wheels is not None, "rim speeds need wheels"
         asked, speeds = speeds, self._wheels.clamped(speeds)
-        target = self._target(self._wheels.twist(speeds), before)
+        target = velocity_target(self._wheels.twist(speeds), before, self._drives)
         least = min((abs(made / each) for made, each in zip(speeds, asked, strict=True) if each), default=1.0)
         return VelocityRequest(target, seconds, self._wheels.slip(speeds), least)
 
@@ -90,15 +90,7 @@ class VelocityControl:
         share = self._share(twist) if self._wheels is None else self._wheels.share(twist)
         # As a whole, so that its curve stays.
         made = twist.scaled(share) if share < 1.0 else twist
-        return VelocityRequest(self._target(made, before), seconds, limited=share)
-
-    def _target(self, twist: Twist, before: Twist) -> VelocityTarget:
-        """A velocity with the lag and the ramp of the rows that it or the previous one uses."""
-        used = {
-            part.drive.kind: part.drive for each in (before, twist) for part in components(each, self._drives)
-        }
-        lag, acceleration = ramp_of(used.values())
-        return VelocityTarget(twist, lag, acceleration)
+        return VelocityRequest(velocity_target(made, before, self._drives), seconds, limited=share)
 
     def _impossible(self, twist: Twist) -> str:
         """The component that the robot has no drive for, as text."""

@@ -7,13 +7,14 @@ step a control period, at its mean.
 
 import math
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 from msgspec import Struct
 from msgspec.structs import astuple
 
 from simmer_tui.sim.arcs import STILL, Twist
-from simmer_tui.sim.specs import DriveSpec
+from simmer_tui.sim.distance_errors import components
+from simmer_tui.sim.specs import DriveKind, DriveSpec
 
 
 class VelocityTarget(Struct, frozen=True):
@@ -36,6 +37,12 @@ def ramp_of(drives: Iterable[DriveSpec]) -> tuple[float, Twist]:
             least[axis] = min(least[axis], drive.acceleration)
     x, y, r = (value if value < math.inf else 0.0 for value in least)
     return lag, Twist(x, y, r)
+
+
+def velocity_target(twist: Twist, before: Twist, drives: Mapping[DriveKind, DriveSpec]) -> VelocityTarget:
+    """A velocity with the lag and the ramp of the rows that it or the previous one uses."""
+    used = {part.drive.kind: part.drive for each in (before, twist) for part in components(each, drives)}
+    return VelocityTarget(twist, *ramp_of(used.values()))
 
 
 class _Ramp(Struct, frozen=True):

@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from simmer_tui.config.loader import load
-from simmer_tui.config.sets import bundled_folder, init_set
+from simmer_tui.config.set_warnings import set_warnings
+from simmer_tui.config.sets import bundled_folder, bundled_sets, init_set
 from simmer_tui.config.settings import MotionSettings, ServerSettings, Settings, all_settings
 from simmer_tui.config.settings_file import Override, load_settings
 from simmer_tui.errors import ConfigurationError, Problem
@@ -291,3 +292,16 @@ def test_two_whole_numbers_are_named_and_far_larger_ones_are_not_written_out() -
     assert IntegerRule(0, 2).allowed == "a whole number from 0 to 2"
     assert describe(10**30 - 1) == "9" * 30
     assert describe(10**30) == "a far larger whole number"
+
+
+def test_segments_that_cost_more_than_real_time_have_a_warning() -> None:
+    """Continuous motion has as many parts as its stretches of errors."""
+
+    def warnings(segments: str) -> tuple[str, ...]:
+        return set_warnings(load(bundled_sets()["default"], {"num_segments": Override("option", segments)}))
+
+    (warning,) = warnings("10000")
+    assert warning.startswith("num_segments = 10000 cuts continuous motion into up to 23,333 parts a second")
+    most = warning.partition("--num-segments ")[2].split()[0]
+    assert warnings(most) == warnings("10") == ()
+    assert warnings(str(int(most) + 1))

@@ -270,7 +270,7 @@ def test_atlas_doctor_and_env_with_it(
     trust(folder)
     capsys.readouterr()
     assert main(["atlas", str(out), "--config", str(folder), "--step", "6", "--sensors", "h1"]) == 2
-    assert f"{DEVICE}:20: Thermal.observe must return" in capsys.readouterr().err
+    assert f"{DEVICE}: a reading of Thermal must be a number" in capsys.readouterr().err
     (folder / DEVICE).write_text(THERMAL + "\n")
     folder.rename(tmp_path / "config")
     monkeypatch.chdir(tmp_path)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import heapq
 import itertools
+import struct
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from simmer_tui.config.dialect_reader import load_dialect
 from simmer_tui.config.loader import find_set, load
 from simmer_tui.dialect.device import DialectDevice, MoveEnd
 from simmer_tui.dialect.dialect_rules import Parts
+from simmer_tui.dialect.messages import dictionary
 from simmer_tui.dialect.timer import Timer
 from simmer_tui.errors import Problem
 
@@ -147,6 +149,34 @@ def device(tmp_path: Path, head: str = "", commands: str = COMMANDS) -> tuple[Di
     made = DialectDevice(rules, host)
     made.opened()
     return made, host
+
+
+def test_check_shows_the_numbers_that_a_run_sends(tmp_path: Path) -> None:
+    """A yes or no has no decimals, in any place; another reading has some."""
+    fields = ("{i1}", "{not i1}", "{i1 + 1}", "{max(i1, 0)}", "{pick(i1, 'a', 'b')}", "{u1}", "{u1 + 2}")
+    named = "{named('i1,u1')} {led} {time > 5}"
+    commands = (
+        f"[state]\nled = 0\n[[command]]\nmatch = 'get'\nreply = \"{' '.join(fields)} {named}\"\n"
+        "[[command]]\nmatch = 'see'\ndo = 'led = i1'\nreply = '{i1}'\n"
+    )
+    robot, host = device(tmp_path, commands=commands)
+    host.readings = {"i1": 1.0, "u1": 12.3}
+    shown = [reply for _, _, reply in dictionary(robot._rules)]
+    robot.received(b"get\nsee\nget\n")
+    sent = [line.removeprefix("< ") for line in host.take()]
+    assert sent[:2] == shown == ["1 0 2 1 b 12.3 14.3 i1:1.00,u1:12.30 0 1", "1"]
+    assert sent[2] == sent[0].replace("0 1", "1 1")
+
+
+def test_check_shows_a_message_s_numbers_as_a_run_has_them(tmp_path: Path) -> None:
+    frame = '[frame]\nkind = "binary"\nhead = "<BB"\nnames = ["type", "size"]\nbody = "size"\n'
+    reply = (
+        '[reply]\nend = ";"\n[[command]]\ntype = 1\nunpack = "<hf?2s: a b c d"\nreply = "{a} {b} {c} {d:s}"\n'
+    )
+    robot, host = device(tmp_path, frame, reply)
+    ((_, _, shown),) = dictionary(robot._rules)
+    robot.received(bytes([1, 9]) + struct.pack("<hf?2s", 7, 7.0, True, b"7"))
+    assert host.take() == [f"< {shown};".replace("\\x00", "\0")] == ["< 7 7.0 1 7\0;"]
 
 
 def test_a_sensor_is_read_once_a_reply_however_often_it_is_written(tmp_path: Path) -> None:

@@ -233,3 +233,53 @@ def test_messages_that_need_no_answer_displace_none_that_needs_one(
     code, out = checked(tmp_path, capsys, [(0.0, TO, "get\n"), *ended])
     assert code == 1
     assert out.startswith("exchange.jsonl:2: 'get': the robot does not answer")
+
+
+def reader_of(folder: Path, reply: str) -> ReplyReader:
+    """A reader that waits for one reply."""
+    (folder / "dialect.toml").write_text(f'[[command]]\nmatch = "q"\nreply = "{reply}"\n', "utf-8")
+    problems: list[Problem] = []
+    rules = load_dialect(folder, Parts(load(find_set("default")).simulation.sensors), problems)
+    assert not problems
+    reader = ReplyReader(rules, {})
+    reader.asked(rules.rules[0], {})
+    return reader
+
+
+@pytest.mark.parametrize(
+    ("reply", "noise"),
+    [
+        ("{u1:.2f} {u2:.2f}x", b"1" * 2000 + b" " + b"1" * 2000),
+        ("{u1:.2f}{u2:.2f}x", b"1" * 4000),
+        ("{u1:.2f}    {u2:.2f}x", b"1" + b" " * 4000),
+        ("{u1:04x}" * 12 + "x", b"1" * 4000),
+        (",".join(["{u1:.1f}"] * 40) + "x", b",".join([b"inf"] * 40)),
+    ],
+)
+def test_no_noise_of_a_robot_keeps_the_reader_busy(tmp_path: Path, reply: str, noise: bytes) -> None:
+    # With a step for each way to divide the digits this would take hours.
+    reader = reader_of(tmp_path, reply)
+    assert [each.part for each in (*reader.receive(noise + b"\n"), *reader.silence())] == [""]
+
+
+@pytest.mark.parametrize(
+    ("reply", "said", "readings"),
+    [
+        ("{u1:.1f}cm {u2:.1f}cm {u3:.1f}cm", b"12.5cm inf.0cm -3.0cm", None),
+        (
+            "{u1:.1f}cm {u2:.1f}cm {u3:.1f}cm",
+            b"12.5cm infcm -3.0cm",
+            {"u1": 12.5, "u2": math.inf, "u3": -3.0},
+        ),
+        ("{u1:d}.{u2:d}", b"12.5", {"u1": 12.0, "u2": 5.0}),
+        ("{u1:.1f}. {u2:.1f}", b"12.5. 3", {"u1": 12.5, "u2": 3.0}),
+        ("{u1:04x}{u2:04x}{u3:04x}", b"000c00640003", {"u1": 12.0, "u2": 100.0, "u3": 3.0}),
+        ("{u1:02x}{u2:02x};{u3:x}", b"0cff;1f", {"u1": 12.0, "u2": 255.0, "u3": 31.0}),
+    ],
+)
+def test_numbers_end_where_their_reply_says(
+    tmp_path: Path, reply: str, said: bytes, readings: dict[str, float] | None
+) -> None:
+    reader = reader_of(tmp_path, reply)
+    (found,) = (*reader.receive(said), *reader.silence())
+    assert (found.readings if found.part else None) == readings

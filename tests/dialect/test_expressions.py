@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from simmer_tui.dialect.expressions import Expression, FieldValue
+from simmer_tui.dialect.expressions import MOST_STEPS, Expression, FieldValue, listed_codes
 from simmer_tui.errors import ExpressionError
 
 
@@ -26,6 +28,14 @@ class Names:
     def call(self, function: str, arguments: Sequence[FieldValue]) -> FieldValue:
         self.calls.append((function, tuple(arguments)))
         return 7.0
+
+
+MISSING = [
+    *("min(1/0, 3)", "min(3, 1/0)", "max(1/0, 3)", "max(3, 1/0)", "min(u0, 3)", "max(-u0, 3)"),
+    *("1 / u0", "3 % u0", "3 // u0", "u0 ** 0", "0 ** u0", "abs(u0) + 1", "round(u0) - 1", "0 * u0"),
+    *("(1 / far)[1]", "(far ** 0)[1]", "(far * u0)[0]", "(far % 3)[1]", "(3 - far)[1]"),
+]
+"""Calculations with a missing number."""
 
 
 @pytest.mark.parametrize(
@@ -48,11 +58,62 @@ class Names:
         ("scan[2] + 1", math.nan),
         ("scan[-1]", math.nan),
         ("1e300 * 1e300", math.inf),
+        *((text, math.nan) for text in MISSING),
     ],
 )
 def test_it_calculates(text: str, value: FieldValue) -> None:
-    found = Expression(text).value(Names(n=13, u1=10.0, scan=(1, 2)))
-    assert found == value or (found != found and value != value)
+    inf = math.inf
+    found = Expression(text).value(Names(n=13, u0=inf, u1=10.0, scan=(1, 2), far=(5.0, inf)))
+    assert found == value or (isinstance(found, float) and value != value and not math.isfinite(found))
+
+
+class Counted(float):
+    """A number that counts what is done with numbers of its kind."""
+
+    done = 0
+    __hash__ = float.__hash__
+
+
+def counting(operation: str) -> Any:
+    def count(number: float, other: object) -> Any:
+        Counted.done += 1
+        return getattr(float, operation)(number, other)
+
+    return count
+
+
+for each in ("eq", "ne", "mul", "rmul", "truediv", "pow"):
+    setattr(Counted, f"__{each}__", counting(f"__{each}__"))
+
+
+class CountingNames(Names):
+    """Long lists; a code of a call counts as well."""
+
+    def value(self, name: str) -> FieldValue:
+        kind = float if name == "F" else Counted
+        return ("u0",) * 30_000 if name == "M" else tuple(kind(each) for each in range(1, 2001))
+
+    def call(self, function: str, arguments: Sequence[FieldValue]) -> FieldValue:
+        Counted.done += len(listed_codes(arguments[0]))
+        return "u0:1.00"
+
+
+@pytest.mark.parametrize("joint", [" and ", " == ", ", ", " if 1 else "])
+@pytest.mark.parametrize(
+    "part", ["L==L", "not L!=F", "(L*2)[0]", "(2*F)[0]", "(L/0)[0]", "(F**2)[0]", "M==M", "named(M)", "L"]
+)
+def test_no_expression_takes_more_than_its_steps(part: str, joint: str) -> None:
+    names, least = CountingNames(), 0
+    for count in (1, 2, 3, 4, 20, 30, 40, 60):
+        try:
+            expression = Expression(f"pick(0, {joint.join([part] * count)})")
+        except ValueError:
+            continue
+        Counted.done = 0
+        with contextlib.suppress(ExpressionError):
+            expression.value(names)
+        least = max(least, Counted.done)
+    assert least <= MOST_STEPS
 
 
 @pytest.mark.parametrize(

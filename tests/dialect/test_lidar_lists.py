@@ -13,7 +13,7 @@ from simmer_tui.config.loader import load
 from simmer_tui.config.sets import find_set
 from simmer_tui.dialect.device import DialectDevice
 from simmer_tui.dialect.dialect_rules import Parts
-from simmer_tui.dialect.expressions import MOST_CALCULATED, Expression, FieldValue
+from simmer_tui.dialect.expressions import MOST_STEPS, Expression, FieldValue
 from simmer_tui.dialect.inverse import InverseRules
 from simmer_tui.dialect.messages import dictionary
 from simmer_tui.errors import ExpressionError, Problem
@@ -135,7 +135,7 @@ def test_long_calculations_with_lists_end() -> None:
             raise AssertionError(function)
 
     assert Expression("(sc*2)[0] + (sc*3)[0]").value(Names()) == 5
-    with pytest.raises(ExpressionError, match=f"more than {MOST_CALCULATED} values"):
+    with pytest.raises(ExpressionError, match=f"more than {MOST_STEPS} steps"):
         Expression("+".join(["(sc*2)[0]"] * 5)).value(Names())
 
 

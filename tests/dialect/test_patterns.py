@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Sequence
+import sys
+from collections.abc import Callable, Sequence
+from types import FrameType
+from typing import Any
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from simmer_tui.dialect.expressions import Expression, FieldValue
 from simmer_tui.dialect.patterns import Pattern
@@ -74,11 +78,74 @@ def test_a_wrong_pattern_is_refused(source: str) -> None:
         Pattern(source)
 
 
-def test_no_message_keeps_a_pattern_busy() -> None:
-    pattern = Pattern("{a}{b=1}{c=2}{d:word=x}{e:word=y}{f:text}!")
-    begun = time.process_time()
-    assert pattern.match("1" * 4000) is None
-    assert time.process_time() - begun < 0.05
+FORMS = ("{a}", "{b:int}", "{c:digit=1}", "{d:word}", "{e:list}", "{f:f=0|far=1}", "{g=5}", "{h:list=u0}")
+PIECES = (" ", "   ", ",", "x", "-")
+MESSAGES = ("u0", ",", " , ", "  ", "1", "-2.5", "1e", "far", ".", "x", "-")
+
+
+def lines_of(work: Callable[[], object]) -> int:
+    """The lines of Python that run. What the parts of a pattern take at once is bounded, or one pass."""
+    count = 0
+
+    def trace(frame: FrameType, event: str, argument: object) -> Any:
+        nonlocal count
+        count += event == "line"
+        return trace
+
+    before = sys.gettrace()
+    sys.settrace(trace)
+    try:
+        work()
+    finally:
+        sys.settrace(before)
+    return count
+
+
+def holds_its_steps(parts: list[str], text: int, unit: str, end: str, count: int) -> None:
+    """Twice the message takes at most twice the steps."""
+    source = "".join([*parts[:text], "{text:text}", *parts[text:]])
+    try:
+        pattern = Pattern(source)
+    except ValueError:  # a field twice
+        return
+    once, twice = (lines_of(lambda n=n: pattern.match(unit * n + end)) for n in (count, 2 * count))  # type: ignore[misc]
+    assert twice <= 2 * once + 200, (source, unit, end)
+
+
+PARTS = st.lists(st.sampled_from(FORMS + PIECES), max_size=6)
+UNITS = st.lists(st.sampled_from(MESSAGES), min_size=1, max_size=3).map("".join)
+
+
+@given(PARTS, st.integers(0, 6), UNITS, st.sampled_from(("", "!", " ")))
+@settings(max_examples=25, deadline=None)
+def test_a_pattern_takes_steps_by_the_length_of_its_message(
+    parts: list[str], text: int, unit: str, end: str
+) -> None:
+    holds_its_steps(parts, text, unit, end, 20)
+
+
+@pytest.mark.slow
+@given(PARTS, st.integers(0, 6), UNITS, st.sampled_from(("", "!", " ")))
+@settings(max_examples=1000, deadline=None)
+def test_any_pattern_takes_steps_by_the_length_of_its_message(
+    parts: list[str], text: int, unit: str, end: str
+) -> None:
+    holds_its_steps(parts, text, unit, end, 100)
+
+
+@pytest.mark.parametrize(
+    ("source", "message"),
+    [
+        ("{a:text},{b:list}", ",a" * 30_000 + ","),
+        ("{a:text}{b:word}X", "a" * 60_000),
+        ("{a}{b=1}{c=2}{d:word=x}{e:word=y}{f:text}!", "1" * 60_000),
+    ],
+)
+def test_a_long_message_takes_a_few_steps_a_character(source: str, message: str) -> None:
+    pattern = Pattern(source)
+    # With a step for each pair of characters this would take minutes.
+    assert pattern.match(message) is None
+    assert lines_of(lambda: pattern.match(message[:2000])) < 30 * 2000
 
 
 def test_a_reply_has_its_values_in_their_formats() -> None:

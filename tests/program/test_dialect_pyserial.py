@@ -238,3 +238,19 @@ def test_a_simulator_that_does_not_answer_is_an_error(monkeypatch: pytest.Monkey
         monkeypatch.setattr(simmer_serial, "_CONNECTING", 0.05)
         with pytest.raises(OSError, match="the simulator does not answer"):
             simmer_serial.SerialLine("COM6", 9600)
+
+
+@pytest.mark.parametrize("own", [("serial", "json", "select"), ("serial", "struct", "queue")])
+@pytest.mark.quick_cases(1)
+def test_a_program_s_own_file_of_a_library_s_name_is_its_own(tmp_path: Path, own: tuple[str, ...]) -> None:
+    """The hook steps aside, as if it were not there."""
+    for name in own:
+        (tmp_path / f"{name}.py").write_text("def mine():\n    return __name__\n", "utf-8")
+    imports = "\n".join(f"import {name}\nprint({name}.mine())" for name in own)
+    (tmp_path / "program.py").write_text(imports + "\n", "utf-8")
+    with socket.socket() as closed:
+        closed.bind(("127.0.0.1", 0))
+        hook = {"PYTHONPATH": str(HOOK_FOLDER), simmer_serial.PORT: str(closed.getsockname()[1])}
+        command, env = [sys.executable, "program.py"], os.environ | hook
+        done = subprocess.run(command, cwd=tmp_path, env=env, capture_output=True, text=True, check=False)
+    assert (done.stdout.split(), done.stderr) == ([*own], "")

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from msgspec.structs import replace
+from msgspec.structs import astuple, replace
 
 from simmer_tui.config import load_default
 from simmer_tui.sim import Axes, ContactRule, DriveKind, MazeSpec, Pose, RobotSpec, Simulator
@@ -89,6 +89,26 @@ def test_a_velocity_ends_after_its_time() -> None:
     simulator.execute("wt-5")
     assert simulator.pose.x == pytest.approx(57.0)
     assert simulator.velocity == Twist()
+
+
+@pytest.mark.parametrize("before", ["vv-0;0;45", "vv-0;4;0", "vv-3;0;0"])
+@pytest.mark.parametrize("slow", [{"start_lag": 0.4}, {"start_lag": 0.05, "acceleration": 40.0}])
+def test_a_velocity_that_ends_by_its_time_ends_as_by_a_velocity_of_0(
+    before: str, slow: dict[str, float]
+) -> None:
+    ends = []
+    for timed in (("vv-3;0;0;1", "wt-3"), ("vv-3;0;0", "wt-1", "vv-0;0;0", "wt-2")):
+        drives = exact_robot().spec.drives
+        quick = tuple(
+            replace(each, start_lag=0.05) if each.kind is DriveKind.RIGHT else replace(each, **slow)
+            for each in drives
+        )
+        simulator = exact_robot(drives=quick)
+        for command in (before, "wt-1", *timed):
+            simulator.execute(command)
+        ends.append(simulator.pose)
+    for ended, halted in zip(*map(astuple, ends), strict=True):
+        assert ended == pytest.approx(halted, abs=1e-9)
 
 
 def test_a_velocity_that_is_not_sent_again_times_out() -> None:

@@ -33,7 +33,12 @@ class _Loader:
 
     def exec_module(self, module: Any) -> None:
         self._loader.exec_module(module)
-        self._patch(module)
+        try:
+            self._patch(module)
+        except Exception:
+            # A file of the program may have the name of a library. It is not patched.
+            if "-packages" in str(getattr(module, "__file__", "")):
+                raise
 
     def __getattr__(self, name: str) -> Any:  # other attributes that an import asks its loader for
         return getattr(self._loader, name)

@@ -22,8 +22,26 @@ def _run_next() -> None:
         spec.loader.exec_module(module)
 
 
+def _give_way(before: set[str]) -> None:
+    """Forget modules that were imported since, if a file of the program has the name of one: the program then
+    imports its own file, as without this."""
+    # Python before 3.10 does not tell the program's name here.
+    words = getattr(sys, "orig_argv", ["", ""])[1:]
+    script = next((each for each in words if each.endswith(".py")), "")
+    folder = os.path.dirname(script) or os.curdir  # noqa: PTH120
+    try:
+        own = {os.path.splitext(each)[0] for each in os.listdir(folder) if each.endswith(".py")}  # noqa: PTH122, PTH208
+    except OSError:
+        return
+    for name in set(sys.modules) - before:
+        if name.partition(".")[0] in own:
+            del sys.modules[name]
+
+
+_before = set(sys.modules)
 if os.environ.get("SIMMER_CLOCK_PORT"):
     importlib.import_module("simmer_clock").install()
 if os.environ.get("SIMMER_DIALECT_PORT"):
     importlib.import_module("simmer_serial").install()
+_give_way(_before)
 _run_next()

@@ -25,6 +25,7 @@ from msgspec.structs import replace
 from simmer_tui.sim.angles import cos_sin, cos_sin_array
 from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.block import Block
+from simmer_tui.sim.device_faults import faults_of
 from simmer_tui.sim.maze import Maze, Rays
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import FloorPatch, RangeScan
@@ -172,6 +173,9 @@ class Sensor(SensorKind):
     """Standard deviation that calibration gives every reading, in its unit: a percent error vanishes at 0,
     and a reading with no error at all would outweigh all others."""
 
+    fault: str = ""
+    """The fault of a team's own counter, which its readings tell."""
+
     def __init__(self, spec: SensorSpec) -> None:
         self.spec = spec
 
@@ -260,7 +264,8 @@ class ObservingSensor(Sensor, ABC):
 
     def true_values(self, world: World, poses: FloatArray) -> FloatArray:
         """True values, (n,), at (n, 3) poses of x, y and heading."""
-        return np.array([self.observe(world, Pose(*pose))[0] for pose in poses.tolist()])
+        with faults_of(self):
+            return np.array([float(self.observe(world, Pose(*pose))[0]) for pose in poses.tolist()])
 
     def expected(self, world: World, poses: FloatArray, time: float) -> FloatArray:
         """Readings without random errors, (n,), at (n, 3) poses."""
