@@ -23,15 +23,18 @@ from simmer_tui.cli.main import main
 from simmer_tui.client import InvalidInputError, Mission, NoMissionError, Robot
 from simmer_tui.config.dialects import BELIEFS, COMMANDS, PACKET_REPLIES, PACKETS
 from simmer_tui.config.loader import load
-from simmer_tui.config.sets import find_set
+from simmer_tui.config.sets import bundled_folder, find_set
 from simmer_tui.config.settings_file import Override
-from simmer_tui.links.backend import Answered, Backend, BackendSession, BackendSwitch, Message
+from simmer_tui.links.backend import Backend, BackendSwitch, Message
 from simmer_tui.links.protocol.mission_query import MissionQuery
 from simmer_tui.links.protocol.replies import ReplyForm, ReplyFormat
 from simmer_tui.live.operating.robot_operator import Operator
 from simmer_tui.live.server import Server
+from simmer_tui.robot.engine import Engine
+from simmer_tui.robot.sessions import Answered, Session
 from simmer_tui.run.events import Notice
 from simmer_tui.run.mission import MissionPlan, environment, facts, plan_run
+from simmer_tui.sim import Simulator
 from simmer_tui.sim.command import MISSION_QUERY, parse_command
 from tests.listening import HOST
 
@@ -130,7 +133,7 @@ class SilentRobot(Backend):
     def __init__(self) -> None:
         self.messages: list[Message] = []
 
-    def submit(self, message: Message, session: BackendSession, answered: Answered) -> None:
+    def submit(self, message: Message, session: Session, answered: Answered) -> None:
         self.messages.append(message)
 
 
@@ -139,14 +142,13 @@ def asked(text: str, query: MissionQuery | None, form: ReplyForm = DOUBLE) -> tu
     robot, replies = SilentRobot(), []
 
     async def ask() -> None:
-        switch = BackendSwitch(robot)
+        engine = Engine(Simulator(load(bundled_folder()).simulation))
+        switch, session = BackendSwitch(engine, robot), engine.session()
         switch.query = query
-        session = switch.open_session()
-        session.submit(
-            Message(text.encode(), (parse_command(text),), form), lambda _, data: replies.append(data)
-        )
+        message = Message(text.encode(), (parse_command(text),), form)
+        switch.submit(message, session, lambda _, data: replies.append(data))
         if replies:
-            session.append_late(b"\n")
+            switch.append_late(b"\n", session)
 
     asyncio.run(ask())
     return (replies or [None])[0], len(robot.messages)

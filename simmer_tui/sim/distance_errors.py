@@ -110,9 +110,9 @@ class DistanceErrors:
             rates = [self._phi * old + fresh * new for old, new in zip(stretch.rates, drawn, strict=True)]
         stretch.rates = (rates[0], rates[1], rates[2])
         for sensor in self.sensors:
-            stream = self._streams[distance_stream(sensor.spec.id, kind)]
+            stream = self._streams[distance_stream(sensor.id, kind)]
             draws = stream.standard_normal(2 if sensor.slips else 1).tolist()
-            stretch.counting[sensor.spec.id] = (draws[0], draws[-1])
+            stretch.counting[sensor.id] = (draws[0], draws[-1])
         stretch.first, stretch.drawn = False, True
 
     def left(self, part: Component) -> float:
@@ -138,7 +138,7 @@ class DistanceErrors:
 
     def draws(self, kind: DriveKind, sensor: CountingSensor) -> tuple[float, float]:
         """The draws of a sensor for the turning and the rolling of the present stretch."""
-        return self._stretches[kind].counting[sensor.spec.id]
+        return self._stretches[kind].counting[sensor.id]
 
 
 class TrueVelocity:
@@ -180,7 +180,7 @@ class TrueVelocity:
         """Rates of odometers (in/s) and gyros (deg/s), by sensor ID. Wheels turn even if the robot does not
         move. Gyros of a pressed robot count its real turning rate, `own`'s or 0."""
         return {
-            sensor.spec.id: self._rolled(sensor) if sensor.slips else self._turned(sensor, pressed_turn)
+            sensor.id: self._rolled(sensor) if sensor.slips else self._turned(sensor, pressed_turn)
             for sensor in self._errors.sensors
         }
 

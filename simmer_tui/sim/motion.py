@@ -92,7 +92,7 @@ class Planner:
         path = trajectory.path
         count = path.segments
         for sensor in sensors:
-            name, shape = sensor.spec.id, (count, 2) if sensor.slips else (count,)
+            name, shape = sensor.id, (count, 2) if sensor.slips else (count,)
             draws = self._streams[name].standard_normal(shape) if noise else np.zeros(shape)
             (wheels if sensor.slips else turns)[name] = sensor.increments(path.turn, trajectory.move, draws)
         return replace(trajectory, wheels=wheels, turns=turns)
@@ -101,8 +101,8 @@ class Planner:
         self, pose: Pose, time: float, duration: float, sensors: Iterable[CountingSensor]
     ) -> Trajectory:
         """No movement for a duration (seconds), while the robot does something else. Nothing is drawn."""
-        wheels = {each.spec.id: np.zeros((1, 2)) for each in sensors if each.slips}
-        turns = {each.spec.id: np.zeros(1) for each in sensors if not each.slips}
+        wheels = {each.id: np.zeros((1, 2)) for each in sensors if each.slips}
+        turns = {each.id: np.zeros(1) for each in sensors if not each.slips}
         return replace(standing(pose, time, duration), wheels=wheels, turns=turns)
 
     def checked(self, trajectory: Trajectory, checker: CollisionChecker) -> Trajectory:

@@ -32,7 +32,13 @@ class NumberEncoder:
 
     def reply(self, result: CommandResult) -> bytes:
         """The reply to a command: one number, or the count of a scan's ranges and the ranges."""
-        return pack_reply(self._layout, result.reply, result.ranges)
+        reading = result.reading
+        if reading is not None and reading.scan is not None:
+            return pack_reply(self._layout, result.reply, result.ranges)
+        try:
+            return self._layout.pack(result.reply)
+        except OverflowError:
+            return pack_reply(self._layout, result.reply)
 
 
 def typed(text: bytes, settings: ServerSettings) -> tuple[bytes, ReplyForm]:
@@ -57,6 +63,8 @@ class CommandReader:
         """A command being skipped that is not answered yet: without newlines its end is unknown,
         and a sender that waits for the answer may continue only after it."""
         self._just_taken = False
+        self.at_rest = False
+        """True after whole lines: neither a silence nor a late line end changes what has come."""
         self._known: dict[bytes, Command] = {}
         """Commands by the lines that were parsed before: programs repeat the same few."""
         self.sent: list[bytes] = []
@@ -88,9 +96,16 @@ class CommandReader:
 
     def receive(self, data: bytes) -> list[Command]:
         """Take bytes as they come. Returns the commands that they complete."""
-        command = self._one_line(data)
-        if command is not None:
-            return [command]
+        # One whole line and nothing else, the usual case.
+        if self.at_rest and 0 <= data.find(b"\n") == len(data) - 1 <= LONGEST_COMMAND:
+            self.sent = [data]
+            known = self._known.get(data)
+            return [self._first(data) if known is None else known]
+        commands = self._receive(data)
+        self.at_rest = self._lines and not (self._buffer or self._skipping or self._just_taken)
+        return commands
+
+    def _receive(self, data: bytes) -> list[Command]:
         self.sent = []
         if self._just_taken:  # a newline right after a bare command belongs to it
             after_return = data.removeprefix(b"\r")
@@ -115,18 +130,12 @@ class CommandReader:
         self._buffer = self._kept(rest, commands)
         return commands
 
-    def _one_line(self, data: bytes) -> Command | None:
-        """The command of one whole line and nothing else, the usual case."""
-        plain = self._lines and not (self._buffer or self._skipping or self._just_taken)
-        if not plain or not 0 <= data.find(b"\n") == len(data) - 1 <= LONGEST_COMMAND:
-            return None
-        self.sent = [data]
-        command = self._known.get(data)
-        if command is None:
-            command = self._command(data[:-1])
-            # Never emptied: the commands that a program repeats are among its first hundred.
-            if len(self._known) < KNOWN:
-                self._known[data] = command
+    def _first(self, data: bytes) -> Command:
+        """The command of a line that has not come before."""
+        command = self._command(data[:-1])
+        # Never emptied: the commands that a program repeats are among its first hundred.
+        if len(self._known) < KNOWN:
+            self._known[data] = command
         return command
 
     def _kept(self, rest: bytes, commands: list[Command]) -> bytes:
@@ -148,7 +157,7 @@ class CommandReader:
             return []
         if has_marks_alone(self._buffer):  # the command follows
             return []
-        self._just_taken = True
+        self._just_taken, self.at_rest = True, False
         return self.end()
 
     def end(self) -> list[Command]:
