@@ -16,7 +16,7 @@ from msgspec import Struct
 from simmer_tui.links.protocol.mission_query import MissionQuery
 from simmer_tui.links.protocol.replies import ReplyForm
 from simmer_tui.robot.engine import Engine
-from simmer_tui.robot.sessions import Answered, Session
+from simmer_tui.robot.sessions import Answered, Foreign, Queued, Session
 from simmer_tui.run.events import Notice, NoticeKind
 from simmer_tui.sim.command import MISSION_QUERY, Command
 from simmer_tui.sim.records import CommandResult
@@ -122,9 +122,8 @@ class BackendSwitch:
             self._pass_on(self._robot, message, session, answered, budget)
         elif session.open:
             queued = self._engine.submit(session, commands, answered)
-            # Most are answered by now, and are never counted. An answer may also have closed the session.
-            if not queued.given and budget is not None and session.open:
-                session.unsettled[queued] = budget.take(message)
+            if not queued.given:  # most are answered by now
+                _count(queued, message, budget)
 
     def append_late(self, data: bytes, session: Session) -> None:
         """Late bytes that belong to the end of the session's previous message."""
@@ -149,10 +148,9 @@ class BackendSwitch:
         robot.submit(
             message,
             session,
-            lambda results, data: self._engine.answer_foreign(session, foreign, results, data),
+            lambda results, data: self._engine.answer_foreign(foreign, results, data),
         )
-        if budget is not None and foreign.results is None and session.open:
-            session.unsettled[foreign] = budget.take(message)
+        _count(foreign, message, budget)
 
     def _answer_query(
         self, message: Message, session: Session, answered: Answered, budget: CommandBudget | None
@@ -177,7 +175,7 @@ class BackendSwitch:
         foreign = self._engine.reserve(session, answered, slices=budget is not None)
         if budget is not None:
             session.unsettled[foreign] = budget.take_refused()
-        self._engine.answer_foreign(session, foreign, results, data)
+        self._engine.answer_foreign(foreign, results, data)
 
     def _submit_urgent(
         self, message: Message, session: Session, answered: Answered, budget: CommandBudget
@@ -196,9 +194,7 @@ class BackendSwitch:
         if urgent is None:
             self._answer_here(session, merge, budget, ())
         elif robot is None:
-            queued = engine.submit(session, passed, merge)
-            if not queued.given and session.open:
-                session.unsettled[queued] = budget.take(urgent)
+            _count(engine.submit(session, passed, merge), urgent, budget)
         else:
             self._pass_on(robot, urgent, session, merge, budget)
 
@@ -206,6 +202,12 @@ class BackendSwitch:
         """The commands that stop, unless no drive has come since the last stop."""
         stops = tuple(command for command in message.commands if command.stops)
         return Message(message.data, stops, message.form) if stops and not self._engine.halted else None
+
+
+def _count(queued: Queued | Foreign, message: Message, budget: CommandBudget | None) -> None:
+    """Count a message as waiting, unless it has been answered, or an answer has closed its session."""
+    if budget is not None and not queued.given and queued.session.open:
+        queued.session.unsettled[queued] = budget.take(message)
 
 
 class CommandBudget:

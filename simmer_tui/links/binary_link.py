@@ -16,7 +16,7 @@ from simmer_tui.links.driver_lock import DriverLock
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.peer import MOST_WAITING, PIECE, UNREAD_LIMIT, Peer, ReadBudget, host_of
 from simmer_tui.links.processes import children
-from simmer_tui.links.protocol.binary import KNOWN, CommandReader, NumberEncoder
+from simmer_tui.links.protocol.binary import CommandReader, NumberEncoder
 from simmer_tui.links.protocol.diagnosis import is_http
 from simmer_tui.links.protocol.line_marks import without_marks
 from simmer_tui.robot.sessions import LoopTimer
@@ -28,6 +28,9 @@ from simmer_tui.sim.records import REFUSALS, CommandResult
 # seen.
 RETRY_DELAY = 0.05
 """Seconds that a newcomer waits for the present client to leave."""
+# Judged: a program asks for a dozen sensors; the limit is for one that always sends new numbers.
+KNOWN = 100
+"""Most lines of a client that are kept with their commands."""
 # More than `CLOSING`, within which the present client must be gone.
 _LONGEST_WAIT = 1.5
 """Seconds after which a newcomer is refused even if the present client is about to leave."""
@@ -83,7 +86,7 @@ class Client(Peer):
         self._robot = link.context.backend
         self._session = link.engine.session(answer_at_end=link.context.answers_at_end(in_packets=False))
         self._messages: dict[bytes, Message] = {}
-        """Messages by the lines that came before: programs repeat the same few."""
+        """Messages by the whole lines that came before: programs repeat the same few."""
         self._timer = LoopTimer(self._silence, self._loop)
         self.ending = False
         """True if the client has closed its side and waits for replies."""
@@ -112,6 +115,9 @@ class Client(Peer):
 
     def data_received(self, data: bytes) -> None:
         reader = self._reader
+        if reader.at_rest and (known := self._messages.get(data)) is not None:
+            self._send(known)
+            return
         # A real robot may wait for the line end too: it is passed on even though the command has been sent.
         late_end = b"" if reader.at_rest else reader.late_end(data)
         if late_end:
@@ -133,7 +139,7 @@ class Client(Peer):
             # A connection on the reply port that is still open is the next client's.
             self.replies = self.replies or self
             # If the program was ended, its robot must not drive on to the end of a wait.
-            self._session.cut_waits()
+            self._link.engine.cut_waits(self._session)
         self._close_if_done()
         return True
 
@@ -159,21 +165,18 @@ class Client(Peer):
     def _submit(self, commands: list[Command]) -> None:
         if not self.has_sent and commands:
             self.has_sent, self.is_http = True, is_http(commands[0].text)
-        self._waiting += len(commands)
-        budget = self._command_budget
         for command, sent in zip(commands, self._reader.sent, strict=True):
-            message = self._messages.get(sent) or self._message(sent, command)
-            self._robot.submit(message, self._session, self._answer, budget)
-        if budget.refused and budget.is_exceeded:
-            self._link.drop(self)
+            message = Message(without_marks(sent), (command,), self._link.encoder.form)
+            # Never emptied: the commands that a program repeats are among its first hundred.
+            if sent.endswith(b"\n") and len(self._messages) < KNOWN:
+                self._messages[sent] = message
+            self._send(message)
 
-    def _message(self, sent: bytes, command: Command) -> Message:
-        """The message of a line that has not come before."""
-        message = Message(without_marks(sent), (command,), self._link.encoder.form)
-        # One that was cut short has no bytes here, and is not the next one of its kind.
-        if sent and len(self._messages) < KNOWN:
-            self._messages[sent] = message
-        return message
+    def _send(self, message: Message) -> None:
+        self._waiting += 1
+        self._robot.submit(message, self._session, self._answer, self._command_budget)
+        if self._command_budget.refused and self._command_budget.is_exceeded:
+            self._link.drop(self)
 
     def _answer(self, results: Sequence[CommandResult], data: bytes | None) -> None:
         self._waiting -= 1

@@ -33,7 +33,6 @@ from simmer_tui.run.events import (
     Action,
     ActionDone,
     ActionName,
-    EventHandler,
     MovementEnded,
     MovementPlanned,
     Notice,
@@ -56,16 +55,6 @@ class _Movement(Struct, frozen=True):
     result: CommandResult
     trajectory: Trajectory
     queued: Queued | None = None
-
-
-class _Exchanges(EventHandler[None]):
-    """Takes note that something has gone over a dialect's line."""
-
-    def __init__(self, engine: Engine) -> None:
-        self._engine = engine
-
-    def on_wire(self, event: WireMessage) -> None:
-        self._engine.exchanges = True
 
 
 class Engine:
@@ -100,8 +89,6 @@ class Engine:
         self.halts = 0
         """Count of stops of all motion by commands. Drives that came before such a stop and
         wait for their turn do not begin: counting makes a stop cost the same however many wait."""
-        self.exchanges = False
-        """True once something has gone over a dialect's line."""
         self.halted = False
         """True if no drive command has arrived since the last stop."""
         self.throttle: PlaybackThrottle | None = None
@@ -109,10 +96,9 @@ class Engine:
         self._watchers = Watchers(self.tell_fault)
         self.tell: Watcher = self._watchers.tell
         """Passes an event to all watchers (see `Watchers.tell`)."""
-        self._watchers.add(_Exchanges(self).handle)
         self.driving = Driving(simulator, self.tell)
         """Continuous motion, and those who wait."""
-        self._scheduler = Scheduler(self._do, self._give_foreign)
+        self._scheduler = Scheduler(self._do)
         self._loop: asyncio.AbstractEventLoop | None = None
         self._origin = 0.0
         self._stands = False
@@ -121,17 +107,14 @@ class Engine:
         self._end = LoopTimer(self._movement_over)
         self._held: list[Session] = []
 
-    def session(
-        self, *, answer_at_end: bool = True, lane: str = "", driver: Hashable | None = None
-    ) -> Session:
+    def session(self, *, answer_at_end: bool = True, lane: str = "") -> Session:
         """A new sender of commands.
 
         Lanes take turns, and so do the sessions of a lane. A lane with a name is for any number of sessions;
-        its turn is limited in time as well. `driver` owns the velocities that the session sets, by default
-        the session itself.
+        its turn is limited in time as well.
         """
         its_lane = self._scheduler.lane(lane)
-        return Session(its_lane, self.submit, self._session_closed, self.cut_waits, answer_at_end, driver)
+        return Session(its_lane, self.submit, self._session_closed, answer_at_end)
 
     def _session_closed(self, session: Session) -> None:
         self.cut_waits(session)
@@ -139,7 +122,8 @@ class Engine:
             self.driver_left(session)
 
     def cut_waits(self, session: Session) -> None:
-        """End the waits of a sender that has gone."""
+        """End the waits of a sender that has gone: nobody will read its answers. A real robot's time cannot
+        be moved: there they stay."""
         session.has_gone = True
         if self.driving.waits:
             self.now()
@@ -161,6 +145,11 @@ class Engine:
     def unwatch(self, watcher: Watcher) -> None:
         """Pass no more events to `watcher`."""
         self._watchers.remove(watcher)
+
+    @property
+    def exchanges(self) -> bool:
+        """True once something has gone over a dialect's line."""
+        return WireMessage in self._watchers.told
 
     def tell_fault(self, text: str) -> None:
         """Report a fault to the watchers."""
@@ -392,21 +381,22 @@ class Engine:
 
     def reserve(self, session: Session, answered: Answered, *, slices: bool = False) -> Foreign:
         """Keep a place in a session's queue for a message that others answer, by `answer_foreign`."""
-        foreign = Foreign(answered, slices)
+        foreign = Foreign(session, answered, slices)
         session.queue.append(foreign)
         return foreign
 
-    def answer_foreign(
-        self, session: Session, foreign: Foreign, results: Sequence[CommandResult], data: bytes | None
-    ) -> None:
+    def answer_foreign(self, foreign: Foreign, results: Sequence[CommandResult], data: bytes | None) -> None:
         """Give an answer of others in its turn."""
-        foreign.results, foreign.data = results, data
+        foreign.given, foreign.results, foreign.data = True, results, data
         if not foreign.slices:
-            session.settle(foreign)
-        self._scheduler.wake(session)
+            foreign.session.settle(foreign)
+        self._scheduler.wake(foreign.session)
 
-    def _do(self, queued: Queued) -> None:
-        """Do a command whose turn has come."""
+    def _do(self, queued: Queued | Foreign) -> None:
+        """Do a command whose turn has come, or give an answer of others."""
+        if isinstance(queued, Foreign):
+            self._hand_over(queued, queued.results, queued.data)
+            return
         command = queued.command
         if command.stops:
             queued.stop = queued.stop or self._take_stop(queued.session, command)
@@ -604,7 +594,7 @@ class Engine:
             session.waiting = stop.awaited = True
             session.queue.appendleft(queued)
         elif stop.reply_delay and self._passes:
-            self._go_on_at(self.now() + stop.reply_delay, session, self._hand_over, queued, result)
+            self._go_on_at(self.now() + stop.reply_delay, session, self._hand_over, queued, (result,))
         else:
             self._reply(queued, result)
 
@@ -726,42 +716,28 @@ class Engine:
         if self.step_time and self._loop is not None:
             session = queued.session
             session.waiting = True
-            self._loop.call_later(self.step_time, self._resume, session, self._hand_over, queued, result)
-        elif self.throttle is None or not self.throttle.busy:
-            queued.session.give(queued, (result,))
+            self._loop.call_later(self.step_time, self._resume, session, self._hand_over, queued, (result,))
         else:
-            self._hand_over(queued, result)
+            self._hand_over(queued, (result,))
 
-    def _hand_over(self, queued: Queued, result: CommandResult) -> None:
+    def _hand_over(
+        self, queued: Queued | Foreign, results: Sequence[CommandResult], data: bytes | None = None
+    ) -> None:
         """Give an answer to its session. A movement's answer waits until it has been shown, and so do later
         ones."""
-        session = queued.session
-        throttle = self.throttle if self.throttle is not None and self.throttle.busy else None
-        if throttle is not None and (result.trajectory is not None or result.waits or self.driving.drives):
-            session.late_until = throttle.until
-        # A later answer of the same sender waits too, or its replies would change their order.
-        elif throttle is None or not session.late:
-            session.give(queued, (result,))
+        throttle, session = self.throttle, queued.session
+        if throttle is None or not throttle.busy:
+            session.give(queued, results, data)
             return
-        self._give_late(throttle, session, queued, (result,))
-
-    def _give_foreign(self, session: Session, foreign: Foreign) -> None:
-        """Give an answer of others, after those of the same sender that wait."""
-        results, throttle = foreign.results, self.throttle
-        assert results is not None, "its turn has come"
-        if session.late and throttle is not None:
-            self._give_late(throttle, session, foreign, results, foreign.data)
-        else:
-            session.give(foreign, results, foreign.data)
-
-    def _give_late(
-        self,
-        throttle: PlaybackThrottle,
-        session: Session,
-        queued: Queued | Foreign,
-        results: Sequence[CommandResult],
-        data: bytes | None = None,
-    ) -> None:
+        shown = isinstance(queued, Queued) and (
+            results[0].trajectory is not None or results[0].waits or self.driving.drives
+        )
+        # A later answer of the same sender waits too, or its replies would change their order.
+        if not (session.late or shown):
+            session.give(queued, results, data)
+            return
+        if shown:
+            session.late_until = throttle.until
         session.late += 1
         throttle.later(session.late_until, lambda: session.give(queued, results, data, was_late=True))
 

@@ -81,12 +81,13 @@ class Queued(Struct, eq=False):
 
 class Foreign(Struct, eq=False):
     """A message that others answer: a real robot, or who refuses it. It keeps its place in the queue until
-    its answer is known, and its turn has come. `slices` is true for those that come by the thousand."""
+    its answer is `given`, and its turn has come. `slices` is true for those that come by the thousand."""
 
+    session: Session
     answered: Answered
     slices: bool = False
     given: bool = False
-    results: Sequence[CommandResult] | None = None
+    results: Sequence[CommandResult] = ()
     data: bytes | None = None
 
 
@@ -100,7 +101,6 @@ class Session:
     lane: Lane
     on_submit: Callable[[Session, Sequence[Command], Answered], Queued]
     on_close: Callable[[Session], None]
-    on_cut: Callable[[Session], None]
     answer_at_end: bool = True
     """True if a timed movement is answered when it ends; False if it is answered at once as accepted."""
     driver: Hashable | None = None
@@ -159,11 +159,6 @@ class Session:
         if call is not None:
             call()
 
-    def cut_waits(self) -> None:
-        """End its waits: nobody will read its answers. A real robot's time cannot be moved: there they
-        stay."""
-        self.on_cut(self)
-
     def close(self) -> None:
         """Drop all queued commands and pending answers."""
         # A movement that has begun continues without its program; a velocity would never end, so it is ended.
@@ -181,12 +176,11 @@ class Session:
 class Scheduler:
     """Does the sessions' commands, one of each lane in turn. While `paused`, only `steps` of them."""
 
-    def __init__(self, do: Callable[[Queued], None], give: Callable[[Session, Foreign], None]) -> None:
-        """`do` does a command whose turn has come, `give` gives an answer of others."""
+    def __init__(self, do: Callable[[Queued | Foreign], None]) -> None:
+        """`do` does a command whose turn has come, or gives an answer of others."""
         self.paused = False
         self.steps = 0
         self._do = do
-        self._give = give
         self._loop: asyncio.AbstractEventLoop | None = None
         self._lanes: dict[str, Lane] = {}
         self._turns: deque[Lane] = deque()
@@ -214,29 +208,18 @@ class Scheduler:
     def submit(self, queued: Queued) -> None:
         """Do a command now, or in its turn."""
         session = queued.session
-        lane = session.lane
-        # The usual case needs no queue: nothing else is to be done before it.
-        if (
-            session.queue
-            or session.waiting
-            or session.ready
-            or self._turns
-            or self._running
-            or self.paused
-            or not lane.left
-        ):
+        has_turn = session.lane.left and not (session.queue or session.waiting or session.ready)
+        if has_turn and not (self._turns or self._running or self.paused):
+            # The usual case needs no queue: nothing else is to be done before it.
+            self._running = True
+            try:
+                self._do_next(queued)
+            finally:
+                self._running = False
+        else:
             session.queue.append(queued)
+        if session.queue or self._turns:
             self.wake(session)
-            return
-        self._running = True
-        try:
-            self._do_next(queued)
-        finally:
-            self._running = False
-        if session.queue:
-            self._line_up(session)
-        if self._turns:
-            self.run()
 
     def wake(self, session: Session) -> None:
         """Do a session's next command now, unless something prevents it."""
@@ -271,11 +254,9 @@ class Scheduler:
                 session = lane.ready.popleft()
                 # The session goes behind the others of its lane, after its command.
                 session.ready = False
-                first = session.queue[0] if session.queue else None
-                if isinstance(first, Queued):
-                    session.queue.popleft()
+                if session.queue:
                     self.steps -= self.paused
-                    self._do_next(first)
+                    self._do_next(session.queue.popleft())
                 if session.queue:
                     self._line_up(session)
                 if lane.ready:
@@ -284,13 +265,14 @@ class Scheduler:
             self._running = False
 
     def _line_up(self, session: Session) -> None:
-        if session.queue and isinstance(session.queue[0], Foreign):
-            self._hand_out(session)
-        if session.waiting or session.ready or not session.queue or isinstance(session.queue[0], Foreign):
+        if not session.queue:
             return
-        session.ready = True
-        session.lane.ready.append(session)
-        self._take_turn(session.lane)
+        if isinstance(session.queue[0], Foreign):
+            self._hand_out(session)
+        if not (session.waiting or session.ready) and session.queue and isinstance(session.queue[0], Queued):
+            session.ready = True
+            session.lane.ready.append(session)
+            self._take_turn(session.lane)
 
     def _hand_out(self, session: Session) -> None:
         """Give the answers of others whose turn has come. After a slice of them the event loop has a turn; a
@@ -298,7 +280,7 @@ class Scheduler:
         left = FOREIGN_SLICE
         while not (session.waiting or session.ready) and session.queue:
             first = session.queue[0]
-            if isinstance(first, Queued) or first.results is None:
+            if isinstance(first, Queued) or not first.given:
                 return
             # After the end of the run there is no loop to share.
             if first.slices and not left and self._loop is not None and self._loop.is_running():
@@ -307,7 +289,7 @@ class Scheduler:
                 return
             left -= first.slices
             session.queue.popleft()
-            self._give(session, first)
+            self._do(first)
 
     def _go_on(self, session: Session) -> None:
         session.ready = False
@@ -317,7 +299,7 @@ class Scheduler:
         if lane.ready and lane.left and lane not in self._turns:
             self._turns.append(lane)
 
-    def _do_next(self, queued: Queued) -> None:
+    def _do_next(self, queued: Queued | Foreign) -> None:
         """Do a command. After a slice of commands the event loop has a turn, whoever sent them."""
         # Before the loop runs there is nobody else to delay, and no clock.
         loop, lane = self._loop, queued.session.lane

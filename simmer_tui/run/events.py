@@ -15,7 +15,7 @@ answer comes at the end (`DONE`), or at once (`ACCEPTED`, then before the end). 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, KeysView
 from enum import StrEnum
 from typing import Annotated, Generic, TypeVar, get_type_hints
 
@@ -474,13 +474,21 @@ class Watchers:
         """Pass every event from now on to `watcher`. The `handle` of an `EventHandler` costs nothing for
         events whose method is not overridden."""
         self._watchers.append(watcher)
-        self._calls.clear()
+        self._sort()
 
     def remove(self, watcher: Watcher) -> None:
         """Pass no more events to `watcher`."""
         if watcher in self._watchers:
             self._watchers.remove(watcher)
-            self._calls.clear()
+            self._sort()
+
+    def _sort(self) -> None:
+        self._calls = {kind: self._calls_for(kind) for kind in self._calls}
+
+    @property
+    def told(self) -> KeysView[type]:
+        """The kinds of events that have come."""
+        return self._calls.keys()
 
     def tell(self, event: Event) -> None:
         """Pass an event to all watchers. A watcher that fails is removed; the robot continues. An event that
@@ -494,8 +502,10 @@ class Watchers:
             while self._undelivered:
                 event = self._undelivered.popleft()
                 # A tuple of its own: a watcher may be removed while it handles the event.
-                calls = self._calls.get(type(event))
-                for call, watcher in self._calls_for(type(event)) if calls is None else calls:
+                kind = type(event)
+                if kind not in self._calls:
+                    self._calls[kind] = self._calls_for(kind)
+                for call, watcher in self._calls[kind]:
                     try:
                         call(event)
                     except Exception as error:  # noqa: BLE001 - whatever a watcher does, the robot must continue
@@ -507,8 +517,7 @@ class Watchers:
     def _calls_for(self, kind: type) -> tuple[tuple[Watcher, Watcher], ...]:
         """The functions to be called with events of a kind, each with its watcher."""
         found = ((_method_of(watcher, kind), watcher) for watcher in self._watchers)
-        calls = self._calls[kind] = tuple((call, watcher) for call, watcher in found if call is not None)
-        return calls
+        return tuple((call, watcher) for call, watcher in found if call is not None)
 
 
 def _method_of(watcher: Watcher, kind: type) -> Watcher | None:

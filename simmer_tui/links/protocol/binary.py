@@ -17,9 +17,6 @@ GRACE = ServerSettings().grace
 # Judged: longer than any pause in the middle of one long message.
 SKIP_GRACE = 0.25
 """Seconds of silence that end an overlong command of a client that sends no newlines."""
-# Judged: a program asks for a dozen sensors; the limit is for one that always sends new numbers.
-KNOWN = 100
-"""Most lines a reader remembers."""
 
 
 class NumberEncoder:
@@ -64,9 +61,7 @@ class CommandReader:
         and a sender that waits for the answer may continue only after it."""
         self._just_taken = False
         self.at_rest = False
-        """True after whole lines: neither a silence nor a late line end changes what has come."""
-        self._known: dict[bytes, Command] = {}
-        """Commands by the lines that were parsed before: programs repeat the same few."""
+        """True after whole lines: the next bytes begin a line, and no silence ends anything."""
         self.sent: list[bytes] = []
         """Bytes of the commands returned last, with their line ends; empty for one that was cut short."""
 
@@ -96,17 +91,8 @@ class CommandReader:
 
     def receive(self, data: bytes) -> list[Command]:
         """Take bytes as they come. Returns the commands that they complete."""
-        # One whole line and nothing else, the usual case.
-        if self.at_rest and 0 <= data.find(b"\n") == len(data) - 1 <= LONGEST_COMMAND:
-            self.sent = [data]
-            known = self._known.get(data)
-            return [self._first(data) if known is None else known]
-        commands = self._receive(data)
-        self.at_rest = self._lines and not (self._buffer or self._skipping or self._just_taken)
-        return commands
-
-    def _receive(self, data: bytes) -> list[Command]:
         self.sent = []
+        self.at_rest = False
         if self._just_taken:  # a newline right after a bare command belongs to it
             after_return = data.removeprefix(b"\r")
             if after_return.startswith(b"\n"):
@@ -128,15 +114,8 @@ class CommandReader:
                 commands.append(self._command(line))
             self._lines = True
         self._buffer = self._kept(rest, commands)
+        self.at_rest = self._lines and not (self._buffer or self._skipping)
         return commands
-
-    def _first(self, data: bytes) -> Command:
-        """The command of a line that has not come before."""
-        command = self._command(data[:-1])
-        # Never emptied: the commands that a program repeats are among its first hundred.
-        if len(self._known) < KNOWN:
-            self._known[data] = command
-        return command
 
     def _kept(self, rest: bytes, commands: list[Command]) -> bytes:
         """The bytes kept of an unfinished command: none of an overlong one, which is refused."""
