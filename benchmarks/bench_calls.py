@@ -36,6 +36,7 @@ from simmer_tui.cli.main import main as simmer
 from simmer_tui.config.dialects import COMMANDS, REPLIES
 from simmer_tui.live.server import Server
 
+RUN = ("--no-ui", "--once", "--port", "0", "--seed", "1")
 VARIANTS = {"--quiet": ("--quiet",), "plain": (), "--log": ("--log",), "--mission": ("--mission",)}
 """Options of a run, by the name of the figure."""
 GOALS = {
@@ -108,18 +109,19 @@ class Profile:
 
 
 @contextlib.contextmanager
-def connected(server: Server) -> Iterator[tuple[socket.socket, socket.socket]]:
+def connected(*ports: int) -> Iterator[tuple[socket.socket, socket.socket]]:
     """A program's two connections."""
     with contextlib.ExitStack() as stack:
-        at = [("127.0.0.1", server.ports[each.purpose]) for each in (COMMANDS, REPLIES)]
-        sending, reading = [stack.enter_context(socket.create_connection(each, _LONGEST)) for each in at]
+        sending, reading = [
+            stack.enter_context(socket.create_connection(("127.0.0.1", port), _LONGEST)) for port in ports
+        ]
         yield sending, reading
 
 
 def exchange(server: Server, profile: Profile, commands: Sequence[str]) -> list[Trip]:
     """Send commands, each once the loop waits after the reply to the one before it."""
     trips = []
-    with connected(server) as (sending, reading):
+    with connected(*(server.ports[each.purpose] for each in (COMMANDS, REPLIES))) as (sending, reading):
         for command in commands:
             sending.sendall(command.encode() + b"\n")
             reading.recv(8, socket.MSG_WAITALL)
@@ -145,7 +147,7 @@ def trips_of(options: Sequence[str], commands: Sequence[str]) -> list[Trip]:
             contextlib.redirect_stdout(nothing),
             contextlib.redirect_stderr(nothing),
         ):
-            simmer(["--no-ui", "--once", "--port", "0", "--seed", "1", *named])
+            simmer([*RUN, *named])
     return trips
 
 
@@ -158,15 +160,23 @@ def least(options: Sequence[str], command: str, warm_up: int = WARM_UP, count: i
 
 
 def instructions(options: Sequence[str], command: str) -> float:
-    """Machine instructions of one command: the difference of two runs."""
+    """Machine instructions of one command, of the whole process: the difference of two runs."""
     counts = (500, 1500)
     totals = []
     for count in counts:
-        words = [sys.executable, __file__, "--serve", command, str(count), *options]
-        valgrind = ["valgrind", "--tool=cachegrind", "--cache-sim=no", "--cachegrind-out-file=/dev/null"]
-        done = subprocess.run([*valgrind, *words], capture_output=True, text=True, check=True)
-        total = re.search(r"I +refs: +([\d,]+)", done.stderr)
-        assert total is not None, done.stderr
+        words = ["valgrind", "--tool=cachegrind", "--cache-sim=no", "--cachegrind-out-file=/dev/null"]
+        words += [sys.executable, "-m", "simmer_tui", *RUN, *options]
+        with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as run:
+            assert run.stdout is not None, "it was asked for"
+            assert run.stderr is not None, "it was asked for"
+            ports = re.search(r"commands on port (\d+), replies on port (\d+)", run.stdout.readline())
+            assert ports is not None, "a run begins with its ports"
+            with connected(int(ports[1]), int(ports[2])) as (sending, reading):
+                for _ in range(count):
+                    sending.sendall(command.encode() + b"\n")
+                    reading.recv(8, socket.MSG_WAITALL)
+            total = re.search(r"I +refs: +([\d,]+)", run.stderr.read())
+        assert total is not None, "cachegrind ends with its counts"
         totals.append(int(total[1].replace(",", "")))
     return (totals[1] - totals[0]) / (counts[1] - counts[0])
 
@@ -178,12 +188,7 @@ def main() -> int:
     parser.add_argument("--json", metavar="FILE", type=Path, help="write the figures to a file")
     parser.add_argument("--instructions", action="store_true", help="machine instructions too (valgrind)")
     parser.add_argument("--list", metavar="COMMAND", help="list what a command passes, in order")
-    parser.add_argument("--serve", nargs="+", help=argparse.SUPPRESS)
     options, more = parser.parse_known_args()
-    if options.serve:
-        command, count = options.serve
-        trips_of(more, [command] * int(count))
-        return 0
     if options.list:
         for code in least(more, options.list).passed:
             print(f"{Path(code.co_filename).relative_to(_PACKAGE)}: {code.co_qualname}")
@@ -203,7 +208,7 @@ def main() -> int:
                 missed = missed or hops[0] > most[0] or hops[1] > most[1]
                 print(f"{command:5} {hops[0]} functions in {hops[1]} files, goal {most[0]} in {most[1]}")
     if options.instructions and shutil.which("valgrind"):
-        for name, words in VARIANTS.items():
+        for name, words in (("--quiet", ("--quiet",)), ("plain", ())):
             figures[f"u1 {name}, instructions"] = count = instructions(words, "u1")
             print(f"u1    {name:10} {count:8.0f} instructions")
     if options.json is not None:

@@ -32,7 +32,7 @@ from simmer_tui.live.operating.robot_operator import Operator
 from simmer_tui.live.server import Server
 from simmer_tui.robot.engine import Engine
 from simmer_tui.robot.sessions import Answered, Session
-from simmer_tui.run.events import Notice
+from simmer_tui.run.events import Action, ActionName, Notice
 from simmer_tui.run.mission import MissionPlan, environment, facts, plan_run
 from simmer_tui.sim import Simulator
 from simmer_tui.sim.command import MISSION_QUERY, parse_command
@@ -165,6 +165,27 @@ def test_a_real_robot_is_never_sent_a_query() -> None:
     # Another text, or a robot with a code of this name: as before there were queries.
     assert asked("?mode", MissionQuery((1.0,))) == (None, 1)
     assert asked("?m-1", None) == (None, 1)
+
+
+def test_a_query_is_answered_in_its_turn_also_while_the_robot_is_paused() -> None:
+    engine = Engine(Simulator(load(bundled_folder()).simulation))
+    switch, session, answered = BackendSwitch(engine), engine.session(), list[str]()
+    switch.query = MissionQuery((1.0,))
+
+    def send(text: str) -> None:
+        message = Message(text.encode(), (parse_command(text),), DOUBLE)
+        switch.submit(message, session, lambda results, data: answered.append(text))
+
+    engine.perform(Action(ActionName.PAUSE, source="keys"))
+    send("?m-1")
+    assert answered == ["?m-1"]
+    for text in ("u1", "?m-2", "u2", "?m-3"):
+        send(text)
+    assert answered == ["?m-1"], "a command waits before them"
+    engine.step()
+    assert answered == ["?m-1", "u1", "?m-2"]
+    engine.perform(Action(ActionName.RESUME, source="keys"))
+    assert answered == ["?m-1", "u1", "?m-2", "u2", "?m-3"]
 
 
 def test_without_a_mission_a_program_is_told_what_to_start() -> None:

@@ -182,7 +182,8 @@ class Scheduler:
         self.steps = 0
         self._do = do
         self._loop: asyncio.AbstractEventLoop | None = None
-        self._lanes: dict[str, Lane] = {}
+        # The usual lane is there from the start: screens make their sessions in another thread.
+        self._lanes = {"": Lane(None)}
         self._turns: deque[Lane] = deque()
         """The lanes with something to do and some of their slice left, the next one first."""
         self._running = False
@@ -197,7 +198,7 @@ class Scheduler:
         # Only lanes of many connections need the limit: a single client cannot send its next command before
         # its turn is over.
         if name not in self._lanes:
-            self._lanes[name] = Lane(SLICE_SECONDS if name else None)
+            self._lanes[name] = Lane(SLICE_SECONDS)
         return self._lanes[name]
 
     @property

@@ -18,7 +18,7 @@ from simmer_tui.links.serial_bridge import ANSWER_MARGIN, SerialBridge
 from simmer_tui.links.serial_link import LinkListener
 from simmer_tui.robot.engine import Engine
 from simmer_tui.robot.sessions import Session
-from simmer_tui.run.events import Notice, NoticeKind, TwinReading
+from simmer_tui.run.events import Action, ActionName, Notice, NoticeKind, TwinReading
 from simmer_tui.sim import CommandResult, Simulator, Status, parse_command
 from tests.links.recording import until
 
@@ -238,6 +238,15 @@ def test_the_first_velocity_says_that_a_robot_may_not_know_it(
         ]
 
     played(steps, SerialSettings(port="robot", timeout=timeout, velocity=True))
+
+
+def test_a_pause_of_the_simulation_holds_up_no_answer_of_the_real_robot() -> None:
+    async def steps(rig: Rig) -> None:
+        rig.engine.perform(Action(ActionName.PAUSE, source="keys"))
+        answers = [rig.send(rig.program(), text) for text in ("u1", "u2")]
+        await until(lambda: all(answers))
+
+    played(steps)
 
 
 def test_a_client_is_answered_when_the_watchers_have_been_told() -> None:
