@@ -85,7 +85,7 @@ async def _bridged(port: str, trips: int) -> float:
     engine.start(loop)
     bridge = SerialBridge(engine, SerialLink(port), SerialSettings(port=port))
     message = Message(COMMAND, (parse_command("u1"),), ReplyForm(ReplyFormat.FLOAT64, "big"))
-    open_session = BackendSwitch(bridge).open_session()
+    switch, session = BackendSwitch(engine, bridge), engine.session()
 
     async def go(count: int) -> None:
         done = loop.create_future()
@@ -97,11 +97,11 @@ async def _bridged(port: str, trips: int) -> float:
             if data != REPLY:
                 done.set_exception(ConnectionError("not the robot's reply"))
             elif left:
-                open_session.submit(message, answered)
+                switch.submit(message, session, answered)
             else:
                 done.set_result(None)
 
-        open_session.submit(message, answered)
+        switch.submit(message, session, answered)
         await done
 
     await go(1)

@@ -145,8 +145,10 @@ class Session:
         """Send a command; the real robot's answer to it."""
         answered: asyncio.Future[float] = asyncio.get_running_loop().create_future()
         message = Message(f"{text}\n".encode(), (parse_command(text),), _FORM)
-        session = BackendSwitch(self.bridge).open_session()
-        session.submit(message, lambda outcomes, _: answered.set_result(outcomes[0].reply))
+        engine = self.bridge.engine
+        BackendSwitch(engine, self.bridge).submit(
+            message, engine.session(), lambda outcomes, _: answered.set_result(outcomes[0].reply)
+        )
         return await answered
 
 

@@ -19,8 +19,8 @@ Box = tuple[str, str]
 DOWN: tuple[Box, ...] = (
     ("links/binary_link.py", "bytes of a connection"),
     ("links/protocol/binary.py", "a Command of bytes"),
-    ("links/backend.py", "a Message to the robot that answers"),
-    ("robot/sessions.py", "its turn in the sender's queue"),
+    ("links/backend.py", "a Message to the robot in use"),
+    ("robot/sessions.py", "its turn in the sender's one queue"),
     ("robot/engine.py", "one command at a time, and the clock"),
     ("sim/simulator.py", "a Trajectory, a reading: the CommandResult"),
 )

@@ -16,7 +16,7 @@ from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.config.settings import ServerSettings, Settings, settings_from
 from simmer_tui.config.settings_file import Override
-from simmer_tui.links.backend import BackendSession, Message
+from simmer_tui.links.backend import Message
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.peer import PIECE, Peer, ReadBudget
 from simmer_tui.links.protocol.replies import ReplyForm, ReplyFormat
@@ -60,12 +60,13 @@ class Shouter(Peer):
     def __init__(self, sock: socket.socket, peer: str, link: ShoutLink) -> None:
         super().__init__(sock, peer, link.budget)
         self.link = link
-        self.session: BackendSession = link.context.backend.open_session(lane="shouts")
+        self.session = link.context.engine.session(lane="shouts")
 
     def data_received(self, data: bytes) -> None:
         for word in data.removesuffix(b"!").split(b"!"):
             commands = (parse_command(word.decode().lower()),)
-            self.session.submit(Message(word + b"!", commands, FORM), self.answer)
+            message = Message(word + b"!", commands, FORM)
+            self.link.context.backend.submit(message, self.session, self.answer)
 
     def answer(self, outcomes: Sequence[CommandResult], data: bytes | None) -> None:
         self.write(data or f"{outcomes[0].reply!r}\n".encode())

@@ -23,15 +23,18 @@ from simmer_tui.cli.main import main
 from simmer_tui.client import InvalidInputError, Mission, NoMissionError, Robot
 from simmer_tui.config.dialects import BELIEFS, COMMANDS, PACKET_REPLIES, PACKETS
 from simmer_tui.config.loader import load
-from simmer_tui.config.sets import find_set
+from simmer_tui.config.sets import bundled_folder, find_set
 from simmer_tui.config.settings_file import Override
-from simmer_tui.links.backend import Answered, Backend, BackendSession, BackendSwitch, Message
+from simmer_tui.links.backend import Backend, BackendSwitch, Message
 from simmer_tui.links.protocol.mission_query import MissionQuery
 from simmer_tui.links.protocol.replies import ReplyForm, ReplyFormat
 from simmer_tui.live.operating.robot_operator import Operator
 from simmer_tui.live.server import Server
-from simmer_tui.run.events import Notice
+from simmer_tui.robot.engine import Engine
+from simmer_tui.robot.sessions import Answered, Session
+from simmer_tui.run.events import Action, ActionName, Notice
 from simmer_tui.run.mission import MissionPlan, environment, facts, plan_run
+from simmer_tui.sim import Simulator
 from simmer_tui.sim.command import MISSION_QUERY, parse_command
 from tests.listening import HOST
 
@@ -130,7 +133,7 @@ class SilentRobot(Backend):
     def __init__(self) -> None:
         self.messages: list[Message] = []
 
-    def submit(self, message: Message, session: BackendSession, answered: Answered) -> None:
+    def submit(self, message: Message, session: Session, answered: Answered) -> None:
         self.messages.append(message)
 
 
@@ -139,14 +142,13 @@ def asked(text: str, query: MissionQuery | None, form: ReplyForm = DOUBLE) -> tu
     robot, replies = SilentRobot(), []
 
     async def ask() -> None:
-        switch = BackendSwitch(robot)
+        engine = Engine(Simulator(load(bundled_folder()).simulation))
+        switch, session = BackendSwitch(engine, robot), engine.session()
         switch.query = query
-        session = switch.open_session()
-        session.submit(
-            Message(text.encode(), (parse_command(text),), form), lambda _, data: replies.append(data)
-        )
+        message = Message(text.encode(), (parse_command(text),), form)
+        switch.submit(message, session, lambda _, data: replies.append(data))
         if replies:
-            session.append_late(b"\n")
+            switch.append_late(b"\n", session)
 
     asyncio.run(ask())
     return (replies or [None])[0], len(robot.messages)
@@ -163,6 +165,27 @@ def test_a_real_robot_is_never_sent_a_query() -> None:
     # Another text, or a robot with a code of this name: as before there were queries.
     assert asked("?mode", MissionQuery((1.0,))) == (None, 1)
     assert asked("?m-1", None) == (None, 1)
+
+
+def test_a_query_is_answered_in_its_turn_also_while_the_robot_is_paused() -> None:
+    engine = Engine(Simulator(load(bundled_folder()).simulation))
+    switch, session, answered = BackendSwitch(engine), engine.session(), list[str]()
+    switch.query = MissionQuery((1.0,))
+
+    def send(text: str) -> None:
+        message = Message(text.encode(), (parse_command(text),), DOUBLE)
+        switch.submit(message, session, lambda results, data: answered.append(text))
+
+    engine.perform(Action(ActionName.PAUSE, source="keys"))
+    send("?m-1")
+    assert answered == ["?m-1"]
+    for text in ("u1", "?m-2", "u2", "?m-3"):
+        send(text)
+    assert answered == ["?m-1"], "a command waits before them"
+    engine.step()
+    assert answered == ["?m-1", "u1", "?m-2"]
+    engine.perform(Action(ActionName.RESUME, source="keys"))
+    assert answered == ["?m-1", "u1", "?m-2", "u2", "?m-3"]
 
 
 def test_without_a_mission_a_program_is_told_what_to_start() -> None:

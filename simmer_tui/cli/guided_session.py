@@ -22,7 +22,7 @@ from simmer_tui.calibrate.guided import WANTED, SessionPlanner, drive_guided, gu
 from simmer_tui.calibrate.measured_run import read_runs
 from simmer_tui.config.loader import Configuration
 from simmer_tui.errors import CalibrationError
-from simmer_tui.links.backend import BackendSwitch, Message, SimulatorBackend
+from simmer_tui.links.backend import BackendSwitch, Message
 from simmer_tui.links.protocol.replies import ReplyForm, ReplyFormat
 from simmer_tui.links.robot_bridge import bridge_to
 from simmer_tui.links.serial_link import SerialLink
@@ -77,17 +77,17 @@ async def _session(configuration: Configuration, guide: SessionPlanner, log: Pat
     form = ReplyForm(ReplyFormat(settings.server.reply_format), settings.server.byte_order)
     with RunLog(log, configuration, twin) as written:
         engine.watch(written)
-        switch = BackendSwitch(SimulatorBackend(engine))
+        switch = BackendSwitch(engine)
         serial = settings.serial
         link = SerialLink(serial.port, serial.baud, moves_dtr=serial.dtr)
         bridge = bridge_to(configuration, engine, link, serial, switch)
         switch.use(bridge)
-        session = switch.open_session()
+        session = engine.session()
 
         async def ask(text: str) -> float:
             answered: asyncio.Future[float] = loop.create_future()
             message = Message(f"{text}\n".encode(), (parse_command(text),), form)
-            session.submit(message, partial(_answer, answered))
+            switch.submit(message, session, partial(_answer, answered))
             return await answered
 
         async def learn() -> Fit | None:

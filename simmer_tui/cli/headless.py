@@ -28,7 +28,7 @@ from simmer_tui.run.events import (
 from simmer_tui.run.message_trail import MessageTrail
 from simmer_tui.run.phrases import contact_ending
 from simmer_tui.sim.command import counted, printable
-from simmer_tui.sim.records import CommandResult, Status
+from simmer_tui.sim.records import REFUSALS, CommandResult, Status
 
 if TYPE_CHECKING:
     from simmer_tui.report.verdict import Verdict
@@ -130,15 +130,17 @@ class EventLines(EventHandler[str]):
 
     def on_result(self, event: CommandResult) -> str:
         self._trail.begun(event.number, event.time)
+        if event.status not in REFUSALS:
+            return ""
         source, shown = event.command.source, event.command.shown
         if event.status in _REFUSALS:
             return f"{source}: refused '{shown}': {event.reason}"
         if event.status is Status.UNANSWERED:
             return f"{source}: no answer to '{shown}': {event.reason}"
-        if event.status is Status.BUSY and not self._told_busy:
-            self._told_busy = True  # programs repeat the command: one line a movement is enough
-            return f"{source}: '{shown}' not begun: {event.reason}"
-        return ""
+        if self._told_busy:
+            return ""
+        self._told_busy = True  # programs repeat the command: one line a movement is enough
+        return f"{source}: '{shown}' not begun: {event.reason}"
 
 
 class Headless(LinePrinter, FrontEnd):
@@ -149,7 +151,7 @@ class Headless(LinePrinter, FrontEnd):
     def __init__(self, server: Server, *, quiet: bool, has_program: bool) -> None:
         super().__init__(quiet)
         self._server = server
-        self.wants_verdict = not quiet
+        self.wants_verdict = self.watches = not quiet
         # A program's standard output is for others to read.
         self._stream = sys.stderr if has_program else sys.stdout
 

@@ -25,6 +25,7 @@ from simmer_tui.run.events import (
     Action,
     ActionName,
     Event,
+    EventHandler,
     MissionEnd,
     Notice,
     NoticeKind,
@@ -62,6 +63,8 @@ class FrontEnd:
     """True if the run ends with its mission, which sets the exit code."""
     wants_verdict = False
     """True if `judged` needs the verdict."""
+    watches = True
+    """False if `watch` needs no event."""
     program_output: Callable[[str], None] | None = None
     """Callback for a program's lines; without it they go to our own output."""
 
@@ -106,6 +109,17 @@ class FrontEnd:
         """Called when the run is over and its server stopped."""
 
 
+class _Connection(EventHandler[None]):
+    """Calls a function when a client has connected."""
+
+    def __init__(self, call: Callable[[], None]) -> None:
+        self._call = call
+
+    def on_notice(self, event: Notice) -> None:
+        if event.kind is NoticeKind.CONNECTED:
+            self._call()
+
+
 @dataclass(eq=False)
 class RunLife:
     """One run: a server with a front end, and optionally a program that drives the robot.
@@ -128,7 +142,6 @@ class RunLife:
         self._shutdown = Shutdown(self.server)
         self._interruptions: list[int] = []
         """The exit codes of signals, as they came."""
-        self._mission_end = MissionEnd(lambda: self.front.finish(0))
         self._output: ProgramOutput | None = None
         """The output of the program that was started last."""
         self._program_code: int | None = None
@@ -187,7 +200,12 @@ class RunLife:
         # A program may send more after a client has left, and has an exit code of its own.
         ends_with_client = self.once and self.command is None
         client_left = (lambda: front.finish(0)) if ends_with_client else (lambda: None)
-        server.start(self._watch, client_left, probe_left=lambda: None)
+        if front.watches:
+            server.engine.watch(front.watch)
+        server.engine.watch(_Connection(self._connected.set).handle)
+        if front.judges:
+            server.engine.watch(MissionEnd(lambda: front.finish(0)).handle)
+        server.start(None, client_left, probe_left=lambda: None)
         if self.page is not None:
             self.page.start()
         if self.command is not None:  # before any output: if it fails, its error is the only line
@@ -271,13 +289,6 @@ class RunLife:
     def _judged(self) -> Referee | None:
         """The referee of a mission that ends the run."""
         return self.server.referee if self.front.judges else None
-
-    def _watch(self, event: Event) -> None:
-        self.front.watch(event)
-        if isinstance(event, Notice) and event.kind is NoticeKind.CONNECTED:
-            self._connected.set()
-        if self.front.judges:
-            self._mission_end.handle(event)
 
     def _program_ended(self, code: int) -> None:
         self._program_code = code

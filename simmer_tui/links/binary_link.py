@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from simmer_tui.config.dialects import COMMANDS, REPLIES
 from simmer_tui.links.access import RefusalNotices
 from simmer_tui.links.backend import CommandBudget, Message
-from simmer_tui.links.connection_doctor import LONE_LIMIT, ClientWatch, ConnectionDoctor
+from simmer_tui.links.connection_doctor import CHECKED_COMMANDS, LONE_LIMIT, ClientWatch, ConnectionDoctor
 from simmer_tui.links.driver_lock import DriverLock
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.peer import MOST_WAITING, PIECE, UNREAD_LIMIT, Peer, ReadBudget, host_of
@@ -22,12 +22,15 @@ from simmer_tui.links.protocol.line_marks import without_marks
 from simmer_tui.robot.sessions import LoopTimer
 from simmer_tui.run.events import Notice, NoticeKind
 from simmer_tui.sim.command import Command, counted
-from simmer_tui.sim.records import CommandResult
+from simmer_tui.sim.records import REFUSALS, CommandResult
 
 # Judged: a wait that nobody notices. A program that is started again connects before the old one's end is
 # seen.
 RETRY_DELAY = 0.05
 """Seconds that a newcomer waits for the present client to leave."""
+# Judged: a program asks for a dozen sensors; the limit is for one that always sends new numbers.
+KNOWN = 100
+"""Most lines of a client that are kept with their commands."""
 # More than `CLOSING`, within which the present client must be gone.
 _LONGEST_WAIT = 1.5
 """Seconds after which a newcomer is refused even if the present client is about to leave."""
@@ -80,25 +83,30 @@ class Client(Peer):
         self._link = link
         self._reader = CommandReader(grace=link.context.settings.grace)
         self._command_budget = CommandBudget(peer, link.engine.tell)
-        at_end = link.context.answers_at_end(in_packets=False)
-        self._session = link.context.backend.open_session(answer_at_end=at_end, budget=self._command_budget)
+        self._robot = link.context.backend
+        self._session = link.engine.session(answer_at_end=link.context.answers_at_end(in_packets=False))
+        self._messages: dict[bytes, Message] = {}
+        """Messages by the whole lines that came before: programs repeat the same few."""
         self._timer = LoopTimer(self._silence, self._loop)
         self.ending = False
         """True if the client has closed its side and waits for replies."""
         self.reads_nothing = False
         """True if the system reports that it has closed entirely."""
         self._waiting = 0
+        self._is_timed = False
+        """True if a timer may run for the rest of a line."""
         self._watch = ClientWatch(link.doctor, self, link.encoder.form, link.encoder.size)
         self.is_http = False
         """True if its first line is a request of HTTP."""
         self.replies: Peer | None = None
         """Connection for replies, once the first has been routed."""
-        self.commands = 0
+        self.has_sent = False
+        """True if a command has come."""
 
     @property
-    def has_sent(self) -> bool:
-        """True if a command has come."""
-        return self._waiting > 0 or self.commands > 0
+    def commands(self) -> int:
+        """Commands that were answered."""
+        return self._watch.commands
 
     @property
     def leaves(self) -> bool:
@@ -106,13 +114,20 @@ class Client(Peer):
         return self.ending or self.has_left()
 
     def data_received(self, data: bytes) -> None:
+        reader = self._reader
+        if reader.at_rest and (known := self._messages.get(data)) is not None:
+            self._send(known)
+            return
         # A real robot may wait for the line end too: it is passed on even though the command has been sent.
-        late_end = self._reader.late_end(data)
+        late_end = b"" if reader.at_rest else reader.late_end(data)
         if late_end:
-            self._session.append_late(late_end)
-        self._submit(self._reader.receive(data))
-        self._watch.line_began(self._reader.unended)
-        self._timer.set_in(None if self._closing else self._reader.idle_timeout)
+            self._robot.append_late(late_end, self._session)
+        self._submit(reader.receive(data))
+        # Between whole lines there is nothing to wait for.
+        if self._is_timed or not reader.at_rest:
+            self._is_timed = not reader.at_rest
+            self._watch.line_began(reader.unended)
+            self._timer.set_in(None if self._closing else reader.idle_timeout)
 
     def eof_received(self) -> bool:
         # Closed for sending only: programs may close their side and still read the replies.
@@ -124,7 +139,7 @@ class Client(Peer):
             # A connection on the reply port that is still open is the next client's.
             self.replies = self.replies or self
             # If the program was ended, its robot must not drive on to the end of a wait.
-            self._session.cut_waits()
+            self._link.engine.cut_waits(self._session)
         self._close_if_done()
         return True
 
@@ -148,30 +163,37 @@ class Client(Peer):
         self._submit(commands)
 
     def _submit(self, commands: list[Command]) -> None:
-        if commands and not self.has_sent:
-            self.is_http = is_http(commands[0].text)
-        self._waiting += len(commands)
+        if not self.has_sent and commands:
+            self.has_sent, self.is_http = True, is_http(commands[0].text)
         for command, sent in zip(commands, self._reader.sent, strict=True):
-            self._session.submit(
-                Message(without_marks(sent), (command,), self._link.encoder.form), self._answer
-            )
-        if self._command_budget.is_exceeded:
+            message = Message(without_marks(sent), (command,), self._link.encoder.form)
+            # Never emptied: the commands that a program repeats are among its first hundred.
+            if sent.endswith(b"\n") and len(self._messages) < KNOWN:
+                self._messages[sent] = message
+            self._send(message)
+
+    def _send(self, message: Message) -> None:
+        self._waiting += 1
+        self._robot.submit(message, self._session, self._answer, self._command_budget)
+        if self._command_budget.refused and self._command_budget.is_exceeded:
             self._link.drop(self)
 
     def _answer(self, results: Sequence[CommandResult], data: bytes | None) -> None:
         self._waiting -= 1
-        self.commands += len(results)
         # As late as possible: the client may open its reply connection after its first command.
         if self.replies is None:
             self.replies = self._link.reply_route(self)
         if results:
-            self._watch.answered(results[0], self.replies)
+            watch, first = self._watch, results[0]
+            watch.commands += len(results)
+            if watch.commands <= CHECKED_COMMANDS or first.status in REFUSALS:
+                watch.answered(first, self.replies)
         if data is None:
             data = self._link.encoder.reply(results[0])
         if not self.replies.write(data):
             self._link.drop(self)
-            return
-        self._close_if_done()
+        elif self.ending:
+            self._close_if_done()
 
     def _close_if_done(self) -> None:
         if self.ending and not self._waiting:

@@ -132,7 +132,8 @@ class ClientWatch:
         self._loop = asyncio.get_running_loop()
         self._first_reply: float | None = None
         self._route = client
-        self._commands = 0
+        self.commands = 0
+        """Commands that were answered."""
         self._timers: list[asyncio.TimerHandle] = []
         self._line_end = LoopTimer(doctor.tell, self._loop)
 
@@ -148,17 +149,17 @@ class ClientWatch:
     # -- its replies -----------------------------------------------------------------------------------
 
     def answered(self, result: CommandResult, route: Peer) -> None:
-        """Watch whether a command's reply is read; it was sent on the connection `route`."""
-        self._commands += 1
+        """Watch whether a command's reply is read; it was sent on the connection `route`. Called for the
+        first `CHECKED_COMMANDS`, and for those that were refused."""
         status = result.status
         if status is Status.REFUSED or status is Status.UNKNOWN:
             self._doctor.refused(result, self._ports[0])
-        if self._commands == 1:
+        if self.commands == 1:
             self._first_reply, self._route = self._loop.time(), route
             if result.ranges is not None:
                 self._first = f"a count and {counted(len(result.ranges), 'number')} of {self._form}"
             self._timers = [self._loop.call_later(wait, self._look, wait) for wait in CHECK_TIMES]
-        elif self._commands <= CHECKED_COMMANDS and _asks_nonsense(result):
+        elif self.commands <= CHECKED_COMMANDS and _asks_nonsense(result):
             self._misread(f"'{result.command.shown}' makes no sense as a movement: ")
 
     def _look(self, waited: float) -> None:
@@ -169,7 +170,7 @@ class ClientWatch:
             return
         if unread % self._size:
             self._misread(f"client {self._client.peer} has read a part of its reply: ")
-        elif waited == CHECK_TIMES[-1] and unread >= self._commands * self._size:
+        elif waited == CHECK_TIMES[-1] and unread >= self.commands * self._size:
             self._left_unread(f"client {self._client.peer} waits and has not read its reply: ")
 
     def left(self, *, ended_with_error: bool) -> None:
@@ -177,7 +178,7 @@ class ClientWatch:
         self._line_end.cancel()
         for timer in self._timers:
             timer.cancel()
-        if self._first_reply is None or self._loop.time() - self._first_reply > EARLY or self._commands > 1:
+        if self._first_reply is None or self._loop.time() - self._first_reply > EARLY or self.commands > 1:
             return
         waited = self._loop.time() - self._first_reply
         if ended_with_error:

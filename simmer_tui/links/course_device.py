@@ -10,11 +10,12 @@ from functools import partial
 
 from simmer_tui.dialect.dialect_rules import CourseProtocol
 from simmer_tui.dialect.frames import FrameKind, Framing
-from simmer_tui.links.backend import Answered, BackendSession, CommandBudget, Message
+from simmer_tui.links.backend import CommandBudget, Message
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.protocol.binary import CommandReader, NumberEncoder
 from simmer_tui.links.protocol.packets import Request, RequestReader, encode
 from simmer_tui.links.protocol.replies import ReplyForm, ReplyFormat
+from simmer_tui.robot.sessions import Answered, Session
 from simmer_tui.run.events import WireMessage
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.records import CommandResult
@@ -44,7 +45,7 @@ class CourseDevice:
         self._engine = context.engine
         self._write = write
         self._encoder = NumberEncoder(settings.reply_format, settings.byte_order)
-        self._session: BackendSession | None = None
+        self._session: Session | None = None
         self._silences = 0
         """Count of bursts of bytes: a silence ends only the newest."""
 
@@ -53,8 +54,8 @@ class CourseDevice:
         grace = self._context.settings.grace
         self._requests, self._commands = RequestReader(grace), CommandReader(grace=grace)
         at_end = self._context.answers_at_end(in_packets=self._protocol is CourseProtocol.PACKETS)
-        budget = CommandBudget("on the serial port", self._engine.tell)
-        self._session = self._context.backend.open_session(answer_at_end=at_end, budget=budget)
+        self._budget = CommandBudget("on the serial port", self._engine.tell)
+        self._session = self._engine.session(answer_at_end=at_end)
 
     def closed(self) -> None:
         """The program has closed the port."""
@@ -72,7 +73,7 @@ class CourseDevice:
         else:
             late_end = self._commands.late_end(data)
             if late_end:
-                self._session.append_late(late_end)
+                self._context.backend.append_late(late_end, self._session)
             self._take_commands(self._commands.receive(data))
             idle_timeout = self._commands.idle_timeout
         self._silences += 1
@@ -103,7 +104,7 @@ class CourseDevice:
         shown = message.data.decode("latin-1")
         meaning = ", ".join(command.shown for command in message.commands)
         self._engine.tell(WireMessage(self._engine.now(), shown, meaning=meaning))
-        session.submit(message, answered)
+        self._context.backend.submit(message, session, answered, self._budget)
 
     def _answer_request(self, request: Request, results: Sequence[CommandResult], data: bytes | None) -> None:
         if data is None:

@@ -18,10 +18,10 @@ from msgspec.structs import replace
 from simmer_tui.dialect.dialect_rules import Busy
 from simmer_tui.dialect.inverse import DialectMessage, InverseRules
 from simmer_tui.dialect.reply_reader import RobotReply
-from simmer_tui.links.backend import Answered, BackendSession, Message
+from simmer_tui.links.backend import Message
 from simmer_tui.links.monitored_robot import MonitoredRobot
 from simmer_tui.links.protocol.packets import STOP
-from simmer_tui.robot.sessions import LoopTimer
+from simmer_tui.robot.sessions import Answered, LoopTimer, Session
 from simmer_tui.run.events import NoticeKind
 from simmer_tui.sim.command import PEOPLE, Command, escape_word, parse_value
 from simmer_tui.sim.records import CommandResult, Status
@@ -44,7 +44,7 @@ class _Request(Struct, eq=False):
 
     command: Command
     answer: Callable[[CommandResult], None]
-    session: BackendSession
+    session: Session
     message: DialectMessage | None = None
     result: CommandResult | None = None
     """Result of the twin's movement, when it is over."""
@@ -101,7 +101,7 @@ class DialectRobot(MonitoredRobot):
 
     # -- commands of others ----------------------------------------------------------------------------
 
-    def submit(self, message: Message, session: BackendSession, answered: Answered) -> None:
+    def submit(self, message: Message, session: Session, answered: Answered) -> None:
         """Have commands done by inverse rules."""
         results: dict[int, CommandResult] = {}
         count = len(message.commands)
@@ -126,7 +126,7 @@ class DialectRobot(MonitoredRobot):
         stops = tuple(each for each in message.commands if each.stops or each.code == STOP)
         return Message(message.data, stops, message.form) if stops else None
 
-    def forget(self, session: BackendSession) -> None:
+    def forget(self, session: Session) -> None:
         """Remove a client that has left: its waiting commands do not begin."""
         self._queue = deque(each for each in self._queue if each.session is not session)
 

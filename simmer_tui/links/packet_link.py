@@ -53,9 +53,7 @@ class _Sender(Peer):
         self._reader = RequestReader(link.context.settings.grace)
         self._command_budget = link.budget_of(sock, peer)
         at_end = link.context.answers_at_end(in_packets=True)
-        self._session = link.context.backend.open_session(
-            answer_at_end=at_end, lane="packets", budget=self._command_budget
-        )
+        self._session = link.engine.session(answer_at_end=at_end, lane="packets")
         self._silence = LoopTimer(lambda: self._submit(self._reader.silence()), self._loop)
         self._direct_reply = LoopTimer(self._reply_here, self._loop)
         self._open_requests = self._open_commands = 0
@@ -122,7 +120,8 @@ class _Sender(Peer):
                 self._open_commands += len(request.commands)
                 form = self._link.forms[request.dialect]
                 message = Message(request.data, request.commands, form)
-                self._session.submit(message, partial(self._answered, request, form.format))
+                answered = partial(self._answered, request, form.format)
+                self._link.context.backend.submit(message, self._session, answered, self._command_budget)
         if self._command_budget.is_exceeded and not self.lost:
             self._drop()
 

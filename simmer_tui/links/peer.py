@@ -35,7 +35,8 @@ CLOSING = 1.0
 class ReadBudget:
     """The bytes that its peers may still read together in this turn of the event loop.
 
-    It is full again in the next turn. Peers that found it empty then go first, in order.
+    Once half of it is spent, it is full again in the next turn. Peers that found it empty then go first, in
+    order.
     """
 
     def __init__(self, size: int, *, counted: bool = True) -> None:
@@ -43,23 +44,25 @@ class ReadBudget:
         self._loop = asyncio.get_running_loop()
         self._clock = clock_of(self._loop) if counted else None
         self._size = self.left = size
+        self._renewing = False
         self._behind: dict[Callable[[], None], None] = {}
 
     def spend(self, count: int) -> None:
         """Take this number of bytes from the budget."""
         if self._clock is not None:
             self._clock.received += count
-        # Renewed once a turn, by the first peer that spends: an idle server has no timer.
-        if self.left == self._size:
-            self._loop.call_soon(self._renew)
         self.left -= count
+        # Not after each read: a turn of the loop costs as much as a short command.
+        if self.left < self._size / 2 and not self._renewing:
+            self._renewing = True
+            self._loop.call_soon(self._renew)
 
     def wait(self, callback: Callable[[], None]) -> None:
         """Call `callback` in the next turn: the budget is empty."""
         self._behind[callback] = None
 
     def _renew(self) -> None:
-        self.left = self._size
+        self.left, self._renewing = self._size, False
         # Waiting peers go before new bytes, or a flood from one could block them forever.
         behind, self._behind = self._behind, {}
         for callback in behind:
@@ -131,26 +134,24 @@ class Peer:
     def _set_reading(self) -> None:
         wanted = not (self._held or self._closing or self._finished or self._eof)
         if wanted and not self._reading:
-            self._loop.add_reader(self.sock, self._readable)
+            self._loop.add_reader(self.sock, self.read)
         elif self._reading and not wanted:
             self._loop.remove_reader(self.sock)
         self._reading = wanted
 
-    def _readable(self) -> None:
-        # Sockets are read level-triggered: unread bytes are reported again in the next turn.
-        if self._budget.left > 0:
-            self.read()
-        else:
-            self._budget.wait(self._catch_up)
-
     def _catch_up(self) -> None:
         if self._reading:
-            self._readable()
+            self.read()
 
     def read(self) -> bool:
         """Read what has arrived, within the budget of this turn. Returns True if there was anything."""
+        left = self._budget.left
+        if left <= 0:
+            # Sockets are read level-triggered: unread bytes are reported again in the next turn.
+            self._budget.wait(self._catch_up)
+            return False
         try:
-            data = self.sock.recv(min(self.piece, self._budget.left))
+            data = self.sock.recv(min(self.piece, left))
         except BlockingIOError:
             return False
         except OSError as error:

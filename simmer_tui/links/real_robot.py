@@ -12,8 +12,7 @@ from simmer_tui.links.serial_link import RobotLink
 from simmer_tui.robot.engine import Engine
 from simmer_tui.robot.sessions import LoopTimer
 from simmer_tui.run.events import ActionDone, ActionName, EventHandler, Notice, NoticeKind
-from simmer_tui.sim.command import Command, escape
-from simmer_tui.sim.records import CommandResult
+from simmer_tui.sim.command import escape
 
 # Judged: the pieces of a greeting come closer together. After its messages the boot loader of an ESP32 takes
 # less to begin the sketch.
@@ -150,9 +149,6 @@ class RealRobot(EventHandler[None], Backend):
         self._open = False
         self._end_start()
         self._tell(NoticeKind.FAULT, f"robot: {reason}; trying again")
-
-    def refuse(self, command: Command) -> CommandResult:
-        return self.engine.refuse(command)
 
     def on_action(self, event: ActionDone) -> None:
         """Pass a person's stop on to the real robot."""

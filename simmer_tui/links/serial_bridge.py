@@ -17,7 +17,7 @@ from msgspec import Struct, field
 from msgspec.structs import replace
 
 from simmer_tui.config.settings import BITS_OF_A_BYTE
-from simmer_tui.links.backend import Answered, BackendSession, Message
+from simmer_tui.links.backend import Message
 from simmer_tui.links.protocol.packets import STOP
 from simmer_tui.links.protocol.replies import (
     GAP,
@@ -29,7 +29,7 @@ from simmer_tui.links.protocol.replies import (
     read_numbers,
 )
 from simmer_tui.links.real_robot import RealRobot
-from simmer_tui.robot.sessions import LoopTimer
+from simmer_tui.robot.sessions import Answered, LoopTimer, Session
 from simmer_tui.run.events import NoticeKind, TwinReading
 from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.command import Command, counted, escape, escape_passage
@@ -63,7 +63,7 @@ class _Exchange(Struct, eq=False):
     data: bytes
     commands: tuple[Command, ...]
     form: ReplyForm
-    session: BackendSession | None = None
+    session: Session | None = None
     answered: Answered | None = None
     is_stop: bool = False
     moves: bool = False
@@ -133,7 +133,7 @@ class SerialBridge(RealRobot):
 
     # -- messages -------------------------------------------------------------------------------
 
-    def submit(self, message: Message, session: BackendSession, answered: Answered) -> None:
+    def submit(self, message: Message, session: Session, answered: Answered) -> None:
         """Queue a message. One without bytes is not sent to the robot."""
         exchange = _Exchange(message.data, message.commands, message.form, session, answered)
         if _is_stop(message):
@@ -178,7 +178,7 @@ class SerialBridge(RealRobot):
         stopping = bool(self._under_way) and self._under_way[-1].is_stop
         return message if _is_stop(message) and (self._waiting or not stopping) else None
 
-    def append_late(self, data: bytes, session: BackendSession) -> None:
+    def append_late(self, data: bytes, session: Session) -> None:
         """Pass on a line end that came late: it ends the client's last message."""
         waiting = self._waiting[-1] if self._waiting else None
         if waiting is not None and waiting.session is session:
@@ -186,7 +186,7 @@ class SerialBridge(RealRobot):
         elif self._open and self.settings.suffix == "none":
             self.link.write(data)
 
-    def forget(self, session: BackendSession) -> None:
+    def forget(self, session: Session) -> None:
         """Drop the unsent messages of a client that has left, except a stop."""
         self._waiting = deque(each for each in self._waiting if each.is_stop or each.session is not session)
         for exchange in (*self._under_way, *self._waiting, *self._paused):
@@ -289,7 +289,7 @@ class SerialBridge(RealRobot):
             return None
         left = self._moving_until - self._loop.time()
         # A sender's messages after a wait are sent after it.
-        kept_back: set[BackendSession | None] = {exchange.session for exchange in self._paused}
+        kept_back: set[Session | None] = {exchange.session for exchange in self._paused}
         if left <= 0 or not self._open:
             return next((each for each in self._waiting if each.session not in kept_back), None)
         for exchange in self._waiting:

@@ -26,7 +26,7 @@ from simmer_tui.config.set_warnings import set_warnings
 from simmer_tui.config.settings import LinkSettings, SerialSettings, ServerSettings
 from simmer_tui.errors import PortError, RunLogError
 from simmer_tui.links.access import AccessCheck
-from simmer_tui.links.backend import BackendSession, BackendSwitch, Message, SimulatorBackend
+from simmer_tui.links.backend import BackendSwitch, Message
 from simmer_tui.links.clock_link import CLOCK
 from simmer_tui.links.driver_lock import NOT_SERVED, DriverLock
 from simmer_tui.links.link import Link, LinkContext, open_links, port_requests, typed_message
@@ -38,7 +38,7 @@ from simmer_tui.links.pty_port import NOT_ON_WINDOWS, PtyDevice
 from simmer_tui.robot.engine import Engine
 from simmer_tui.robot.playback_throttle import checked_pace
 from simmer_tui.robot.program_clock import ProgramClock, ProgramClockLoop
-from simmer_tui.robot.sessions import LinkDelay
+from simmer_tui.robot.sessions import Answered, LinkDelay, Session
 from simmer_tui.run.events import Event, MissionEnd, Notice, NoticeKind
 from simmer_tui.sim.command import MISSION_QUERY, Command, escape
 from simmer_tui.sim.simulator import Simulator
@@ -166,8 +166,7 @@ class Server:
         """The command of `--run`, which logs keep; empty without one."""
         self.saved_run: SavedRun | None = None
         """The run in the folder of saved runs, if there is one."""
-        self._simulated = SimulatorBackend(self.engine)
-        self._backend = BackendSwitch(self._simulated)
+        self._backend = BackendSwitch(self.engine)
         self._backend.query = self._mission_query()
         self.robot: RealRobot | None = None
         """The connection to the real robot, if clients drive one. Other threads only read its properties."""
@@ -381,13 +380,16 @@ class Server:
     def _use_simulator(self) -> None:
         if self.robot is not None:
             self.robot = self._backend.byte_robot = None
-            self._backend.use(self._simulated)
+            self._backend.use(None)
             self.engine.tell(Notice(NoticeKind.ROBOT, "programs drive the simulated robot"))
 
-    def open_session(self) -> BackendSession:
-        """A sender of commands beside the links, to whichever robot programs drive. Movements are answered at
-        once. Only for the robot's thread."""
-        return self._backend.open_session(answer_at_end=False)
+    def open_session(self) -> Session:
+        """A sender of commands beside the links. Movements are answered at once."""
+        return self.engine.session(answer_at_end=False)
+
+    def submit(self, message: Message, session: Session, answered: Answered) -> None:
+        """Send a message to whichever robot programs drive. Only for the robot's thread."""
+        self._backend.submit(message, session, answered)
 
     def message(self, command: Command) -> Message:
         """The message for a command of a person, as a program of this configuration would send it."""

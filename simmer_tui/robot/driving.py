@@ -95,9 +95,6 @@ class Driving:
     def begin(self, command: Command, session: Session | None) -> CommandResult:
         """Begin a command. A velocity that it sets belongs to the session's driver."""
         simulator, before = self._simulator, self._latest
-        # A short cut, since this runs for each command and most have nothing to do with velocities.
-        if simulator.leg is None and not simulator.is_velocity(command):
-            return simulator.begin(command)
         drove = simulator.velocity.moves
         self._latest = (simulator.commands + 1, command)
         result = simulator.begin(command)
@@ -105,7 +102,7 @@ class Driving:
         if change is None or not change.changed:
             self._latest = before
         if change is not None:
-            self.driver = session.driver if session is not None and change.twist.moves else None
+            self.driver = session.owner if session is not None and change.twist.moves else None
             self._end = VelocityEnd.TIMEOUT if change.times_out else VelocityEnd.TIME
         elif drove and not simulator.velocity.moves:
             self._tell(VelocityEnded(simulator.time, VelocityEnd.MOVEMENT, command.source))
@@ -225,7 +222,7 @@ class Driving:
         if driver is None:
             return
         self._silence.cancel()
-        if session.driver == driver and self._loop is not None and driver not in self._warned:
+        if session.owner == driver and self._loop is not None and driver not in self._warned:
             notice = Notice(NoticeKind.HINT, PAUSED_BY_HAND if by_hand else PAUSED, advice=not by_hand)
             self._silence.set_in(_SILENT, driver, notice)
 

@@ -1,7 +1,7 @@
 """One robot with one queue: the engine runs all commands in order and passes all events to all watchers.
 
 All methods but the constructor run in the robot's event loop. The engine knows neither how commands arrive (a
-`Session` each) nor who watches. Its events are in `events.py`.
+`Session` for each sender) nor who watches. Its events are in `events.py`.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ from simmer_tui.robot import actions
 from simmer_tui.robot.driving import Driving
 from simmer_tui.robot.playback_throttle import PlaybackThrottle
 from simmer_tui.robot.sessions import (
-    Answer,
+    Answered,
+    Foreign,
     LinkDelay,
     LoopTimer,
     Queued,
@@ -32,7 +33,6 @@ from simmer_tui.run.events import (
     Action,
     ActionDone,
     ActionName,
-    Event,
     MovementEnded,
     MovementPlanned,
     Notice,
@@ -89,13 +89,13 @@ class Engine:
         self.halts = 0
         """Count of stops of all motion by commands. Drives that came before such a stop and
         wait for their turn do not begin: counting makes a stop cost the same however many wait."""
-        self.exchanges = False
-        """True once something has gone over a dialect's line."""
         self.halted = False
         """True if no drive command has arrived since the last stop."""
         self.throttle: PlaybackThrottle | None = None
         """The throttle that shows movements at a pace; None without watchers."""
         self._watchers = Watchers(self.tell_fault)
+        self.tell: Watcher = self._watchers.tell
+        """Passes an event to all watchers (see `Watchers.tell`)."""
         self.driving = Driving(simulator, self.tell)
         """Continuous motion, and those who wait."""
         self._scheduler = Scheduler(self._do)
@@ -107,25 +107,23 @@ class Engine:
         self._end = LoopTimer(self._movement_over)
         self._held: list[Session] = []
 
-    def session(
-        self, *, answer_at_end: bool = True, lane: str = "", driver: Hashable | None = None
-    ) -> Session:
+    def session(self, *, answer_at_end: bool = True, lane: str = "") -> Session:
         """A new sender of commands.
 
         Lanes take turns, and so do the sessions of a lane. A lane with a name is for any number of sessions;
-        its turn is limited in time as well. `driver` owns the velocities that the session sets, by default
-        the session itself.
+        its turn is limited in time as well.
         """
         its_lane = self._scheduler.lane(lane)
-        return Session(its_lane, self._submitted, self._session_closed, answer_at_end, driver)
+        return Session(its_lane, self.submit, self._session_closed, answer_at_end)
 
     def _session_closed(self, session: Session) -> None:
         self.cut_waits(session)
-        if session.driver is session:
+        if session.driver is None:
             self.driver_left(session)
 
     def cut_waits(self, session: Session) -> None:
-        """End the waits of a sender that has gone."""
+        """End the waits of a sender that has gone: nobody will read its answers. A real robot's time cannot
+        be moved: there they stay."""
         session.has_gone = True
         if self.driving.waits:
             self.now()
@@ -148,10 +146,10 @@ class Engine:
         """Pass no more events to `watcher`."""
         self._watchers.remove(watcher)
 
-    def tell(self, event: Event) -> None:
-        """Pass an event to all watchers (see `Watchers.tell`)."""
-        self.exchanges = self.exchanges or isinstance(event, WireMessage)
-        self._watchers.tell(event)
+    @property
+    def exchanges(self) -> bool:
+        """True once something has gone over a dialect's line."""
+        return WireMessage in self._watchers.told
 
     def tell_fault(self, text: str) -> None:
         """Report a fault to the watchers."""
@@ -347,10 +345,29 @@ class Engine:
 
     # -- commands ----------------------------------------------------------------------------
 
-    def _submitted(
-        self, session: Session, command: Command, answer: Answer, moment: Sequence[Command]
-    ) -> None:
-        """Queue a command of a session; a stop is done before its turn."""
+    def submit(self, session: Session, commands: Sequence[Command], answered: Answered) -> Queued:
+        """Queue the commands of a message; `answered` may be called before this returns. Returns the last one
+        of them."""
+        # Nearly every message is one command: it needs neither a list nor a count.
+        if len(commands) == 1:
+            return self._queue(session, commands[0], answered, commands)
+        results: list[CommandResult] = []
+
+        def collect(result: Sequence[CommandResult], data: bytes | None) -> None:
+            results.extend(result)
+            if len(results) == len(commands):
+                answered(results, None)
+
+        queued = [
+            self._queue(session, command, collect, () if place else commands)
+            for place, command in enumerate(commands)
+        ]
+        return queued[-1]
+
+    def _queue(
+        self, session: Session, command: Command, answered: Answered, moment: Sequence[Command]
+    ) -> Queued:
+        """Queue a command; a stop is done before its turn."""
         stop = None
         # Done before its turn: behind a queue of drives a stop would come too late.
         if not command.stops:
@@ -358,16 +375,43 @@ class Engine:
         elif not self.halted:
             stop = self._take_stop(session, command)
         # Otherwise there is nothing to stop, and the command waits for its turn: stops come by the thousand.
-        session.queue.append(Queued(session, command, answer, self.halts, stop, moment=moment))
-        self._scheduler.wake(session)
+        queued = Queued(session, command, answered, self.halts, moment, stop)
+        self._scheduler.submit(queued)
+        return queued
 
-    def _do(self, queued: Queued) -> None:
-        """Do a command whose turn has come."""
-        if queued.command.stops:
-            stop = queued.stop or self._take_stop(queued.session, queued.command)
-            self._answer_stop(replace(queued, stop=stop), stop)
-        elif not self._passes:
-            command = self._meant_now(queued)
+    def reserve(self, session: Session, answered: Answered, *, slices: bool = False) -> Foreign:
+        """Keep a place in a session's queue for a message that others answer, by `answer_foreign`."""
+        foreign = Foreign(session, answered, slices)
+        session.queue.append(foreign)
+        return foreign
+
+    def answer_foreign(self, foreign: Foreign, results: Sequence[CommandResult], data: bytes | None) -> None:
+        """Give an answer of others in its turn."""
+        foreign.given, foreign.results, foreign.data = True, results, data
+        if not foreign.slices:
+            foreign.session.settle(foreign)
+        self._scheduler.wake(foreign.session)
+
+    def _do(self, queued: Queued | Foreign) -> None:
+        """Do a command whose turn has come, or give an answer of others."""
+        if isinstance(queued, Foreign):
+            self._hand_over(queued, queued.results, queued.data)
+            return
+        command = queued.command
+        if command.stops:
+            queued.stop = queued.stop or self._take_stop(queued.session, command)
+            self._answer_stop(queued, queued.stop)
+        elif self.timed and not self.paused:
+            self._settle_due()
+            delay = self._link_delay(command) if queued.request_delay is None else 0.0
+            if delay:
+                queued.request_delay = delay
+                self._go_on_at(self.simulator.time + delay, queued.session, self._arrive, queued)
+            else:
+                self._do_timed(queued)
+        else:
+            if queued.halts != self.halts or self.before_drive is not None:
+                command = self._meant_now(queued)
             # Only for programs: the time that a pass of a program's loop takes is simulated, a person's is
             # not.
             if queued.moment and command.source not in PEOPLE:
@@ -377,14 +421,11 @@ class Engine:
                 self._answer(queued, result)
             else:  # Nearly every command: it saves the call of `_answer`.
                 self._complete(queued, result)
-        else:
-            self._settle_due()
-            request_delay = self._link_delay(queued.command) if queued.request_delay is None else 0.0
-            if request_delay:
-                session, arrived = queued.session, replace(queued, request_delay=request_delay)
-                self._go_on_at(self.simulator.time + request_delay, session, session.queue_first, arrived)
-            else:
-                self._do_timed(queued)
+
+    def _arrive(self, queued: Queued) -> None:
+        """A command has passed the link: it is the next one of its session, unless that is closed."""
+        if queued.session.open:
+            queued.session.queue.appendleft(queued)
 
     def _do_timed(self, queued: Queued) -> None:
         """Do a command that has arrived over the link, in real time."""
@@ -465,16 +506,20 @@ class Engine:
         simulator = self.simulator
         # The delay of the command is drawn before that of the answer: reruns of logs draw in the same order.
         if request_delay is None:
-            request_delay = self._link_delay(command) if answers else 0.0
+            request_delay = self._link_delay(command) if answers and self._link is not None else 0.0
             if request_delay:
                 simulator.advance(simulator.time + request_delay)
         # In timed motion the clock brings the turn of the lidar to its end.
-        if not self.timed:
+        if simulator.has_lidars and not self.timed:
             simulator.wait_for_scan(command)
-        result = self.driving.begin(command, session)
+        # Most commands have nothing to do with velocities.
+        if simulator.leg is None and command.code not in simulator.velocity_codes:
+            result = simulator.begin(command)
+        else:
+            result = self.driving.begin(command, session)
         taken = result.time
         # Drawn even where nothing moves, so that the number of draws does not depend on the result.
-        reply_delay = self._link_delay(command) if answers else 0.0
+        reply_delay = self._link_delay(command) if answers and self._link is not None else 0.0
         if result.status is Status.ACCEPTED:
             self._tell_planned(result)
             result = simulator.finish(result)
@@ -549,7 +594,7 @@ class Engine:
             session.waiting = stop.awaited = True
             session.queue.appendleft(queued)
         elif stop.reply_delay and self._passes:
-            self._go_on_at(self.now() + stop.reply_delay, session, self._hand_over, queued, result)
+            self._go_on_at(self.now() + stop.reply_delay, session, self._hand_over, queued, (result,))
         else:
             self._reply(queued, result)
 
@@ -662,7 +707,7 @@ class Engine:
         """Tell watchers of a result, then answer its sender."""
         self.tell(result)
         self._reply(queued, result)
-        if not self.timed:
+        if self.driving.driver is not None and not self.timed:
             self.driving.answered(queued.session, by_hand=result.command.source in PEOPLE)
 
     def _reply(self, queued: Queued, result: CommandResult) -> None:
@@ -671,27 +716,30 @@ class Engine:
         if self.step_time and self._loop is not None:
             session = queued.session
             session.waiting = True
-            self._loop.call_later(self.step_time, self._resume, session, self._hand_over, queued, result)
+            self._loop.call_later(self.step_time, self._resume, session, self._hand_over, queued, (result,))
         else:
-            self._hand_over(queued, result)
+            self._hand_over(queued, (result,))
 
-    def _hand_over(self, queued: Queued, result: CommandResult) -> None:
+    def _hand_over(
+        self, queued: Queued | Foreign, results: Sequence[CommandResult], data: bytes | None = None
+    ) -> None:
         """Give an answer to its session. A movement's answer waits until it has been shown, and so do later
         ones."""
-        throttle = self.throttle
+        throttle, session = self.throttle, queued.session
         if throttle is None or not throttle.busy:
-            queued.session.give(queued.answer, result)
+            session.give(queued, results, data)
             return
-        session, answer = queued.session, queued.answer
-        shown = result.trajectory is not None or result.waits or self.driving.drives
+        shown = isinstance(queued, Queued) and (
+            results[0].trajectory is not None or results[0].waits or self.driving.drives
+        )
         # A later answer of the same sender waits too, or its replies would change their order.
         if not (session.late or shown):
-            session.give(answer, result)
+            session.give(queued, results, data)
             return
         if shown:
             session.late_until = throttle.until
         session.late += 1
-        throttle.later(session.late_until, lambda: session.give(answer, result, was_late=True))
+        throttle.later(session.late_until, lambda: session.give(queued, results, data, was_late=True))
 
     def _catch_up(self) -> None:
         """Show the present at once: somebody intervenes, and must see the result."""

@@ -26,7 +26,13 @@ from simmer_tui.sim.records import CommandResult
 SLICE, SLICE_SECONDS = 16, 0.002
 """Commands of a lane done in one turn of the event loop, and its limit of time, seconds, for lanes of many
 connections and for waits. A flood of commands delays the others by no more."""
+# About a millisecond of processor time.
+FOREIGN_SLICE = 100
+"""Busy answers given to a sender in one turn of the event loop."""
 Answer = Callable[[CommandResult], None]
+Answered = Callable[[Sequence[CommandResult], bytes | None], None]
+"""Takes the results, one a command, and the bytes to pass on unchanged as the reply. Without bytes (None) a
+link writes the results in its own dialect. A query is no command: it has bytes and no results."""
 
 
 # A dataclass with slots: its fields change with every command, which costs more with a msgspec struct.
@@ -55,37 +61,54 @@ class Stop(Struct):
     awaited: bool = False
 
 
-class Queued(Struct, frozen=True):
+class Queued(Struct, eq=False):
     """A command of a session that waits for its turn or its answer.
 
-    `halts` is the count of stops when it came. `request_delay` is its delay on the link, simulated
-    seconds; None before it has arrived.
+    `halts` is the count of stops when it came. `moment` has all commands of its message in the first of them;
+    it is empty in the others. `request_delay` is its delay on the link, simulated seconds; None before it has
+    arrived. `given` is true once it has its answer.
     """
 
     session: Session
     command: Command
-    answer: Answer
+    answered: Answered
     halts: int
+    moment: Sequence[Command] = ()
     stop: Stop | None = None
     request_delay: float | None = None
-    moment: Sequence[Command] = ()
-    """All commands of a message, in the first command of it; empty in the others."""
+    given: bool = False
+
+
+class Foreign(Struct, eq=False):
+    """A message that others answer: a real robot, or who refuses it. It keeps its place in the queue until
+    its answer is `given`, and its turn has come. `slices` is true for those that come by the thousand."""
+
+    session: Session
+    answered: Answered
+    slices: bool = False
+    given: bool = False
+    results: Sequence[CommandResult] = ()
+    data: bytes | None = None
 
 
 @dataclass(slots=True, eq=False)
 class Session:
-    """One sender of commands, which are answered in order, one at a time."""
+    """One sender of commands to the robot, simulated or real. Answers are given in the order of the commands.
+
+    The simulated robot does one command of a session at a time. A real one gets all of them at once.
+    """
 
     lane: Lane
-    on_submit: Callable[[Session, Command, Answer, Sequence[Command]], None]
+    on_submit: Callable[[Session, Sequence[Command], Answered], Queued]
     on_close: Callable[[Session], None]
     answer_at_end: bool = True
     """True if a timed movement is answered when it ends; False if it is answered at once as accepted."""
     driver: Hashable | None = None
-    """Owner of the velocities that it sets: by default the session itself."""
+    """Whose velocities it sets, None for its own."""
     ready: bool = False
-    """True if the session is in its lane's queue `ready`."""
-    queue: deque[Queued] = field(default_factory=deque)
+    """True if the session is in its lane's queue `ready`, or a later turn of the loop continues its
+    answers."""
+    queue: deque[Queued | Foreign] = field(default_factory=deque)
     waiting: bool = False
     """True while an answer is pending; the next command must wait for it."""
     open: bool = True
@@ -93,38 +116,58 @@ class Session:
     """Answers that wait until a movement has been shown, the last of them until `late_until`, by the loop's
     clock."""
     late_until: float = 0.0
+    asks: bool = False
+    """True if its newest message was a query, which no robot gets."""
     has_gone: bool = False
     """True if nobody will read its answers. Its earlier commands are still done, but without waits."""
+    unsettled: dict[Queued | Foreign, Callable[[], None]] = field(default_factory=dict)
+    """Calls to be made once a message has its answer, or is dropped."""
+    others: dict[object, Callable[[Session], None]] = field(default_factory=dict)
+    """Real robots that may have messages of it, and the call that drops these."""
 
-    def __post_init__(self) -> None:
-        if self.driver is None:
-            self.driver = self
+    @property
+    def owner(self) -> Hashable:
+        """Owner of the velocities that it sets."""
+        return self if self.driver is None else self.driver
 
-    def submit(self, command: Command, answer: Answer, moment: Sequence[Command] | None = None) -> None:
-        """Queue a command. `answer` is called with its result, perhaps before this returns.
-
-        `moment` has all commands of one message for the first of them, and is empty for the others. By
-        default the command came alone.
-        """
+    def submit(self, command: Command, answer: Answer) -> None:
+        """Queue a command that came alone, for the simulated robot. `answer` is called with its result,
+        perhaps before this returns."""
         if self.open:
-            self.on_submit(self, command, answer, (command,) if moment is None else moment)
+            self.on_submit(self, (command,), lambda results, data: answer(results[0]))
 
-    def queue_first(self, queued: Queued) -> None:
-        """Queue a command ahead of all others, unless the session is closed."""
-        if self.open:
-            self.queue.appendleft(queued)
-
-    def give(self, answer: Answer, result: CommandResult, *, was_late: bool = False) -> None:
+    def give(
+        self,
+        queued: Queued | Foreign,
+        results: Sequence[CommandResult],
+        data: bytes | None = None,
+        *,
+        was_late: bool = False,
+    ) -> None:
         """Give an answer, unless the session is closed. `was_late` is true if it waited for a movement to be
         shown."""
         self.late -= was_late
+        queued.given = True
+        if self.unsettled:
+            self.settle(queued)
         if self.open:
-            answer(result)
+            queued.answered(results, data)
+
+    def settle(self, queued: Queued | Foreign) -> None:
+        """Make the call for a message that has its answer."""
+        call = self.unsettled.pop(queued, None)
+        if call is not None:
+            call()
 
     def close(self) -> None:
         """Drop all queued commands and pending answers."""
         # A movement that has begun continues without its program; a velocity would never end, so it is ended.
         self.queue.clear()
+        for queued in tuple(self.unsettled):
+            self.settle(queued)
+        for forget in self.others.values():
+            forget(self)
+        self.others.clear()
         if self.open:
             self.open = False
             self.on_close(self)
@@ -133,12 +176,14 @@ class Session:
 class Scheduler:
     """Does the sessions' commands, one of each lane in turn. While `paused`, only `steps` of them."""
 
-    def __init__(self, do: Callable[[Queued], None]) -> None:
+    def __init__(self, do: Callable[[Queued | Foreign], None]) -> None:
+        """`do` does a command whose turn has come, or gives an answer of others."""
         self.paused = False
         self.steps = 0
         self._do = do
         self._loop: asyncio.AbstractEventLoop | None = None
-        self._lanes: dict[str, Lane] = {}
+        # The usual lane is there from the start: screens make their sessions in another thread.
+        self._lanes = {"": Lane(None)}
         self._turns: deque[Lane] = deque()
         """The lanes with something to do and some of their slice left, the next one first."""
         self._running = False
@@ -148,18 +193,34 @@ class Scheduler:
         self._loop = loop
 
     def lane(self, name: str) -> Lane:
-        """The lane with a name; its slice is limited in time as well. Without a name, a new lane without that
+        """The lane with a name; its slice is limited in time as well. Without a name, the one without that
         limit."""
         # Only lanes of many connections need the limit: a single client cannot send its next command before
         # its turn is over.
         if name not in self._lanes:
-            self._lanes[name] = Lane(SLICE_SECONDS if name else None)
+            self._lanes[name] = Lane(SLICE_SECONDS)
         return self._lanes[name]
 
     @property
     def has_waiting(self) -> bool:
         """True if a command waits for the pause to end."""
         return self.paused and any(session.queue for lane in self._lanes.values() for session in lane.ready)
+
+    def submit(self, queued: Queued) -> None:
+        """Do a command now, or in its turn."""
+        session = queued.session
+        has_turn = session.lane.left and not (session.queue or session.waiting or session.ready)
+        if has_turn and not (self._turns or self._running or self.paused):
+            # The usual case needs no queue: nothing else is to be done before it.
+            self._running = True
+            try:
+                self._do_next(queued)
+            finally:
+                self._running = False
+        else:
+            session.queue.append(queued)
+        if session.queue or self._turns:
+            self.wake(session)
 
     def wake(self, session: Session) -> None:
         """Do a session's next command now, unless something prevents it."""
@@ -195,9 +256,8 @@ class Scheduler:
                 # The session goes behind the others of its lane, after its command.
                 session.ready = False
                 if session.queue:
-                    if self.paused:
-                        self.steps -= 1
-                    self._do_next(session)
+                    self.steps -= self.paused
+                    self._do_next(session.queue.popleft())
                 if session.queue:
                     self._line_up(session)
                 if lane.ready:
@@ -206,28 +266,52 @@ class Scheduler:
             self._running = False
 
     def _line_up(self, session: Session) -> None:
-        if session.waiting or session.ready or not session.queue:
+        if not session.queue:
             return
-        session.ready = True
-        session.lane.ready.append(session)
-        self._take_turn(session.lane)
+        if isinstance(session.queue[0], Foreign):
+            self._hand_out(session)
+        if not (session.waiting or session.ready) and session.queue and isinstance(session.queue[0], Queued):
+            session.ready = True
+            session.lane.ready.append(session)
+            self._take_turn(session.lane)
+
+    def _hand_out(self, session: Session) -> None:
+        """Give the answers of others whose turn has come. After a slice of them the event loop has a turn; a
+        pause does not hold them up."""
+        left = FOREIGN_SLICE
+        while not (session.waiting or session.ready) and session.queue:
+            first = session.queue[0]
+            if isinstance(first, Queued) or not first.given:
+                return
+            # After the end of the run there is no loop to share.
+            if first.slices and not left and self._loop is not None and self._loop.is_running():
+                session.ready = True
+                self._loop.call_soon(self._go_on, session)
+                return
+            left -= first.slices
+            session.queue.popleft()
+            self._do(first)
+
+    def _go_on(self, session: Session) -> None:
+        session.ready = False
+        self.wake(session)
 
     def _take_turn(self, lane: Lane) -> None:
         if lane.ready and lane.left and lane not in self._turns:
             self._turns.append(lane)
 
-    def _do_next(self, session: Session) -> None:
+    def _do_next(self, queued: Queued | Foreign) -> None:
         """Do a command. After a slice of commands the event loop has a turn, whoever sent them."""
         # Before the loop runs there is nobody else to delay, and no clock.
-        loop, lane = self._loop, session.lane
+        loop, lane = self._loop, queued.session.lane
         if loop is None:
-            self._do(session.queue.popleft())
+            self._do(queued)
             return
         if lane.seconds is None:
-            self._do(session.queue.popleft())
+            self._do(queued)
         else:
             begun = loop.time()
-            self._do(session.queue.popleft())
+            self._do(queued)
             lane.spent += loop.time() - begun
         lane.left -= 1
         if lane.left == 0 or (lane.seconds is not None and lane.spent > lane.seconds):

@@ -15,9 +15,9 @@ answer comes at the end (`DONE`), or at once (`ACCEPTED`, then before the end). 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, KeysView
 from enum import StrEnum
-from typing import Annotated, Generic, TypeVar, cast, get_type_hints
+from typing import Annotated, Generic, TypeVar, get_type_hints
 
 from msgspec import Meta, Struct, field
 
@@ -395,7 +395,7 @@ class EventHandler(Generic[Made]):
 
     def other(self, event: Event) -> Made:
         """Called with each event whose method is not overridden; returns None."""
-        return cast("Made", None)
+        return None  # type: ignore[return-value]
 
     def on_result(self, event: CommandResult) -> Made:
         return self.other(event)
@@ -463,18 +463,32 @@ class Watchers:
     def __init__(self, fault: Callable[[str], None] = lambda text: None) -> None:
         """`fault` is called with a sentence about a watcher that failed."""
         self._watchers: list[Watcher] = []
+        self._calls: dict[type, tuple[tuple[Watcher, Watcher], ...]] = {}
+        """For each kind of event that has come, the function to be called of each watcher that takes it, and
+        the watcher."""
         self._undelivered: deque[Event] = deque()
         self._telling = False
         self._fault = fault
 
     def add(self, watcher: Watcher) -> None:
-        """Pass every event from now on to `watcher`."""
+        """Pass every event from now on to `watcher`. The `handle` of an `EventHandler` costs nothing for
+        events whose method is not overridden."""
         self._watchers.append(watcher)
+        self._sort()
 
     def remove(self, watcher: Watcher) -> None:
         """Pass no more events to `watcher`."""
         if watcher in self._watchers:
             self._watchers.remove(watcher)
+            self._sort()
+
+    def _sort(self) -> None:
+        self._calls = {kind: self._calls_for(kind) for kind in self._calls}
+
+    @property
+    def told(self) -> KeysView[type]:
+        """The kinds of events that have come."""
+        return self._calls.keys()
 
     def tell(self, event: Event) -> None:
         """Pass an event to all watchers. A watcher that fails is removed; the robot continues. An event that
@@ -486,15 +500,33 @@ class Watchers:
         self._telling = True
         try:
             while self._undelivered:
-                self._tell_all(self._undelivered.popleft())
+                event = self._undelivered.popleft()
+                # A tuple of its own: a watcher may be removed while it handles the event.
+                kind = type(event)
+                if kind not in self._calls:
+                    self._calls[kind] = self._calls_for(kind)
+                for call, watcher in self._calls[kind]:
+                    try:
+                        call(event)
+                    except Exception as error:  # noqa: BLE001 - whatever a watcher does, the robot must continue
+                        self.remove(watcher)
+                        self._fault(f"a watcher failed and was dropped: {type(error).__name__}: {error}")
         finally:
             self._telling = False
 
-    def _tell_all(self, event: Event) -> None:
-        # A copy, since a watcher may be removed while it handles the event.
-        for watcher in tuple(self._watchers):
-            try:
-                watcher(event)
-            except Exception as error:  # noqa: BLE001 - whatever a watcher does, the robot must continue
-                self.remove(watcher)
-                self._fault(f"a watcher failed and was dropped: {type(error).__name__}: {error}")
+    def _calls_for(self, kind: type) -> tuple[tuple[Watcher, Watcher], ...]:
+        """The functions to be called with events of a kind, each with its watcher."""
+        found = ((_method_of(watcher, kind), watcher) for watcher in self._watchers)
+        return tuple((call, watcher) for call, watcher in found if call is not None)
+
+
+def _method_of(watcher: Watcher, kind: type) -> Watcher | None:
+    """The method of a handler for a kind of event, or another watcher itself; None if it does nothing."""
+    handler = getattr(watcher, "__self__", None)
+    if not isinstance(handler, EventHandler) or getattr(watcher, "__func__", None) is not EventHandler.handle:
+        return watcher
+    for name in (_METHODS[kind], "other"):
+        if getattr(type(handler), name) is not getattr(EventHandler, name):
+            method: Watcher = getattr(handler, name)
+            return method
+    return None

@@ -106,6 +106,8 @@ class ContinuousMotion:
         self._friction = spec.wall_friction
         self._listener = listener
         self._plan = VelocityPlan(spec.control_period)
+        self.at_rest = True
+        """True if no velocity has been commanded since all motion was halted."""
         self.leg: Leg | None = None
         """The leg under way, None while no velocity is in force."""
         self._parts: tuple[Component, ...] = ()
@@ -128,7 +130,7 @@ class ContinuousMotion:
     ) -> bool:
         """Accept a velocity at a simulated time to which the motion has been advanced; `pose` is the robot's
         then. The same velocity only renews `expires`. Returns True if the velocity changes."""
-        self._expires = expires
+        self._expires, self.at_rest = expires, False
         if not self._plan.command(time, target):
             return False
         if self.leg is None:
@@ -153,6 +155,7 @@ class ContinuousMotion:
         self._plan.halt()
         self._wall.renew()
         self._expires = math.inf
+        self.at_rest = True
 
     def look_again(self, time: float, pose: Pose, *, noise: bool) -> None:
         """Plan the rest of the leg under way again, because the surroundings of the robot, or its errors,

@@ -119,9 +119,9 @@ class DistanceErrors:
             rates = [self._phi * old + fresh * new for old, new in zip(stretch.rates, drawn, strict=True)]
         stretch.rates = (rates[0], rates[1], rates[2])
         for sensor in self.sensors:
-            stream = self._streams[distance_stream(sensor.spec.id, kind)]
+            stream = self._streams[distance_stream(sensor.id, kind)]
             draws = stream.standard_normal(2 if sensor.slips else 1).tolist()
-            stretch.counting[sensor.spec.id] = (draws[0], draws[-1])
+            stretch.counting[sensor.id] = (draws[0], draws[-1])
         stretch.first, stretch.drawn = False, True
 
     def left(self, part: Component) -> float:
@@ -147,7 +147,7 @@ class DistanceErrors:
 
     def draws(self, kind: DriveKind, sensor: CountingSensor) -> tuple[float, float]:
         """The draws of a sensor for the turning and the rolling of the present stretch."""
-        return self._stretches[kind].counting[sensor.spec.id]
+        return self._stretches[kind].counting[sensor.id]
 
 
 class TrueVelocity:
@@ -188,10 +188,10 @@ class TrueVelocity:
     def counts(self, pressed_turn: float | None = None) -> dict[str, float]:
         """Rates of odometers (in/s) and gyros (deg/s), by sensor ID. Wheels turn even if the robot does not
         move. Gyros of a pressed robot count its real turning rate, `own`'s or 0."""
-        rates = {sensor.spec.id: 0.0 for sensor in self._errors.sensors}
+        rates = {sensor.id: 0.0 for sensor in self._errors.sensors}
         for sensor in self._errors.sensors:
             with faults_of(sensor, kept=True):
-                rates[sensor.spec.id] = float(
+                rates[sensor.id] = float(
                     self._rolled(sensor) if sensor.slips else self._turned(sensor, pressed_turn)
                 )
         return rates

@@ -93,7 +93,7 @@ class Planner:
         path = trajectory.path
         count = path.segments
         for sensor in sensors:
-            name, shape = sensor.spec.id, (count, 2) if sensor.slips else (count,)
+            name, shape = sensor.id, (count, 2) if sensor.slips else (count,)
             draws = self._streams[name].standard_normal(shape) if noise else np.zeros(shape)
             counts = (wheels if sensor.slips else turns)[name] = np.zeros(shape)
             with faults_of(sensor, kept=True):
@@ -104,8 +104,8 @@ class Planner:
         self, pose: Pose, time: float, duration: float, sensors: Iterable[CountingSensor]
     ) -> Trajectory:
         """No movement for a duration (seconds), while the robot does something else. Nothing is drawn."""
-        wheels = {each.spec.id: np.zeros((1, 2)) for each in sensors if each.slips}
-        turns = {each.spec.id: np.zeros(1) for each in sensors if not each.slips}
+        wheels = {each.id: np.zeros((1, 2)) for each in sensors if each.slips}
+        turns = {each.id: np.zeros(1) for each in sensors if not each.slips}
         return replace(standing(pose, time, duration), wheels=wheels, turns=turns)
 
     def checked(self, trajectory: Trajectory, checker: CollisionChecker) -> Trajectory:

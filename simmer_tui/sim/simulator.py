@@ -72,6 +72,10 @@ class Simulator:
         self._ranging = {each.spec.code: each for each in working if isinstance(each, RangeSensor)}
         self._counting = [each for each in working if isinstance(each, CountingSensor)]
         self._lidars = [each for each in working if isinstance(each, Lidar)]
+        self.has_lidars = bool(self._lidars)
+        """True if a command may have to wait for a scan (`wait_for_scan`)."""
+        self.velocity_codes = frozenset(self._velocities.keys() - self._drives.keys())
+        """Codes of the commands that set a velocity that lasts."""
         self._seen: dict[str, tuple[Pose, tuple[float, View | None]]] = {}
         """The last view of each observing sensor, with its pose."""
         self._noise = True
@@ -111,14 +115,14 @@ class Simulator:
         self._turning = {each.spec.code: Turning(each, self.maze, self._recent) for each in self._lidars}
         pings = Pings()
         self._faults = {
-            code: Faults(sensor, self._streams[noise.fault_stream(sensor.spec.id)], pings)
+            code: Faults(sensor, self._streams[noise.fault_stream(sensor.id)], pings)
             for code, sensor in self._sensors.items()
             if has_faults(sensor) and code not in self._turning
         }
         self._planner = Planner(spec.num_segments, spec.contact, self._streams, spec.clearance)
         self.bias = noise.drive_bias(spec, seed, random=spec.randbias)
         """The drive bias in force, by kind of movement."""
-        self._counted = {sensor.spec.id: 0.0 for sensor in self._counting}
+        self._counted = {sensor.id: 0.0 for sensor in self._counting}
         errors = DistanceErrors(spec.num_segments, self._streams, self._counting)
         self._continuous = ContinuousMotion(spec, self._bias_in_force, errors, self._checker, self)
         self._gripper = Gripper(self.footprint, self.walls)
@@ -206,8 +210,7 @@ class Simulator:
 
     def is_velocity(self, command: Command) -> bool:
         """True if a command sets a velocity that lasts."""
-        code = command.code
-        return code in self._velocities and code not in self._drives
+        return command.code in self.velocity_codes
 
     def sensor(self, code: str) -> SensorSpec:
         """The sensor with a command code. Raises UnknownSensorError."""
@@ -258,7 +261,8 @@ class Simulator:
         if self.trajectory is not None:
             return self._refused(command, before, _STILL_MOVING, Status.BUSY)
         # A movement of known length ends a velocity before it begins.
-        self._continuous.halt(self.time)
+        if not self._continuous.at_rest:
+            self._continuous.halt(self.time)
         if isinstance(drive, GripperSpec):
             return self._taken(command, before, Status.ACCEPTED, grip=self._grip(drive, value == 1.0, before))
         self._plan(drive, value, before)
@@ -318,9 +322,10 @@ class Simulator:
         self.distance += trajectory.travelled(end)
         self.contacts += trajectory.contact is not None
         for sensor in self._counting:
-            self._counted[sensor.spec.id] = self._count(sensor, end)
+            self._counted[sensor.id] = self._count(sensor, end)
         self.trajectory, self._last = None, trajectory
-        self._recent.add_motion(trajectory)
+        if self.has_lidars:
+            self._recent.add_motion(trajectory)
 
     def stop(self) -> bool:
         """End the motion under way now. Returns True if there was one."""
@@ -449,16 +454,19 @@ class Simulator:
     def _read(self, sensor: Sensor, pose: Pose) -> Reading:
         true, view = self._observe(sensor, pose)
         spec = sensor.spec
-        with faults_of(sensor):
-            if not self._noise:
-                value = sensor.reading(true, None, self.time)
-            elif (faults := self._faults.get(spec.code)) is not None:
-                value = faults.reading(true, self._streams[spec.id], self.time)
-            else:
-                value = sensor.reading(true, self._streams[spec.id], self.time)
-            if sensor.is_opaque:
-                value = plain_number(value)
+        if sensor.is_opaque:
+            with faults_of(sensor):
+                value = plain_number(self._drawn(sensor, true))
+        else:
+            value = self._drawn(sensor, true)
         return Reading(spec, value, true, view, spec.read_time)
+
+    def _drawn(self, sensor: Sensor, true: float) -> float:
+        """A reading of a true value, with errors drawn for it."""
+        if not self._noise:
+            return sensor.reading(true, None, self.time)
+        faults = self._faults.get(sensor.spec.code)
+        return (sensor if faults is None else faults).reading(true, self._streams[sensor.id], self.time)
 
     def wait_for_scan(self, command: Command) -> None:
         """Called before a command in instant motion. If it requests rays of a lidar that were already read,
@@ -476,7 +484,7 @@ class Simulator:
         if isinstance(ray, str):
             return ray
         now = Now(self.time, self.pose, self.trajectory or self._continuous.leg)
-        return turning.reading(ray, now, self._streams[turning.lidar.spec.id] if self._noise else None)
+        return turning.reading(ray, now, self._streams[turning.lidar.id] if self._noise else None)
 
     def _observe(self, sensor: Sensor, pose: Pose) -> tuple[float, View | None]:
         code = sensor.spec.code
@@ -484,25 +492,27 @@ class Simulator:
         if seen is not None and seen[0] is pose:
             # A robot at rest keeps its pose, and its view.
             return seen[1]
-        with faults_of(sensor):
-            if isinstance(sensor, ObservingSensor):
-                observed = sensor.observe(self._world_at(pose), pose)
-                if sensor.is_opaque:
-                    true, view = observed
-                    observed = plain_number(true), plain_view(view)
-                self._seen[code] = (pose, observed)
-                return observed
+        if not isinstance(sensor, ObservingSensor):
             assert isinstance(sensor, CountingSensor), "a sensor observes or counts"
-            return plain_number(self._count(sensor, self.time)), None
+            with faults_of(sensor):
+                return plain_number(self._count(sensor, self.time)), None
+        if sensor.is_opaque:
+            with faults_of(sensor):
+                true, view = sensor.observe(self._world_at(pose), pose)
+                observed = plain_number(true), plain_view(view)
+        else:
+            observed = sensor.observe(self._world_at(pose), pose)
+        self._seen[code] = (pose, observed)
+        return observed
 
     def _count(self, sensor: CountingSensor, time: float) -> float:
-        counted = self._counted[sensor.spec.id]
+        counted = self._counted[sensor.id]
         if self.trajectory is not None:
             return counted + sensor.counted(self.trajectory, time)
         leg = self._continuous.leg
         if leg is None:
             return counted
-        return counted + leg.counts[sensor.spec.id] * (min(time, leg.end_time) - leg.start_time)
+        return counted + leg.counts[sensor.id] * (min(time, leg.end_time) - leg.start_time)
 
     # -- continuous motion ---------------------------------------------------------------------
 

@@ -226,6 +226,8 @@ class DriveKind(StrEnum):
     """Direction of a positive value, along one axis of the robot's frame: 1 or -1 there."""
     meaning: str
     """Motion of a positive value, in words."""
+    turns: bool
+    """True if it turns the robot, in degrees, and does not move it, in inches."""
 
     def __new__(cls, value: str, direction: Axes = _NO_AXES, meaning: str = "") -> Self:
         """A member with its row of the table below."""
@@ -234,6 +236,7 @@ class DriveKind(StrEnum):
         assert parts == [0.0, 0.0, 1.0], f"{value} is not along one axis"
         kind = str.__new__(cls, value)
         kind._value_, kind.direction, kind.meaning = value, direction, meaning
+        kind.turns = direction.r != 0.0
         return kind
 
     UP = "up", Axes(y=1.0), "drive left (+Y)"
@@ -241,11 +244,6 @@ class DriveKind(StrEnum):
     LEFT = "left", Axes(x=-1.0), "drive back (-X)"
     RIGHT = "right", Axes(x=1.0), "drive forward (+X)"
     ROT = "rot", Axes(r=1.0), "turn counter-clockwise"
-
-    @property
-    def turns(self) -> bool:
-        """True if it turns the robot, in degrees, and does not move it, in inches."""
-        return self.direction.r != 0.0
 
     @property
     def bearing(self) -> float:

@@ -17,7 +17,7 @@ from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.config.settings import SerialSettings
 from simmer_tui.links import port_list, serial_link
-from simmer_tui.links.backend import BackendSwitch, Message
+from simmer_tui.links.backend import Message
 from simmer_tui.links.port_list import is_usb, open_port
 from simmer_tui.links.protocol.replies import ReplyForm, ReplyFormat
 from simmer_tui.links.serial_bridge import SerialBridge
@@ -48,7 +48,7 @@ class Board:
         end.plug_in()
         given = SerialSettings(port="board", boot=boot, timeout=30, **settings)
         self.bridge = SerialBridge(engine, end.link(), given)
-        self._session = BackendSwitch(self.bridge).open_session()
+        self._session = engine.session()
         self.results: list[CommandResult] = []
 
     def _note(self, event: Event) -> None:

@@ -13,10 +13,11 @@ import pytest
 from msgspec.structs import replace
 
 from simmer_tui.config.settings import SerialSettings
-from simmer_tui.links.backend import Answered, BackendSwitch, Message
+from simmer_tui.links.backend import BackendSwitch, Message
 from simmer_tui.links.protocol.replies import ReplyForm, ReplyFormat
 from simmer_tui.links.serial_bridge import SerialBridge
 from simmer_tui.robot.engine import Engine
+from simmer_tui.robot.sessions import Answered
 from simmer_tui.run.events import Action, ActionName, Event, Notice, NoticeKind, TwinReading
 from simmer_tui.sim import CommandResult, SimulationSpec, Simulator, Status, parse_command
 from simmer_tui.sim.sensors.lidar import Lidar, LidarSpec
@@ -76,7 +77,7 @@ class Rig:
 
     def __init__(self, bridge: SerialBridge, engine: Engine, events: list[Event], end: Any) -> None:
         self.bridge, self.engine, self.events, self.end = bridge, engine, events, end
-        session = BackendSwitch(bridge).open_session()
+        session = engine.session()
         # The bridge itself, which answers at once what it drops: a session would keep the order.
         self.submit: Callable[[Message, Answered], None] = lambda message, answered: bridge.submit(
             message, session, answered
@@ -387,11 +388,9 @@ def test_unplugged_and_plugged_in_again_a_hundred_times_under_load(
 def test_switch_to_the_robot_and_back_while_a_client_stays(
     other_end: Any, course_spec: SimulationSpec
 ) -> None:
-    from simmer_tui.links.backend import SimulatorBackend
-
     async def steps(rig: Rig) -> None:
-        switch = BackendSwitch(SimulatorBackend(rig.engine))
-        rig.submit = switch.open_session().submit
+        switch, session = BackendSwitch(rig.engine), rig.engine.session()
+        rig.submit = lambda message, answered: switch.submit(message, session, answered)
         rig.robot(lambda line: double(4))
         true = rig.engine.simulator.true_value("u1")
         outcome, data = await rig.send("u1\n")
@@ -401,7 +400,7 @@ def test_switch_to_the_robot_and_back_while_a_client_stays(
         assert (await rig.send("u1\n"))[1] == double(4)
         rig.robot(lambda line: b"")
         left = rig.send("u1\n")
-        switch.use(SimulatorBackend(rig.engine))
+        switch.use(None)
         assert (await left)[0].status is Status.UNANSWERED
         assert (await rig.send("u1\n"))[0].reply == pytest.approx(true)
 
@@ -411,12 +410,10 @@ def test_switch_to_the_robot_and_back_while_a_client_stays(
 def test_a_stop_just_after_the_switch_waits_for_nothing_the_simulator_still_does(
     other_end: Any, course_spec: SimulationSpec
 ) -> None:
-    from simmer_tui.links.backend import SimulatorBackend
-
     async def steps(rig: Rig) -> None:
         rig.engine.timed, rig.engine.time_scale = True, 0.001  # a drive lasts for minutes
-        switch = BackendSwitch(SimulatorBackend(rig.engine))
-        rig.submit = switch.open_session().submit
+        switch, session = BackendSwitch(rig.engine), rig.engine.session()
+        rig.submit = lambda message, answered: switch.submit(message, session, answered)
         rig.robot(lambda line: double(4))
         asked = [rig.send(text) for text in ("d1-1\n", "d1-2\n", "u1\n")]
         answered: list[int] = []

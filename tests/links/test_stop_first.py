@@ -12,12 +12,13 @@ import pytest
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.config.settings import SerialSettings
-from simmer_tui.links.backend import MOST_COMMANDS, BackendSession, BackendSwitch, CommandBudget, Message
+from simmer_tui.links.backend import MOST_COMMANDS, BackendSwitch, CommandBudget, Message
 from simmer_tui.links.protocol.replies import ReplyForm, ReplyFormat
 from simmer_tui.links.serial_bridge import ANSWER_MARGIN, SerialBridge
 from simmer_tui.links.serial_link import LinkListener
 from simmer_tui.robot.engine import Engine
-from simmer_tui.run.events import Notice, NoticeKind, TwinReading
+from simmer_tui.robot.sessions import Session
+from simmer_tui.run.events import Action, ActionName, Notice, NoticeKind, TwinReading
 from simmer_tui.sim import CommandResult, Simulator, Status, parse_command
 from tests.links.recording import until
 
@@ -61,19 +62,23 @@ class Rig:
         self.told: list[object] = []
         self.engine.watch(self.told.append)
         self.bridge = SerialBridge(self.engine, self.robot, settings)
-        self.switch = BackendSwitch(self.bridge)
+        self.switch = BackendSwitch(self.engine, self.bridge)
+        self.budgets: dict[Session, CommandBudget] = {}
 
-    def program(self) -> BackendSession:
-        return self.switch.open_session(budget=CommandBudget("a program", self.engine.tell))
+    def program(self) -> Session:
+        session = self.engine.session()
+        self.budgets[session] = CommandBudget("a program", self.engine.tell)
+        return session
 
-    def send(self, session: BackendSession, text: str) -> list[CommandResult]:
+    def send(self, session: Session, text: str) -> list[CommandResult]:
         """Send a command; gives the list that its result will be in."""
         results: list[CommandResult] = []
 
         def answered(outcomes: Sequence[CommandResult], data: bytes | None) -> None:
             results.extend(outcomes)
 
-        session.submit(Message(f"{text}\n".encode(), (parse_command(text),), TEXT), answered)
+        message = Message(f"{text}\n".encode(), (parse_command(text),), TEXT)
+        self.switch.submit(message, session, answered, self.budgets[session])
         return results
 
 
@@ -235,6 +240,15 @@ def test_the_first_velocity_says_that_a_robot_may_not_know_it(
     played(steps, SerialSettings(port="robot", timeout=timeout, velocity=True))
 
 
+def test_a_pause_of_the_simulation_holds_up_no_answer_of_the_real_robot() -> None:
+    async def steps(rig: Rig) -> None:
+        rig.engine.perform(Action(ActionName.PAUSE, source="keys"))
+        answers = [rig.send(rig.program(), text) for text in ("u1", "u2")]
+        await until(lambda: all(answers))
+
+    played(steps)
+
+
 def test_a_client_is_answered_when_the_watchers_have_been_told() -> None:
     """The log is one of them: a program must not have a reply that the log lacks."""
 
@@ -247,7 +261,7 @@ def test_a_client_is_answered_when_the_watchers_have_been_told() -> None:
         before = len(rig.told)
         told: list[object] = []
         message = Message(b"u1\n", (parse_command("u1"),), TEXT)
-        program.submit(message, lambda outcomes, data: told.extend(rig.told[before:]))
+        rig.switch.submit(message, program, lambda outcomes, data: told.extend(rig.told[before:]))
         reply.received(b"7\n")
         result, twin = told
         assert isinstance(result, CommandResult)

@@ -229,8 +229,7 @@ def test_the_commands_of_one_message_are_one_moment() -> None:
     bench.send("vv-1;0;0")
     pair = [parse_command("u1"), parse_command("u1")]
     for _ in range(2):
-        bench.session.submit(pair[0], bench.results.append, pair)
-        bench.session.submit(pair[1], bench.results.append, ())
+        bench.engine.submit(bench.session, pair, lambda results, data: bench.results.extend(results))
     assert [result.time for result in bench.results[1:]] == pytest.approx([1000.3, 1000.3, 1000.32, 1000.32])
 
 

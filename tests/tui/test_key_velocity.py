@@ -8,11 +8,12 @@ import pytest
 
 from simmer_tui.config.loader import Override, load
 from simmer_tui.config.sets import bundled_folder
-from simmer_tui.links.backend import BackendSession, BackendSwitch, Message, SimulatorBackend
+from simmer_tui.links.backend import BackendSwitch, Message
 from simmer_tui.links.link import typed_message
 from simmer_tui.live.operating.robot_operator import Operator
 from simmer_tui.live.server import Server
 from simmer_tui.robot.engine import Engine
+from simmer_tui.robot.sessions import Session
 from simmer_tui.run.events import Event, VelocityEnd, VelocityEnded
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.records import CommandResult
@@ -35,8 +36,10 @@ class NoServer:
         self.engine = Engine(self.simulator, timed=motion.motion == "timed", time_scale=motion.time_scale)
         self.robot = None
 
-    def open_session(self) -> BackendSession:
-        return BackendSwitch(SimulatorBackend(self.engine)).open_session(answer_at_end=False)
+        self.submit = BackendSwitch(self.engine).submit
+
+    def open_session(self) -> Session:
+        return self.engine.session(answer_at_end=False)
 
     def message(self, command: Command) -> Message:
         return typed_message(self.configuration.settings.server, command)

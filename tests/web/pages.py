@@ -63,15 +63,16 @@ class PageRun:
     def operate(self, text: str) -> None:
         """Give a command as a person would."""
         command = self.server.message(parse_command(text, "console"))
-        self.server.call(self.operator.submit, command, lambda *_: None)
+        self.server.call(self.server.submit, command, self.operator, lambda *_: None)
 
     def send(self, *texts: str) -> None:
         """Give commands as a person would, and wait until they are answered."""
         for text in texts:
             answered = threading.Event()
             self.server.call(
-                self.operator.submit,
+                self.server.submit,
                 self.server.message(parse_command(text, "console")),
+                self.operator,
                 lambda *_, answered=answered: answered.set(),
             )
             assert answered.wait(SECONDS)

@@ -17,9 +17,6 @@ GRACE = ServerSettings().grace
 # Judged: longer than any pause in the middle of one long message.
 SKIP_GRACE = 0.25
 """Seconds of silence that end an overlong command of a client that sends no newlines."""
-# Judged: a program asks for a dozen sensors; the limit is for one that always sends new numbers.
-KNOWN = 100
-"""Most lines a reader remembers."""
 
 
 class NumberEncoder:
@@ -32,7 +29,13 @@ class NumberEncoder:
 
     def reply(self, result: CommandResult) -> bytes:
         """The reply to a command: one number, or the count of a scan's ranges and the ranges."""
-        return pack_reply(self._layout, result.reply, result.ranges)
+        reading = result.reading
+        if reading is not None and reading.scan is not None:
+            return pack_reply(self._layout, result.reply, result.ranges)
+        try:
+            return self._layout.pack(result.reply)
+        except OverflowError:
+            return pack_reply(self._layout, result.reply)
 
 
 def typed(text: bytes, settings: ServerSettings) -> tuple[bytes, ReplyForm]:
@@ -57,8 +60,8 @@ class CommandReader:
         """A command being skipped that is not answered yet: without newlines its end is unknown,
         and a sender that waits for the answer may continue only after it."""
         self._just_taken = False
-        self._known: dict[bytes, Command] = {}
-        """Commands by the lines that were parsed before: programs repeat the same few."""
+        self.at_rest = False
+        """True after whole lines: the next bytes begin a line, and no silence ends anything."""
         self.sent: list[bytes] = []
         """Bytes of the commands returned last, with their line ends; empty for one that was cut short."""
 
@@ -88,10 +91,8 @@ class CommandReader:
 
     def receive(self, data: bytes) -> list[Command]:
         """Take bytes as they come. Returns the commands that they complete."""
-        command = self._one_line(data)
-        if command is not None:
-            return [command]
         self.sent = []
+        self.at_rest = False
         if self._just_taken:  # a newline right after a bare command belongs to it
             after_return = data.removeprefix(b"\r")
             if after_return.startswith(b"\n"):
@@ -113,21 +114,8 @@ class CommandReader:
                 commands.append(self._command(line))
             self._lines = True
         self._buffer = self._kept(rest, commands)
+        self.at_rest = self._lines and not (self._buffer or self._skipping)
         return commands
-
-    def _one_line(self, data: bytes) -> Command | None:
-        """The command of one whole line and nothing else, the usual case."""
-        plain = self._lines and not (self._buffer or self._skipping or self._just_taken)
-        if not plain or not 0 <= data.find(b"\n") == len(data) - 1 <= LONGEST_COMMAND:
-            return None
-        self.sent = [data]
-        command = self._known.get(data)
-        if command is None:
-            command = self._command(data[:-1])
-            # Never emptied: the commands that a program repeats are among its first hundred.
-            if len(self._known) < KNOWN:
-                self._known[data] = command
-        return command
 
     def _kept(self, rest: bytes, commands: list[Command]) -> bytes:
         """The bytes kept of an unfinished command: none of an overlong one, which is refused."""
@@ -148,7 +136,7 @@ class CommandReader:
             return []
         if has_marks_alone(self._buffer):  # the command follows
             return []
-        self._just_taken = True
+        self._just_taken, self.at_rest = True, False
         return self.end()
 
     def end(self) -> list[Command]:

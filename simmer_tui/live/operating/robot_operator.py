@@ -53,7 +53,7 @@ class Operator:
                 if refused is not None and result.reason and math.isnan(result.reply):
                     refused(self._refusal(result))
 
-        self._server.call(self._session.submit, self._server.message(command), answered)
+        self._server.call(self._server.submit, self._server.message(command), self._session, answered)
 
     def _refusal(self, result: CommandResult) -> str:
         is_unknown = result.status is Status.UNKNOWN or bool(result.command.problem)

@@ -178,6 +178,7 @@ class Sensor(SensorKind):
 
     def __init__(self, spec: SensorSpec) -> None:
         self.spec = spec
+        self.id = spec.id
 
     def reading(self, true: float, random: np.random.Generator | None, time: float) -> float:
         """A reading of a true value at a simulated time, with the sensor's errors in their order. Without
@@ -354,7 +355,7 @@ class CountingSensor(Sensor, ABC):
 
     def counted(self, trajectory: Trajectory, time: float) -> float:
         """Count that a movement has added by a simulated time."""
-        return (trajectory.rolled if self.slips else trajectory.turned)(self.spec.id, time)
+        return (trajectory.rolled if self.slips else trajectory.turned)(self.id, time)
 
     @abstractmethod
     def counted_on(self, turned: float, ahead: float, aside: float) -> float:

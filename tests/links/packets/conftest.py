@@ -19,7 +19,7 @@ from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_sets
 from simmer_tui.config.settings import ServerSettings
 from simmer_tui.config.settings_file import Override
-from simmer_tui.links.backend import BackendSwitch, SimulatorBackend
+from simmer_tui.links.backend import BackendSwitch
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.packet_link import PacketLink
 from simmer_tui.links.ports import PortRequest, take_port
@@ -76,7 +76,7 @@ class Bench:
         self.link = PacketLink(
             LinkContext(
                 self.engine,
-                BackendSwitch(SimulatorBackend(self.engine)),
+                BackendSwitch(self.engine),
                 dict(zip((PACKETS.purpose, PACKET_REPLIES.purpose), self.ports, strict=True)),
                 ServerSettings(**self._options),
                 reply,

@@ -3,6 +3,7 @@ was kept. And their limits, on both sides."""
 
 from __future__ import annotations
 
+import copy
 import math
 import random
 import struct
@@ -24,7 +25,7 @@ from simmer_tui.links.protocol.replies import (
     pack_reply,
     read_numbers,
 )
-from simmer_tui.sim import Command
+from simmer_tui.sim import Command, parse_command
 from tests.kept_numbers import assert_kept
 
 KEPT = Path(__file__).with_name("kept_streams.json")
@@ -298,12 +299,21 @@ def test_a_request_has_65536_bytes_and_1000_commands_at_most() -> None:
         assert len(request.commands) == commands
 
 
-def test_a_reader_remembers_100_lines() -> None:
+def test_at_rest_a_whole_line_is_one_command_whatever_came_before() -> None:
+    chance, times = random.Random(5), 0
     reader = CommandReader()
-    reader.receive(b"\n")
-    first = [reader.receive(b"u%d\n" % number)[0] for number in range(101)]
-    again = [reader.receive(b"u%d\n" % number)[0] for number in range(101)]
-    assert [one is other for one, other in zip(first, again, strict=True)] == [True] * 100 + [False]
+    for _ in range(300):
+        if chance.random() < 0.75:
+            reader.receive(chance.choice(LINES))
+        else:
+            reader.silence() if chance.random() < 0.9 else reader.end()
+        if reader.at_rest:
+            times += 1
+            assert (reader.idle_timeout, reader.unended, reader.late_end(b"\n")) == (None, b"", b"")
+            again = copy.deepcopy(reader)
+            assert told(again.receive(b"u1\n")) == told([parse_command("u1")])
+            assert (again.sent, again.at_rest) == ([b"u1\n"], True)
+    assert times > 20
 
 
 def test_replies_that_wait_can_be_asked_for_by_their_time() -> None:
