@@ -5,9 +5,9 @@
 
 Goals: of robots that follow the model, at most 5 % are reported as not fitting. For robots beside the model,
 95 % intervals contain at least 92 % of biases, gains, angles and offsets, or the robot is reported as not
-fitting. Beside the model are those of odd_robots.py, drives that weaken by 12 % over the log, and movements that
-end 0.2 in short. Robots that only turn, or whose sensors are mounted half an inch and 5 degrees off (standard
-deviations, each way), follow the model. The tests were made with the kinds in `odd_robots.TUNED` only.
+fitting. Beside the model are those of odd_robots.py, drives that weaken by 12 % over the log, and movements
+that end 0.2 in short. Robots that only turn, or whose sensors are mounted half an inch and 5 degrees off
+(standard deviations, each way), follow the model. The tests were made with the kinds in `TUNED` only.
 """
 
 import argparse

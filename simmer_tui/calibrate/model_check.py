@@ -178,6 +178,15 @@ def _chi_square(score: FloatArray, information: FloatArray, scale: FloatArray) -
     return max(float((score / root) @ inverse @ (score / root)), 0.0)  # rounding may make it negative
 
 
+def _log_probability(count: int, size: float) -> float:
+    """Logarithm of the probability of a chi-square of at least this size, with `count` degrees of freedom."""
+    probability = float(chdtrc(count, size))
+    if probability > 0.0:
+        return math.log(probability)
+    # The first term of its asymptotic series, where the probability is too small for a number.
+    return (count / 2 - 1) * math.log(size / 2) - size / 2 - math.lgamma(count / 2)
+
+
 def accepted(
     score: FloatArray, information: FloatArray, groups: Sequence[IntArray], level: float
 ) -> list[tuple[int, float]]:
@@ -200,15 +209,17 @@ def accepted(
         inner = np.linalg.pinv(information[np.ix_(kept, kept)], hermitian=True)
         remaining = score - information[:, kept] @ inner @ score[kept]
         spare = information - information[:, kept] @ inner @ information[kept]
-        probabilities = []
+        tried = []
         for number in left:
             mine = np.ix_(groups[number], groups[number])
             size = _chi_square(remaining[groups[number]], spare[mine], information[mine])
-            probabilities.append(float(chdtrc(len(groups[number]), size)))
-        best = int(np.argmin(probabilities))
-        if probabilities[best] * len(left) > level:
+            tried.append((_log_probability(len(groups[number]), size), number))
+        logarithm, best = min(tried)
+        probability = math.exp(logarithm)
+        if probability * len(left) > level:
             break
-        found.append((left.pop(best), probabilities[best]))
+        left.remove(best)
+        found.append((best, probability))
     return found
 
 

@@ -157,13 +157,13 @@ def tests_table(tests: Sequence[EffectTest]) -> DataTable:
 def misfits_table(misfits: Sequence[Misfit]) -> DataTable:
     """Departures of the robot from the model, which no set can describe; no rows if there are none."""
     rows = [
-        (each.owner, each.kind.value, each.value, each.low, each.high, each.unit, each.probability, each.text)
+        (each.owner, each.kind, each.value, each.low, each.high, each.unit, each.probability, each.text)
         for each in misfits
     ]
     share = f"{FALSE_MISFIT_RATE:.0%}"
     note = (
         f"False alarms: of robots that the model fits, {share} fail a test of an effect, and {share} a test "
-        "of held-back readings."
+        "of held-back readings. An effect that is not tested may look like one that is."
     )
     return MISFITS.filled(rows, note)
 
