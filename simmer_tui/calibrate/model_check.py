@@ -77,7 +77,7 @@ class Misfit:
     @property
     def text(self) -> str:
         """The departure in a sentence."""
-        interval = f"{_size(self.value, self.unit)} ({_size(self.low)} to {_size(self.high)})"
+        interval = f"{self.value:.2f} {self.unit} ({self.low:.2f} to {self.high:.2f})"
         if not self.unit:
             interval = f"{self.value:.1%} ({self.low:.1%} to {self.high:.1%})"
         if self.kind == PREDICTION:
@@ -103,7 +103,7 @@ class EffectTest:
     @property
     def text(self) -> str:
         """The effect of this size, as a noun."""
-        size = f"{self.size:.1%}" if not self.unit else _size(self.size, self.unit)
+        size = f"{self.size:.2g} {self.unit}" if self.unit else f"{self.size:.1%}"
         if self.kind == PREDICTION:
             size = f"{self.size:.1f} times"
         return self.phrase.format(size=size)
@@ -324,10 +324,6 @@ def tested_kinds(scores: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
 def held_back_factor(scores: Mapping[str, FloatArray]) -> float:
     """Factor on all intervals: the largest conformal factor of any kind of sensor, at least 1."""
     return max([1.0, *(conformal_factor(each)[0] for each in tested_kinds(scores).values())])
-
-
-def _size(value: float, unit: str = "") -> str:
-    return f"{value:.2f} {unit}".rstrip()
 
 
 def _half_a_drift(model: Model, state: Iterate, drives: tuple[int, ...], value: float) -> FloatArray:

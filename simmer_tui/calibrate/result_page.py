@@ -131,8 +131,9 @@ def fit_verdict(fit: Fit) -> VerdictBox:
         )
     elif fit.tests:
         headline, tone = "The model fits this robot as far as it was tested", Tone.GOOD
-        first = [each.text for kind in _NAMED for each in fit.tests if each.kind == kind.name]
-        shown = "; ".join(first or [each.text for each in fit.tests[: len(_NAMED)]])
+        named = [[each for each in fit.tests if each.kind == kind.name] for kind in _NAMED]
+        largest = [max(each, key=lambda test: test.size) for each in named if each]
+        shown = "; ".join(each.text for each in largest or fit.tests[: len(_NAMED)])
         why = f"with {POWER:.0%} it would have shown {shown}. Only effects in the table were tested."
     else:
         headline, tone = "The log is too short to test the model", Tone.PLAIN

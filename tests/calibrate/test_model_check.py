@@ -10,7 +10,6 @@ from scipy import stats
 
 from simmer_tui.calibrate.effects import (
     BLIND_SPOT,
-    CURVE,
     DRIFT,
     EVERY_DRIVE,
     IRON,
@@ -150,7 +149,7 @@ def test_a_robot_of_the_model_is_not_accused() -> None:
 
 @pytest.mark.parametrize(
     ("code", "kind", "owner", "size"),
-    [("t", CURVE, "tof", 0.5), ("g", WARMING, "gyro", 0.3), ("c", IRON, "comp", 5.0)],
+    [("g", WARMING, "gyro", 0.3), ("c", IRON, "comp", 5.0)],
 )
 def test_an_effect_on_readings_is_told_with_its_size(
     code: str, kind: EffectKind, owner: str, size: float
@@ -161,13 +160,11 @@ def test_an_effect_on_readings_is_told_with_its_size(
     for name in (each for each in readings if each.startswith(code)):
         each = readings[name]
         values = {
-            CURVE.name: (each.values / 20.0) ** 2,
             WARMING.name: np.cumsum(np.diff(turned, prepend=0.0) * (each.stops / 40.0 - 0.5)),
             IRON.name: np.sin(np.radians(poses[each.stops, 2])),
         }[kind.name]
         readings[name] = replace(each, values=each.values + size * values)
     model = Model(replace(made.run, readings=readings), made.model.space)
-    # One step from the truth: the fit would first explain some of it.
     misfit = check_model(model, made.truth, model.rows(made.truth)).misfits[0]
     assert (misfit.kind, misfit.owner.startswith(owner)) == (kind.name, True)
     assert misfit.low < 1.2 * size
