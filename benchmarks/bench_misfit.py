@@ -28,8 +28,9 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as in simmer-tui calibrate
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
-from emulated_robots import Oddities, Robot, draw_robot, placed, record, set_with, wandering
+from emulated_robots import Oddities, draw_robot, placed, record, set_with, wandering
 from odd_robots import TUNED, UNSEEN
+from robot_emulator import Robot
 
 from simmer_tui.calibrate.fit import fit
 from simmer_tui.calibrate.measured_run import read_runs
@@ -76,7 +77,7 @@ def judge(number: int, kind: str, movements: int, folder: Path) -> Judged:
     hidden = draw_robot(random, hidden)
     drives: tuple[str, ...] = ("w1", "s1", "a1", "d1", "r1")
     oddities = Oddities()
-    robot_of: type[Robot] = {**TUNED, **UNSEEN}.get(kind, Robot)
+    robot_of = {**TUNED, **UNSEEN}.get(kind, Robot)
     match kind:
         case "sensors mounted off":
             hidden = mounted_off(hidden, np.random.default_rng((8, number)))

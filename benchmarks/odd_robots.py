@@ -7,14 +7,17 @@ protractor would find each effect.
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Mapping
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from emulated_robots import Robot
 from msgspec.structs import replace
-from robot_emulator import WHEEL_RADIUS
+
+sys.path.append(str(Path(__file__).resolve().parent.parent / "scripts"))
+from robot_emulator import WHEEL_RADIUS, Robot
 
 from simmer_tui.sim import CommandResult, Status, parse_command
 from simmer_tui.sim.command import Command, parse_value
@@ -24,29 +27,22 @@ _INCHES_PER_DEGREE = math.radians(WHEEL_RADIUS)
 
 
 class OddRobot(Robot):
-    """A robot that moves and reads as in the model. Effects override one of the three methods.
-
-    `progress` is the share of its movements that it has made, of `expected_movements`.
-    """
+    """A robot that moves and reads as in the model. Effects override `moved`, `turn_after` or `read`."""
 
     expected_movements = 200
+    """Movements of the log, for effects that grow over it."""
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
         self.odd_random = np.random.default_rng(arguments[2])
         self.made = 0
-        self.last: tuple[str, float] = ("", 1.0)
-        self._turned = 0.0
+        self.turned = 0.0
+        """Degrees that all turns were asked for."""
 
     @property
     def progress(self) -> float:
         """From 0 to 1, over the log."""
         return min(self.made / self.expected_movements, 1.0)
-
-    @property
-    def turned(self) -> float:
-        """Degrees that all turns were asked for."""
-        return self._turned
 
     def moved(self, drive: DriveSpec, asked: float) -> float:
         """The distance that the robot drives instead of the commanded one."""
@@ -66,9 +62,8 @@ class OddRobot(Robot):
             return command
         value = self.moved(drive, asked)
         self.made += 1
-        self.last = drive.kind.value, asked
         if drive.kind.turns:
-            self._turned += asked
+            self.turned += asked
         return replace(command, argument=repr(value))
 
     def _slipping(self, text: str) -> CommandResult:

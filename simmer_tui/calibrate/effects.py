@@ -56,10 +56,10 @@ class EffectKind:
 
 
 # Shares: 2 % is 0.08 in of a movement of 4 in.
-DRIFT = EffectKind("drift", "a loss of strength of {size} over the log", "", 0.02)
+DRIVE_DRIFT = EffectKind("drift", "a loss of strength of {size} over the log", "", 0.02)
 SHORTFALL = EffectKind("shortfall", "movements that end {size} short, whatever their length", "in", 0.05)
 BACKLASH = EffectKind("backlash", "movements that end {size} short after a reversal", "in", 0.05)
-LENGTH = EffectKind(
+UNEVEN_LENGTH = EffectKind(
     "length", "a strength that grows by {size} with each 10 in or 90 degrees of a movement", "", 0.02
 )
 TURNING = EffectKind(
@@ -73,8 +73,8 @@ CURVE = EffectKind("curve", "ranges that are off a straight line by {size} withi
 BLIND_SPOT = EffectKind("blind spot", "a blind spot of {size}", "in", 0.1)
 COUNTED_TURNS = EffectKind("counted turns", "a count of {size} more in a quarter turn", "in", 0.05)
 IRON = EffectKind("iron", "a deviation of {size} that depends on the heading", "deg", 0.5)
-KINDS = (
-    *(DRIFT, SHORTFALL, BACKLASH, LENGTH, TURNING, DIRECTION, SLOPE, SURFACE),
+EFFECT_KINDS = (
+    *(DRIVE_DRIFT, SHORTFALL, BACKLASH, UNEVEN_LENGTH, TURNING, DIRECTION, SLOPE, SURFACE),
     *(WARMING, CURVE, BLIND_SPOT, COUNTED_TURNS, IRON),
 )
 """All kinds, those of drives first."""
@@ -139,13 +139,13 @@ def _of_drives(model: Model, state: Iterate, rows: Rows) -> Iterator[Effect]:
         name, turns = drives[index].kind.value, drives[index].kind.turns
 
         def effect(kind: EffectKind, columns: FloatArray, name: str = name, index: int = index) -> Effect:
-            return Effect(kind, name, EVERY_DRIVE, columns, (index,) if kind is DRIFT else ())
+            return Effect(kind, name, EVERY_DRIVE, columns, (index,) if kind is DRIVE_DRIFT else ())
 
-        yield effect(DRIFT, column(mine * -place * distance, lead + model.biases(state)))
+        yield effect(DRIVE_DRIFT, column(mine * -place * distance, lead + model.biases(state)))
         mine = mine & whole
         if mine.sum() >= FEWEST_MOVEMENTS:
             yield effect(SHORTFALL, column(mine * -sign * wheels))
-            yield effect(LENGTH, column(mine * distance * size / reference))
+            yield effect(UNEVEN_LENGTH, column(mine * distance * size / reference))
             if not turns:
                 yield effect(TURNING, column(mine * distance * size / _LONG**2, turning))
         if _splits(mine, reverses):

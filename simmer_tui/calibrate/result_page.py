@@ -9,7 +9,7 @@ from itertools import pairwise, zip_longest
 import numpy as np
 
 from simmer_tui.calibrate.change_detection import FALSE_ALARMS, PartVerdict
-from simmer_tui.calibrate.effects import BLIND_SPOT, FEWEST_MOVEMENTS, KINDS, SHORTFALL, TURNING
+from simmer_tui.calibrate.effects import BLIND_SPOT, EFFECT_KINDS, FEWEST_MOVEMENTS, SHORTFALL, TURNING
 from simmer_tui.calibrate.estimates import ParameterEstimate, unidentified_labels
 from simmer_tui.calibrate.fit import Fit, fit_path
 from simmer_tui.calibrate.model_check import FALSE_MISFIT_RATE, POWER, EffectTest, Misfit
@@ -146,7 +146,7 @@ def tests_table(tests: Sequence[EffectTest]) -> DataTable:
     """Effects that were tested for, each with the size that would have been seen."""
     rows = [(each.owner, each.kind, each.devices, each.size, each.unit, each.text) for each in tests]
     names = {each.kind for each in tests}
-    untested = [each.name for each in KINDS if each.name not in names]
+    untested = [each.name for each in EFFECT_KINDS if each.name not in names]
     lacking = f" This log has too few data for: {', '.join(untested)}." if untested else ""
     note = (
         "The size that a test would have found in each of the devices, with a probability of "

@@ -10,7 +10,7 @@ from scipy import stats
 
 from simmer_tui.calibrate.effects import (
     BLIND_SPOT,
-    DRIFT,
+    DRIVE_DRIFT,
     EVERY_DRIVE,
     IRON,
     SHORTFALL,
@@ -105,7 +105,7 @@ def test_a_term_is_that_of_dense_least_squares(weakening: Fit) -> None:
     model, state, rows = weakening.model, weakening.state, weakening.rows
     check = check_model(model, state, rows)
     (misfit,) = check.misfits
-    assert (misfit.kind, misfit.owner) == (DRIFT.name, EVERY_DRIVE)
+    assert (misfit.kind, misfit.owner) == (DRIVE_DRIFT.name, EVERY_DRIVE)
     column = np.zeros(len(rows.residuals))
     place = np.linspace(-0.5, 0.5, len(model.before))
     process = np.flatnonzero(rows.family == PROCESS)
@@ -177,13 +177,13 @@ def test_an_effect_of_the_stated_size_would_have_been_found() -> None:
     check = check_model(found.model, found.state, found.rows)
     # No wall was near enough for one.
     assert BLIND_SPOT.name not in {each.kind for each in check.tests}
-    (drift,) = [each for each in check.tests if each.kind == DRIFT.name]
+    (drift,) = [each for each in check.tests if each.kind == DRIVE_DRIFT.name]
     assert set(drift.devices) == {"up", "down", "left", "right", "rot"}
     tested = effects(found.model, found.state, found.rows)
     scale = np.sqrt(found.rows.weights / found.rows.variances)
     posterior = Posterior(found.rows, found.model.width)
     shares = []
-    for each in (each for each in tested if each.kind is DRIFT and each.owner != EVERY_DRIVE):
+    for each in (each for each in tested if each.kind is DRIVE_DRIFT and each.owner != EVERY_DRIVE):
         column = (scale * each.columns.T).T
         information = float((column.T @ (column - posterior.projected(column))).item())
         far = stats.norm.isf(FALSE_MISFIT_RATE / len(tested) / 2)
@@ -223,7 +223,7 @@ def test_intervals_are_widened_by_the_factor(weakening: Fit) -> None:
     assert wide.standard_errors[told] == pytest.approx(2.0 * weakening.standard_errors[told])
     assert wide.standard_errors[~told] == pytest.approx(weakening.standard_errors[~told])
     assert wide.noise_scale_errors == pytest.approx(2.0 * weakening.noise_scale_errors)
-    assert [each.kind for each in wide.misfits] == [DRIFT.name, PREDICTION]
+    assert [each.kind for each in wide.misfits] == [DRIVE_DRIFT.name, PREDICTION]
     # Without a misfit they are widened as well, but never narrowed.
     for factor in (1.2, 0.8):
         better = widened(weakening, HeldBack(10, weakening, (), {Ultrasonic: 0.5 * factor * scores}))
@@ -296,7 +296,12 @@ def test_the_answer_says_first_that_the_model_does_not_fit(weakening: Fit) -> No
 @pytest.mark.parametrize(
     ("kind", "owner", "value", "text"),
     [
-        (DRIFT, EVERY_DRIVE, 0.2, "All drives: a loss of strength of 20.0% (15.0% to 25.0%) over the log."),
+        (
+            DRIVE_DRIFT,
+            EVERY_DRIVE,
+            0.2,
+            "All drives: a loss of strength of 20.0% (15.0% to 25.0%) over the log.",
+        ),
         (
             SHORTFALL,
             "up",
