@@ -372,7 +372,8 @@ def _result(model: Model, state: Iterate, random: np.random.Generator) -> Fit:
     covariance = posterior.covariance()
     spreads = np.sqrt(np.diag(covariance))
     spreads = with_mounting(space, state.parameters, spreads, identified)
-    check = check_model(model, state, rows)
+    # With the priors of all parameters: the difference of one that was held fixed would look like an effect.
+    check = check_model(model, state, model.rows(state))
     spreads = spreads + check.shifts / Z_95
     noise_scale_errors = noise_scale_errors + check.log_shifts / Z_95
     noise_scale_errors = noise_scale_errors * np.where(model.is_of_continuous_drive, _APPROXIMATED, 1.0)
