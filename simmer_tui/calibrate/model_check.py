@@ -41,8 +41,8 @@ _BOUND = 3.0
 """Standard deviations from which a reading's influence on a test is bounded. The fit takes readings in a
 blind spot as outliers, which would hide it."""
 _LEAST_OWN = 0.001
-"""Least share of an effect on readings that no other parameters explain: below, only priors separate it. In logs
-with all drives it is 0.004 or more; of turns that encoders count, in a robot that only turns, 0.0005."""
+"""Least share of an effect on readings that no other parameters explain: below, only priors separate it. In
+logs with all drives it is 0.004 or more; of turns that encoders count, in a robot that only turns, 0.0005."""
 _HOLDS = 0.9
 """Share of predictions that must be right: below 1, so that outliers, some percent, do not decide."""
 _SLACK = 1.25
