@@ -165,11 +165,13 @@ def record(
     oddities: Oddities | None = None,
     latency: float = 0.0,
     wire_of: Callable[[Robot], FunctionLink] = FunctionLink,
+    robot_of: type[Robot] = Robot,
 ) -> Robot:
     """Let `program` (a coroutine function of a session) drive a robot through the serial bridge, and log it
-    to `path`. `wire_of` makes the wire to it. Returns the robot in its final state."""
+    to `path`. `wire_of` makes the wire to it, and `robot_of` the robot. Returns the robot in its final
+    state."""
     link = LinkDelay(latency, 0.0, seed)
-    robot = Robot("float64", "big", seed, None, hidden, oddities, link)
+    robot = robot_of("float64", "big", seed, None, hidden, oddities, link)
     wire = wire_of(robot)
     serial = replace(configuration.settings.serial, port=FunctionLink.name)
     settings = replace(configuration.settings, sim=False, serial=serial)

@@ -73,18 +73,12 @@ PHRASES = {
         "`{calibrate.written_set.CALIBRATION_PAGE}` shows each parameter",
         "(70 to {calibrate.guided._MOST} movements)",
         "more than {calibrate.rows.LONGEST_COUNT!w} movements apart",
-        "{calibrate.guided.WANTED[main]} for biases along the axes, {calibrate.guided.WANTED[angle]} degrees for "
-        "mounting angles and {calibrate.guided.WANTED[range]} in for ranges",
-        "readings after every {calibrate.stretches.LEAST_DISTANCE:g} in or {calibrate.stretches.LEAST_TURN:g} degrees",
+        "readings on the way, after every {calibrate.stretches.LEAST_DISTANCE:g} in or "
+        "{calibrate.stretches.LEAST_TURN:g} degrees",
         "within an inch and {calibrate.measured_run.START_SPREAD[2]:g} degrees",
         "at most {calibrate.parameters.IDENTIFIED!w} of its prior's",
-        "for drives {calibrate.parameters._BIAS_PRIOR[0]} for a bias along and across, and "
-        "{calibrate.parameters._BIAS_PRIOR[2]} degrees an inch",
-        "for range sensors {prior.bias} in, {100*prior.gain:g} %, {prior.mounting_angle:g} degrees and "
-        "{prior.mounting_offset!w} an inch",
-        "terms below {100*calibrate.model_check._LEAST[]:g} %, {calibrate.model_check._LEAST[in]} in or "
-        "{calibrate.model_check._LEAST[deg]} degrees",
-        "keeps all such tests at {100*calibrate.model_check.FALSE_MISFIT_RATE:g} %",
+        "would have been seen with {100*calibrate.model_check.POWER:g} %",
+        "keeps all tests together at {100*calibrate.model_check.FALSE_MISFIT_RATE:g} %",
         "readings of the last {calibrate.prediction._HELD_BACK!w}, {calibrate.pose_filter.AHEAD[0]}, "
         "{calibrate.pose_filter.AHEAD[1]} and {calibrate.pose_filter.AHEAD[2]} movements ahead",
         "From {calibrate.change_detection._LEAST!w} calibrated sets on",

@@ -2,8 +2,8 @@
 identify.
 
 First the particle filter finds each path, then Gauss-Newton refines poses and parameters at once. Noise
-scales follow by Fisher scoring (posterior.py). Intervals are Laplace's; where the residuals of the
-readings have heavier tails than a normal error they are widened by the sandwich (White 1982).
+scales follow by Fisher scoring (posterior.py). Intervals are Laplace's; predictions of held-back readings
+widen them (prediction.py).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from msgspec.structs import astuple
 from simmer_tui.calibrate.find_path import PathFinder, RoughPath
 from simmer_tui.calibrate.geometry import totals_between
 from simmer_tui.calibrate.measured_run import MeasuredRun
-from simmer_tui.calibrate.model_check import Misfit, check_model, with_mounting
+from simmer_tui.calibrate.model_check import EffectTest, Misfit, check_model, with_mounting
 from simmer_tui.calibrate.parameters import (
     IDENTIFIED,
     ParameterSpace,
@@ -27,7 +27,6 @@ from simmer_tui.calibrate.parameters import (
 from simmer_tui.calibrate.posterior import (
     COUNTER,
     KINEMATIC,
-    PRIOR,
     PROCESS,
     RANGE,
     Iterate,
@@ -91,12 +90,6 @@ _APPROXIMATED = 2.0
 """Factor on the intervals of errors of drives that moved by velocities."""
 # It covers what the model omits there: counters interpolated to a stop, errors of two drives at once. With
 # it, intervals contain 90 % of ten emulated robots' figures.
-_HEAVY_TAILS = 4.5
-"""Kurtosis of residuals, 3 for normal ones, from which intervals are widened."""
-# The kurtosis of 200 normal residuals has a standard error of 0.35: 4.5 occurs by chance once in 100,000.
-_FEW_RESIDUALS = 30
-"""Least number of residuals of a source for a test of its kurtosis: with 30 its standard error is 0.9."""
-
 Progress = Callable[[str, float], None]
 
 
@@ -124,6 +117,8 @@ class Fit:
     model: Model
     misfits: tuple[Misfit, ...] = ()
     """Departures of the robot from the model, the surest first."""
+    tests: tuple[EffectTest, ...] = ()
+    """Effects that were tested for, with the power of their tests."""
 
     @property
     def poses(self) -> FloatArray:
@@ -376,9 +371,9 @@ def _result(model: Model, state: Iterate, random: np.random.Generator) -> Fit:
         noise_scale_errors[chosen] = np.sqrt(np.diag(np.linalg.inv(information[np.ix_(chosen, chosen)])))
     covariance = posterior.covariance()
     spreads = np.sqrt(np.diag(covariance))
-    spreads = np.maximum(spreads, _robust_spreads(model, rows, posterior))
     spreads = with_mounting(space, state.parameters, spreads, identified)
-    check = check_model(model, state, rows, posterior)
+    # With the priors of all parameters: the difference of one that was held fixed would look like an effect.
+    check = check_model(model, state, model.rows(state))
     spreads = spreads + check.shifts / Z_95
     noise_scale_errors = noise_scale_errors + check.log_shifts / Z_95
     noise_scale_errors = noise_scale_errors * np.where(model.is_of_continuous_drive, _APPROXIMATED, 1.0)
@@ -399,26 +394,8 @@ def _result(model: Model, state: Iterate, random: np.random.Generator) -> Fit:
         data,
         model,
         check.misfits,
+        check.tests,
     )
-
-
-def _robust_spreads(model: Model, rows: Rows, posterior: Posterior) -> FloatArray:
-    """Standard deviations of the parameters by the sandwich, with the squares of the residuals of sources
-    that have heavy tails, and the variances of the others."""
-    count = len(model.space.parameters)
-    chosen = np.zeros((model.width + count, count))
-    chosen[model.width :] = np.eye(count)
-    influence = posterior.sensitivities(chosen)
-    squares = rows.weights * rows.residuals**2 / rows.variances
-    factors = np.ones(len(squares))
-    for family in range(PRIOR):
-        for source in np.unique(rows.source[rows.family == family]):
-            mine = (rows.family == family) & (rows.source == source)
-            mean = float(squares[mine].mean())
-            if mine.sum() > _FEW_RESIDUALS and float((squares[mine] ** 2).mean()) > _HEAVY_TAILS * mean**2:
-                # A residual may be almost 0 by chance, even if its row has an error.
-                factors[mine] = np.maximum(squares[mine], 1e-3)
-    return np.asarray(np.sqrt((influence**2 * factors[:, None]).sum(axis=0)))
 
 
 def misplaced(run: MeasuredRun, state: Iterate) -> str | None:

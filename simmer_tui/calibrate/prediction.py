@@ -14,7 +14,7 @@ import numpy as np
 
 from simmer_tui.calibrate.fit import Fit, fit_path, fit_tail, refit
 from simmer_tui.calibrate.measured_run import MeasuredRun
-from simmer_tui.calibrate.model_check import held_back_misfits
+from simmer_tui.calibrate.model_check import held_back_factor, held_back_misfits, held_back_tests
 from simmer_tui.calibrate.pose_filter import PoseFilter
 from simmer_tui.calibrate.posterior import Iterate
 from simmer_tui.sim.arrays import FloatArray
@@ -89,18 +89,17 @@ def held_back(fit: Fit) -> HeldBack | None:
 
 
 def widened(fit: Fit, held: HeldBack) -> Fit:
-    """The fit; if predictions of held-back readings are not right often enough, with intervals widened until
-    they are."""
-    found = held_back_misfits(held.scores_by_name)
-    if not found:
-        return fit
-    factor = max(found[0].value, 1.0)
+    """The fit with intervals widened so that predictions of held-back readings are right often enough, and
+    with the tests of these predictions."""
+    scores = held.scores_by_name
+    factor = held_back_factor(scores)
     return replace(
         fit,
         standard_errors=np.where(fit.identified, factor, 1.0) * fit.standard_errors,
         noise_scale_errors=factor * fit.noise_scale_errors,
         covariance=factor**2 * fit.covariance,
-        misfits=(*fit.misfits, *found),
+        misfits=(*fit.misfits, *held_back_misfits(scores)),
+        tests=(*fit.tests, *held_back_tests(scores)),
     )
 
 

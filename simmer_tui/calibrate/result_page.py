@@ -9,15 +9,10 @@ from itertools import pairwise, zip_longest
 import numpy as np
 
 from simmer_tui.calibrate.change_detection import FALSE_ALARMS, PartVerdict
+from simmer_tui.calibrate.effects import BLIND_SPOT, EFFECT_KINDS, FEWEST_MOVEMENTS, SHORTFALL, TURNING
 from simmer_tui.calibrate.estimates import ParameterEstimate, unidentified_labels
 from simmer_tui.calibrate.fit import Fit, fit_path
-from simmer_tui.calibrate.model_check import (
-    FALSE_MISFIT_RATE,
-    FEWEST_MOVEMENTS,
-    Misfit,
-    tested_drives,
-    tested_kinds,
-)
+from simmer_tui.calibrate.model_check import FALSE_MISFIT_RATE, POWER, EffectTest, Misfit
 from simmer_tui.calibrate.parameters import AXES
 from simmer_tui.calibrate.posterior import COUNTER, OBSERVATION, PROCESS, RANGE, Rows
 from simmer_tui.calibrate.prediction import HeldBack
@@ -58,6 +53,16 @@ MISFITS = data_table(
     DataColumn("unit", hidden=True),
     DataColumn("p", number(".1g")),
     DataColumn("text", heading="observation", wraps=True),
+)
+TESTS = data_table(
+    "tests",
+    "Tests of the model",
+    DataColumn("part"),
+    DataColumn("kind", heading="effect"),
+    DataColumn("devices", Format(", ".join), wraps=True),
+    DataColumn("value", hidden=True),
+    DataColumn("unit", hidden=True),
+    DataColumn("text", heading=f"seen with {POWER:.0%}", wraps=True),
 )
 PARAMETERS = data_table(
     "parameters",
@@ -107,23 +112,29 @@ STRENGTHS = data_table(
     DataColumn("movements"),
     DataColumn("strength", estimate(".3g")),
 )
-TABLES = (MISFITS, PARAMETERS, UNIDENTIFIED, _HELD_BACK, RESIDUALS, _CHECK, STRENGTHS)
+TABLES = (MISFITS, TESTS, PARAMETERS, UNIDENTIFIED, _HELD_BACK, RESIDUALS, _CHECK, STRENGTHS)
 """All tables of a calibration, of a check, and of the strength of biases."""
 _PATH = "#3066e4"
+_NAMED = (SHORTFALL, TURNING, BLIND_SPOT)
+"""Effects that the verdict names: a person can check them with a ruler and a protractor."""
 _MOST_CHANGED = 10
 """Most changed parameters that the page shows first: as many as fit beside the picture."""
 
 
-def fit_verdict(fit: Fit, held: HeldBack | None) -> VerdictBox:
-    """The verdict on the model of a robot, the first part of a page: it fits, or not, or was not tested."""
+def fit_verdict(fit: Fit) -> VerdictBox:
+    """The verdict on the model of a robot, the first part of a page: it does not fit, or what was tested."""
     if fit.misfits:
         headline, tone = "The model does not fit this robot", Tone.BAD
         why = (
             "no set can describe everything it does, so the intervals are wider. The interval of a drive "
             "that changed covers its bias at the beginning and at the end of the log."
         )
-    elif tested_drives(fit.model) or (held is not None and tested_kinds(held.scores_by_name)):
-        headline, tone, why = "The model fits this robot", Tone.GOOD, "all its tests passed."
+    elif fit.tests:
+        headline, tone = "The model fits this robot as far as it was tested", Tone.GOOD
+        named = [[each for each in fit.tests if each.kind == kind.name] for kind in _NAMED]
+        largest = [max(each, key=lambda test: test.size) for each in named if each]
+        shown = "; ".join(each.text for each in largest or fit.tests[: len(_NAMED)])
+        why = f"with {POWER:.0%} it would have shown {shown}. Only effects in the table were tested."
     else:
         headline, tone = "The log is too short to test the model", Tone.PLAIN
         why = f"a test needs {FEWEST_MOVEMENTS} movements of one drive."
@@ -131,16 +142,29 @@ def fit_verdict(fit: Fit, held: HeldBack | None) -> VerdictBox:
     return VerdictBox(key="fit", text=text, headline=headline, tone=tone, sentence=sentence)
 
 
+def tests_table(tests: Sequence[EffectTest]) -> DataTable:
+    """Effects that were tested for, each with the size that would have been seen."""
+    rows = [(each.owner, each.kind, each.devices, each.size, each.unit, each.text) for each in tests]
+    names = {each.kind for each in tests}
+    untested = [each.name for each in EFFECT_KINDS if each.name not in names]
+    lacking = f" This log has too few data for: {', '.join(untested)}." if untested else ""
+    note = (
+        "The size that a test would have found in each of the devices, with a probability of "
+        f"{POWER:.0%}.{lacking} Other effects are not tested."
+    )
+    return TESTS.filled(rows, note)
+
+
 def misfits_table(misfits: Sequence[Misfit]) -> DataTable:
     """Departures of the robot from the model, which no set can describe; no rows if there are none."""
     rows = [
-        (each.owner, each.kind.value, each.value, each.low, each.high, each.unit, each.probability, each.text)
+        (each.owner, each.kind, each.value, each.low, each.high, each.unit, each.probability, each.text)
         for each in misfits
     ]
     share = f"{FALSE_MISFIT_RATE:.0%}"
     note = (
-        f"False alarms: of robots that the model fits, {share} fail a test of drives, and {share} a test of "
-        "held-back readings."
+        f"False alarms: of robots that the model fits, {share} fail a test of an effect, and {share} a test "
+        "of held-back readings. An effect that is not tested may look like one that is."
     )
     return MISFITS.filled(rows, note)
 
@@ -252,11 +276,14 @@ def strength_document(found: Sequence[ParameterEstimate]) -> Document:
 
 def result_document(fit: Fit, estimates: Sequence[ParameterEstimate], held: HeldBack | None) -> Document:
     """All estimates, with the accuracy of their predictions, for terminals and programs."""
-    tables = (misfits_table(fit.misfits), figures_table(estimates), unidentified_table(estimates))
-    misfits, learned, unidentified = ((table,) if table.rows else () for table in tables)
+    tables = (
+        *(misfits_table(fit.misfits), tests_table(fit.tests)),
+        *(figures_table(estimates), unidentified_table(estimates)),
+    )
+    misfits, tests, learned, unidentified = ((table,) if table.rows else () for table in tables)
     about = Paragraph(_about(fit, estimates), "about", "run")
-    parts = (*misfits, about, *learned, *unidentified, _held_back(held), residual_table(fit))
-    return Document(_title(fit), (fit_verdict(fit, held), *parts))
+    parts = (*misfits, about, *learned, *unidentified, *tests, _held_back(held), residual_table(fit))
+    return Document(_title(fit), (fit_verdict(fit), *parts))
 
 
 def result_page(fit: Fit, estimates: Sequence[ParameterEstimate], held: HeldBack | None) -> Document:
@@ -282,10 +309,11 @@ def result_page(fit: Fit, estimates: Sequence[ParameterEstimate], held: HeldBack
         _title(fit),
         (
             Paragraph(f"{_title(fit)} · {_about(fit, estimates)}", kind="run"),
-            fit_verdict(fit, held),
+            fit_verdict(fit),
             KeyFigures(figures),
             *((misfits,) if misfits.rows else ()),
             SideBySide((differs,), (first_path, about_path), even=True),
+            Folded(TESTS.title, (tests_table(fit.tests),) if fit.tests else ()),
             Folded("All parameters", (figures_table(estimates),)),
             Folded(unidentified.title, (unidentified,) if unidentified.rows else ()),
             Folded("Predictions of held-back readings", (_held_back(held), *predicted)),

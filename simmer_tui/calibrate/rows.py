@@ -131,7 +131,8 @@ class Model:
             for index, sensor in observed_sensors(spec).items()
             if sensor.spec.code in run.readings
         }
-        self._columns = {index: space.of_sensor(index) for index in self._sensors}
+        self.columns = {index: space.of_sensor(index) for index in self._sensors}
+        """Numbers of parameters and noise scales of the sensors that were read, by row and field."""
 
     def biases(self, state: Iterate) -> FloatArray:
         """Biases of each movement's drive, (movements, 3)."""
@@ -213,7 +214,7 @@ class Model:
 
     def sensor_at(self, state: Iterate, index: int) -> Sensor:
         """A sensor with its parameters and noise scales as estimated at a point."""
-        sensor, columns = self._sensors[index], self._columns[index]
+        sensor, columns = self._sensors[index], self.columns[index]
         values = {each.field: float(state.parameters[columns[each.field]]) for each in sensor.parameters}
         for each in sensor.noise_scales:
             values[each.field] = float(state.noise_scales[columns[each.field]])
@@ -305,10 +306,19 @@ class Model:
 
     # -- sensors ---------------------------------------------------------------------------------
 
-    def _pairs(self, readings: Readings) -> tuple[IntArray, IntArray]:
-        """Readings (by number) that follow each other and can be compared: first and second."""
+    def counted_between(self, index: int) -> tuple[IntArray, IntArray]:
+        """The stops between which each row of a counting sensor counts, (rows,) each."""
+        readings = self.run.readings[self._sensors[index].spec.code]
+        first, second = self._pairs(readings, index)
+        return readings.stops[first], readings.stops[second]
+
+    def _pairs(self, readings: Readings, index: int) -> tuple[IntArray, IntArray]:
+        """Readings (by number) of a counting sensor that follow each other and can be compared: first and
+        second."""
         stops = readings.stops
         good = np.isfinite(readings.values[:-1]) & np.isfinite(readings.values[1:])
+        # Between readings at one stop only errors that grow with time show.
+        good &= (np.diff(stops) > 0) | ("drift" in self.columns[index])
         good &= np.diff(stops) <= LONGEST_COUNT
         good &= np.diff(self.run.chains_of(stops)) == 0
         first = np.flatnonzero(good)
@@ -317,7 +327,7 @@ class Model:
     def _add_counter(self, stack: RowStack, state: Iterate, index: int, sensor: CountingSensor) -> None:
         spec = sensor.spec
         readings = self.run.readings[spec.code]
-        first, second = self._pairs(readings)
+        first, second = self._pairs(readings, index)
         begin, end = readings.stops[first], readings.stops[second]
         counts = self._counts_totals if sensor.slips else self._counts_turns
         total, squares, entries = counts(state, sensor, begin, end)
@@ -331,14 +341,12 @@ class Model:
         if spec.ticks_per_inch:
             floor += (spec.gain / spec.ticks_per_inch) ** 2 / 6
         variance = random + walk + floor
-        columns = self._columns[index]
+        columns = self.columns[index]
         entries += self._linear_entries(columns, total, seconds)
-        # Between readings at one stop only errors that grow with time show.
-        chosen = np.flatnonzero((end > begin) | ("drift" in columns))
         stack.add(
             COUNTER, index, end, residual, variance, entries,
             _shares(columns, error=random, random_walk=walk),
-            weights=huber_weights(residual**2 / variance), chosen=chosen,
+            weights=huber_weights(residual**2 / variance),
         )  # fmt: skip
 
     def _counts_totals(
@@ -411,7 +419,7 @@ class Model:
         # Near its limits a sensor reports only ranges within them. Readings are left out by their expected
         # values: a choice by their own values would bias the rest.
         good &= sensor.within_limits(expected, _LIMITS * np.sqrt(variance))
-        columns = self._columns[index]
+        columns = self.columns[index]
         entries: list[JacobianEntry] = [
             (PER_STOP * stop + axis, -each) for axis, each in enumerate(slopes) if each.any()
         ]

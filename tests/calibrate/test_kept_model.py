@@ -194,11 +194,11 @@ def test_tests_of_the_model_are_those_that_were_kept() -> None:
     run = replace(made.run, chains=(replace(chain, movements=asked),))
     model = Model(run, parameters_of(run))
     rows = model.rows(made.truth)
-    check = check_model(model, made.truth, rows, Posterior(rows, model.width))
+    check = check_model(model, made.truth, rows)
     assert check.misfits
     found = {
         "misfits": [
-            (each.kind.value, each.owner, each.unit, each.value, each.low, each.high, each.text)
+            (each.kind, each.owner, each.unit, each.value, each.low, each.high, each.text)
             for each in check.misfits
         ],
         "shifts": check.shifts,

@@ -19,11 +19,12 @@ from scipy import stats
 from benchmarks.emulated_robots import draw_robot, placed, record, set_with, wandering
 from simmer_tui.calibrate import change_detection
 from simmer_tui.calibrate.change_detection import judged, require_one_robot
+from simmer_tui.calibrate.effects import SHORTFALL
 from simmer_tui.calibrate.estimates import estimates_of
 from simmer_tui.calibrate.fit import Fit, Progress
 from simmer_tui.calibrate.guided import WANTED, SessionPlanner, drive_guided, guided_run, where_to_put
 from simmer_tui.calibrate.measured_run import MeasuredRun, read_runs
-from simmer_tui.calibrate.model_check import Misfit, MisfitKind
+from simmer_tui.calibrate.model_check import Misfit
 from simmer_tui.calibrate.parameters import main_axis
 from simmer_tui.calibrate.prediction import HeldBack, widened
 from simmer_tui.calibrate.result_page import result_page
@@ -95,7 +96,7 @@ def test_a_report_of_an_unknown_robot_is_that_which_was_kept(
 
 def test_a_report_without_changes_and_predictions_is_that_which_was_kept(found: Fit) -> None:
     """Of a robot that the model does not fit, from logs and a set with long names, cut at 200 and 400."""
-    misfit = Misfit(MisfitKind.SHORTFALL, "up", 0.2, 0.1, 0.3, "in", 2e-4)
+    misfit = Misfit(SHORTFALL.name, "up", 0.2, 0.1, 0.3, "in", 2e-4, SHORTFALL.phrase)
     configuration = structs.replace(found.run.configuration, name="s" * 390)
     run = replace(found.run, names=("n" * 150, "m" * 150), configuration=configuration)
     fit = replace(found, run=run, misfits=(misfit,))

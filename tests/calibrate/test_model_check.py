@@ -8,12 +8,22 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from simmer_tui.calibrate.effects import (
+    BLIND_SPOT,
+    DRIVE_DRIFT,
+    EVERY_DRIVE,
+    IRON,
+    SHORTFALL,
+    WARMING,
+    EffectKind,
+    effects,
+)
 from simmer_tui.calibrate.estimates import estimates_of
 from simmer_tui.calibrate.fit import Fit, fit, refit
 from simmer_tui.calibrate.model_check import (
-    EVERY_DRIVE,
+    FALSE_MISFIT_RATE,
+    PREDICTION,
     Misfit,
-    MisfitKind,
     accepted,
     check_model,
     conformal_factor,
@@ -24,6 +34,7 @@ from simmer_tui.calibrate.model_check import (
 from simmer_tui.calibrate.posterior import PROCESS, Posterior
 from simmer_tui.calibrate.prediction import HeldBack, widened
 from simmer_tui.calibrate.result_page import result_document
+from simmer_tui.calibrate.rows import Model
 from simmer_tui.document.as_data import document_value, plain
 from simmer_tui.sim.sensors import ParameterKind, Ultrasonic, parameter_value, with_parameters
 from simmer_tui.sim.specs import SensorSpec
@@ -31,6 +42,8 @@ from tests.calibrate.synthetic import Synthetic, make
 from tests.calibrate.test_kept_fit import known_fit
 
 FAR = 1.25 * stats.norm.ppf(0.95)
+ALONE = [np.array([number]) for number in range(3)]
+"""Effects with a column each."""
 
 
 @cache
@@ -60,31 +73,39 @@ def test_terms_are_accepted_by_holm() -> None:
     information = np.diag([4.0, 9.0, 1.0])
     score = np.array([2.0, 15.0, 3.5])
     # Chi-squares of 1, 25 and 12.25.
-    (first, p_first), (second, p_second) = accepted(score, information, 0.01)
+    (first, p_first), (second, p_second) = accepted(score, information, ALONE, 0.01)
     assert (first, second) == (1, 2)
     assert p_first == pytest.approx(stats.chi2.sf(25.0, 1))
     assert p_second == pytest.approx(stats.chi2.sf(12.25, 1))
-    assert accepted(score, information, 2.01 * p_second)[1:] == [(2, p_second)]
-    assert [number for number, _ in accepted(score, information, 1.99 * p_second)] == [1]
-    assert accepted(score, information, 2.9 * p_first) == []
+    assert accepted(score, information, ALONE, 2.01 * p_second)[1:] == [(2, p_second)]
+    assert [number for number, _ in accepted(score, information, ALONE, 1.99 * p_second)] == [1]
+    assert accepted(score, information, ALONE, 2.9 * p_first) == []
+
+
+def test_an_effect_of_several_devices_is_accepted_by_all_its_columns() -> None:
+    """Each has a chi-square of 9, too little for one of four tests. Together they have 27 in three."""
+    score, information = np.full(3, 6.0), np.diag(np.full(3, 4.0))
+    groups = [*ALONE, np.arange(3)]
+    ((number, probability),) = accepted(score, information, groups, 1e-3)
+    assert number == 3
+    assert probability == pytest.approx(stats.chi2.sf(27.0, 3))
 
 
 def test_a_term_that_another_explains_is_not_accepted() -> None:
     information = np.array([[4.0, 3.6], [3.6, 4.0]])
     # All of the second's score is that of the first, whose size is 5.
-    assert [number for number, _ in accepted(np.array([20.0, 18.0]), information, 0.01)] == [0]
+    assert [number for number, _ in accepted(np.array([20.0, 18.0]), information, ALONE[:2], 0.01)] == [0]
     # A second one of 30 explains 27 of the first: of 20 -7 is left, of an information of 4 - 3.6^2 / 4.
-    first, (second, probability) = accepted(np.array([20.0, 30.0]), information, 0.01)
+    first, (second, probability) = accepted(np.array([20.0, 30.0]), information, ALONE[:2], 0.01)
     assert (first[0], second) == (1, 0)
     assert probability == pytest.approx(stats.chi2.sf((20.0 - 0.9 * 30.0) ** 2 / 0.76, 1))
 
 
 def test_a_term_is_that_of_dense_least_squares(weakening: Fit) -> None:
     model, state, rows = weakening.model, weakening.state, weakening.rows
-    posterior = Posterior(rows, model.width)
-    check = check_model(model, state, rows, posterior)
+    check = check_model(model, state, rows)
     (misfit,) = check.misfits
-    assert (misfit.kind, misfit.owner) == (MisfitKind.DRIFT, EVERY_DRIVE)
+    assert (misfit.kind, misfit.owner) == (DRIVE_DRIFT.name, EVERY_DRIVE)
     column = np.zeros(len(rows.residuals))
     place = np.linspace(-0.5, 0.5, len(model.before))
     process = np.flatnonzero(rows.family == PROCESS)
@@ -115,7 +136,7 @@ def test_a_robot_that_weakens_is_told_by_how_much(weakening: Fit) -> None:
     (misfit,) = weakening.misfits
     assert misfit.low < 0.2 < misfit.high
     assert misfit.probability < 0.01 / 11
-    assert misfit.text.startswith("All drives became weaker by ")
+    assert misfit.text.startswith("All drives: a loss of strength of ")
     # Its biases were a tenth more at the beginning, and a tenth less at the end.
     column = weakening.space.column(True, 3, "bias.x")
     assert 1.96 * weakening.standard_errors[column] > misfit.value / 2
@@ -124,6 +145,51 @@ def test_a_robot_that_weakens_is_told_by_how_much(weakening: Fit) -> None:
 @pytest.mark.slow
 def test_a_robot_of_the_model_is_not_accused() -> None:
     assert fit(known().run).misfits == ()
+
+
+@pytest.mark.parametrize(
+    ("code", "kind", "owner", "size"),
+    [("g", WARMING, "gyro", 0.3), ("c", IRON, "comp", 5.0)],
+)
+def test_an_effect_on_readings_is_told_with_its_size(
+    code: str, kind: EffectKind, owner: str, size: float
+) -> None:
+    made = known()
+    poses, turned = made.truth.chain, np.concatenate(([0.0], np.cumsum(made.truth.chain[:-1, 5])))
+    readings = dict(made.run.readings)
+    for name in (each for each in readings if each.startswith(code)):
+        each = readings[name]
+        values = {
+            WARMING.name: np.cumsum(np.diff(turned, prepend=0.0) * (each.stops / 40.0 - 0.5)),
+            IRON.name: np.sin(np.radians(poses[each.stops, 2])),
+        }[kind.name]
+        readings[name] = replace(each, values=each.values + size * values)
+    model = Model(replace(made.run, readings=readings), made.model.space)
+    misfit = check_model(model, made.truth, model.rows(made.truth)).misfits[0]
+    assert (misfit.kind, misfit.owner.startswith(owner)) == (kind.name, True)
+    assert misfit.low < 1.2 * size
+    assert misfit.high > 0.8 * size
+
+
+def test_an_effect_of_the_stated_size_would_have_been_found() -> None:
+    """By the normal distribution of its score, at the level of one of all tests."""
+    found = known_fit(known())
+    check = check_model(found.model, found.state, found.rows)
+    # No wall was near enough for one.
+    assert BLIND_SPOT.name not in {each.kind for each in check.tests}
+    (drift,) = [each for each in check.tests if each.kind == DRIVE_DRIFT.name]
+    assert set(drift.devices) == {"up", "down", "left", "right", "rot"}
+    tested = effects(found.model, found.state, found.rows)
+    scale = np.sqrt(found.rows.weights / found.rows.variances)
+    posterior = Posterior(found.rows, found.model.width)
+    shares = []
+    for each in (each for each in tested if each.kind is DRIVE_DRIFT and each.owner != EVERY_DRIVE):
+        column = (scale * each.columns.T).T
+        information = float((column.T @ (column - posterior.projected(column))).item())
+        far = stats.norm.isf(FALSE_MISFIT_RATE / len(tested) / 2)
+        shares.append(stats.norm.sf(far - drift.size * math.sqrt(information)))
+    # The drive that shows it worst: none of the others needs a larger one.
+    assert min(shares) == pytest.approx(0.9, abs=0.01)
 
 
 # -- held-back readings --------------------------------------------------------------------------------
@@ -144,7 +210,7 @@ def test_readings_are_surely_off_if_more_than_one_in_ten_is() -> None:
 
     # Of two kinds each has half of 1 %: 12 of 50 have a probability of 0.32 %, 11 of 0.94 %.
     (found,) = held_back_misfits({"ultra": scores(12), "comp": scores(11)})
-    assert (found.owner, found.kind) == ("ultra", MisfitKind.PREDICTION)
+    assert (found.owner, found.kind) == ("ultra", PREDICTION)
     assert found.probability == pytest.approx(stats.binom.sf(11, 50, 0.1))
     assert found.value == pytest.approx((FAR + 0.01) / stats.norm.ppf(0.95))
     assert held_back_misfits({"ultra": np.full(29, 9.0)}) == ()
@@ -157,9 +223,13 @@ def test_intervals_are_widened_by_the_factor(weakening: Fit) -> None:
     assert wide.standard_errors[told] == pytest.approx(2.0 * weakening.standard_errors[told])
     assert wide.standard_errors[~told] == pytest.approx(weakening.standard_errors[~told])
     assert wide.noise_scale_errors == pytest.approx(2.0 * weakening.noise_scale_errors)
-    assert [each.kind for each in wide.misfits] == [MisfitKind.DRIFT, MisfitKind.PREDICTION]
-    good = HeldBack(10, weakening, (), {Ultrasonic: scores / 2.0})
-    assert widened(weakening, good) is weakening
+    assert [each.kind for each in wide.misfits] == [DRIVE_DRIFT.name, PREDICTION]
+    # Without a misfit they are widened as well, but never narrowed.
+    for factor in (1.2, 0.8):
+        better = widened(weakening, HeldBack(10, weakening, (), {Ultrasonic: 0.5 * factor * scores}))
+        widths = better.standard_errors[told] / weakening.standard_errors[told]
+        assert widths == pytest.approx(max(factor, 1.0))
+        assert better.misfits == weakening.misfits
 
 
 # -- how sensors are mounted ---------------------------------------------------------------------------
@@ -224,24 +294,25 @@ def test_the_answer_says_first_that_the_model_does_not_fit(weakening: Fit) -> No
 
 
 @pytest.mark.parametrize(
-    ("kind", "owner", "value", "unit", "text"),
+    ("kind", "owner", "value", "text"),
     [
-        (MisfitKind.DRIFT, "rot", -0.1, "", "rot became stronger by 10% (5.0% to 15.0%) from the first"),
-        (MisfitKind.SHORTFALL, "up", 0.1, "in", "Each movement of up ends 0.10 in short (0.05 to 0.15), wh"),
-        (MisfitKind.SHORTFALL, "rot", -0.1, "deg", "Each movement of rot ends 0.10 deg too far (0.05 to"),
         (
-            MisfitKind.PREDICTION,
-            "tof",
-            1.8,
-            "",
-            "Held-back readings of tof have 1.8 times the expected error",
+            DRIVE_DRIFT,
+            EVERY_DRIVE,
+            0.2,
+            "All drives: a loss of strength of 20.0% (15.0% to 25.0%) over the log.",
+        ),
+        (
+            SHORTFALL,
+            "up",
+            -0.1,
+            "Up: movements that end -0.10 in (-0.15 to -0.05) short, whatever their length.",
         ),
     ],
 )
-def test_what_does_not_fit_is_a_sentence(
-    kind: MisfitKind, owner: str, value: float, unit: str, text: str
-) -> None:
-    assert Misfit(kind, owner, value, value - 0.05, value + 0.05, unit, 1e-5).text.startswith(text)
+def test_what_does_not_fit_is_a_sentence(kind: EffectKind, owner: str, value: float, text: str) -> None:
+    ends = (value - 0.05, value + 0.05)
+    assert Misfit(kind.name, owner, value, *ends, kind.unit, 1e-5, kind.phrase).text == text
 
 
 def test_the_derivative_by_an_offset_is_that_of_moving_the_sensor() -> None:
