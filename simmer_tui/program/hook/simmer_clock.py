@@ -7,6 +7,7 @@ on, and nothing of the package. `links/clock_link.py` is the other end and descr
 from __future__ import annotations
 
 import builtins
+import errno
 import functools
 import math
 import os
@@ -597,9 +598,11 @@ def _replace_sockets(clock: ProgramTime) -> None:
         return real_select(readers, writers, others, None)
 
     def await_data(sock: Any) -> None:
-        """Wait as a blocking socket does."""
+        """Wait as a socket with this time limit does. Another thread may change the limit meanwhile."""
         timeout = sock.gettimeout()
-        if not any(await_any([sock], [], [], timeout)) and timeout != 0:
+        if not any(await_any([sock], [], [], timeout)):
+            if timeout == 0:
+                raise BlockingIOError(errno.EAGAIN, os.strerror(errno.EAGAIN))
             raise socket.timeout("timed out")
 
     real_recv = kind.recv
