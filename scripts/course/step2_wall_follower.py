@@ -10,8 +10,13 @@ from __future__ import annotations
 
 import math
 import sys
+from pathlib import Path
 
-from simmer_tui.client import Robot
+try:
+    from simmer_tui.client import Robot
+except ModuleNotFoundError:  # another Python: client.py is in the folder above
+    sys.path.append(str(Path(__file__).resolve().parent.parent))
+    from client import Robot  # type: ignore[import-not-found, no-redef]
 
 WALL = 6.0  # in, from the robot's centre to the wall: the middle of a corridor
 SENSOR = 2.12  # in, from the centre to u2, both ahead and to the left; to u4 ahead and to the right

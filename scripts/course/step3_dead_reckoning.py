@@ -12,11 +12,16 @@ from __future__ import annotations
 import math
 import sys
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from simmer_tui.client import Robot
+try:
+    from simmer_tui.client import Robot
+except ModuleNotFoundError:  # another Python: client.py is in the folder above
+    sys.path.append(str(Path(__file__).resolve().parent.parent))
+    from client import Robot  # type: ignore[import-not-found, no-redef]
 
 COUNTERS = ("o3", "o4", "o1", "o2", "g1")  # two wheels that roll ahead, two that roll to the left, the gyro
 START = (9.5, 42.0, 0.0)  # in, in, deg: bot_center and bot_rot of the default set

@@ -31,6 +31,9 @@ RETRY_DELAY = 0.05
 # More than `CLOSING`, within which the present client must be gone.
 _LONGEST_WAIT = 1.5
 """Seconds after which a newcomer is refused even if the present client is about to leave."""
+# Whoever waits for the port (`nc -z`, a health check) closes the connection at once.
+PROBE = 0.5
+"""Seconds after which a client that has sent nothing is told as connected."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +42,16 @@ class _Newcomer:
 
     peer: str
     until: float
+
+
+def _has_left(sock: socket.socket) -> bool:
+    """True if the other end has closed a connection, and has sent nothing."""
+    try:
+        return sock.recv(1, socket.MSG_PEEK) == b""
+    except BlockingIOError:
+        return False
+    except OSError:
+        return True
 
 
 class ReplyConnection(Peer):
@@ -94,6 +107,16 @@ class Client(Peer):
         self.replies: Peer | None = None
         """Connection for replies, once the first has been routed."""
         self.commands = 0
+        self.is_told = False
+        """True once it has been told as connected: it has sent something, or stays."""
+        self._probe_timer = LoopTimer(self._tell, self._loop)
+        self._probe_timer.set_in(PROBE)
+
+    def _tell(self) -> None:
+        self._probe_timer.cancel()
+        if not self.is_told:
+            self.is_told = True
+            self._link.engine.tell(Notice(NoticeKind.CONNECTED, f"client {self.peer} connected", self.peer))
 
     @property
     def has_sent(self) -> bool:
@@ -106,6 +129,7 @@ class Client(Peer):
         return self.ending or self.has_left()
 
     def data_received(self, data: bytes) -> None:
+        self._tell()
         # A real robot may wait for the line end too: it is passed on even though the command has been sent.
         late_end = self._reader.late_end(data)
         if late_end:
@@ -138,6 +162,7 @@ class Client(Peer):
     def close(self) -> None:
         """Close after all written bytes have been sent; waiting commands are dropped."""
         self._timer.cancel()
+        self._probe_timer.cancel()
         self._session.close()
         super().close()
 
@@ -253,7 +278,6 @@ class BinaryLink:
             self._refuse(sock, peer, refused)
             return
         self.client = Client(sock, peer, self)
-        self.engine.tell(Notice(NoticeKind.CONNECTED, f"client {peer} connected", peer))
 
     def _refuse(self, sock: socket.socket, peer: str, reason: str) -> None:
         self._commands.refuse(sock, peer)
@@ -280,7 +304,11 @@ class BinaryLink:
 
     def _refuse_newcomer(self, sock: socket.socket) -> None:
         self._sent_away = self._loop.time()
-        self._refuse(sock, self._newcomers.pop(sock).peer, "one program at a time drives the robot")
+        peer = self._newcomers.pop(sock).peer
+        if _has_left(sock):
+            sock.close()
+        else:
+            self._refuse(sock, peer, "one program at a time drives the robot")
 
     def _reply_connection(self, sock: socket.socket, peer: str) -> None:
         if len(self._waiting_replies) >= MOST_WAITING:
@@ -372,8 +400,9 @@ class BinaryLink:
         self._lock.release(self)
         if client.replies is not None:
             client.replies.close()
-        text = f"client {client.peer} disconnected after {counted(client.commands, 'command')}"
-        self.engine.tell(Notice(NoticeKind.LEFT, text, client.peer))
+        if client.is_told:
+            text = f"client {client.peer} disconnected after {counted(client.commands, 'command')}"
+            self.engine.tell(Notice(NoticeKind.LEFT, text, client.peer))
         if client.is_http and self.context.probe_left is not None:
             self.context.probe_left()
         elif client.has_sent:
