@@ -29,7 +29,6 @@ TOWARDS = (3.0, 20.0)  # deg for each inch that the wall is too far, and the mos
 AWAY = (10.0, 45.0)  # the same for a wall that is too near: away is urgent
 STEPS = 100
 
-Move = tuple[str, float]
 LEFT = ("r1", 90.0)
 RIGHT = ("r1", -90.0)
 ON = ("d1", STRIDE)
@@ -38,7 +37,7 @@ AROUND = [ON] * 6 + [LEFT] + [ON] * 5
 next corridor 12 in."""
 
 
-def decide(ahead: float, left: float, plan: list[Move]) -> list[Move]:
+def decide(ahead: float, left: float, plan: list[tuple[str, float]]) -> list[tuple[str, float]]:
     """The next moves, for readings of u1 and u2 and the rest of the plan."""
     if ahead < AHEAD:  # end of the corridor: left if planned, else right
         return plan[plan.index(LEFT) :] if LEFT in plan else [RIGHT]
@@ -57,7 +56,8 @@ def correction(left: float, right: float) -> float:
 
 def follow(robot: Robot, steps: int) -> float:
     """Follow the wall for a number of steps; returns the smallest reading, inches."""
-    nearest, plan = math.inf, list[Move]()
+    nearest = math.inf
+    plan: list[tuple[str, float]] = []
     for number in range(1, steps + 1):
         ahead, left, right = robot.read("u1", "u2", "u4")
         nearest = min(nearest, ahead, left, right)

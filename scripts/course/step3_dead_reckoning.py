@@ -53,10 +53,10 @@ class Odometry:
         return Motion((a + b) / 2, (c + d) / 2, turn)
 
 
-Numbers = float | NDArray[np.float64]
+Array = NDArray[np.float64]
 
 
-def turned(forward: Numbers, left: Numbers, heading: Numbers) -> NDArray[np.float64]:
+def turned(forward: float | Array, left: float | Array, heading: float | Array) -> Array:
     """A motion in the robot's frame as x and y in the maze's frame, for a robot with this heading (deg)."""
     cos, sin = np.cos(np.radians(heading)), np.sin(np.radians(heading))
     return np.array((cos * forward - sin * left, sin * forward + cos * left))
