@@ -60,7 +60,7 @@ class Follower:
         self.ended = (self.pose.heading < ROUND and off < NEAR) or self.gone > LONGEST
 
     def velocities(self) -> Iterator[tuple[float, float]]:
-        """The velocities to send, one after each call of `look`: ahead, in/s, and counter-clockwise, deg/s."""
+        """The velocities to send, ahead (in/s) and counter-clockwise (deg/s), one after each `look`."""
         while True:
             if self.ahead < GAP:
                 yield from self.turn_right()

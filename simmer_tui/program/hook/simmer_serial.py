@@ -159,10 +159,12 @@ class SerialLine:
     # -- reading -----------------------------------------------------------------------------------
 
     def waiting(self) -> int:
-        """The count of bytes that have arrived."""
+        """The count of bytes that have arrived. Raises OSError if none will come, like an unplugged port."""
         self._receive(0.0)
         now = _now()
         with self._receiving:
+            if self._broken and not self._coming:
+                raise OSError(self._broken)
             return sum(part.readable(now) for part in self._coming)
 
     def take(self, size: int) -> bytes:
@@ -355,7 +357,11 @@ def make_class(serialutil: Any) -> Any:
 
         @property
         def in_waiting(self) -> int:
-            return self._use().waiting()
+            line = self._use()
+            try:
+                return line.waiting()
+            except OSError as error:
+                raise serialutil.SerialException(str(error)) from None
 
         def read(self, size: int = 1) -> bytes:
             line = self._use()
@@ -407,7 +413,7 @@ def make_class(serialutil: Any) -> Any:
 
         def reset_input_buffer(self) -> None:
             line = self._use()
-            line.take(line.waiting())
+            line.take(self.in_waiting)
 
         def send_break(self, duration: float = 0.25) -> None:
             self._use()
