@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 try:
-    from simmer_tui.client import Robot
+    from simmer_tui.client import Robot as Robot  # step 3b takes it from here
 except ModuleNotFoundError:  # another Python: client.py is in the folder above
     sys.path.append(str(Path(__file__).resolve().parent.parent))
     from client import Robot  # type: ignore[import-not-found, no-redef]

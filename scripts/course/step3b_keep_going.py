@@ -12,15 +12,8 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Iterator
-from pathlib import Path
 
-from step3_dead_reckoning import START, Odometry, Reckoning
-
-try:
-    from simmer_tui.client import Robot
-except ModuleNotFoundError:  # another Python: client.py is in the folder above
-    sys.path.append(str(Path(__file__).resolve().parent.parent))
-    from client import Robot  # type: ignore[import-not-found, no-redef]
+from step3_dead_reckoning import START, Odometry, Reckoning, Robot
 
 GAP = 4.0  # in, between the robot's outline and the wall, on the left and ahead
 RADIUS = 3.0  # in, of the robot; u2 is on its outline

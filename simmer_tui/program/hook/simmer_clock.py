@@ -396,7 +396,7 @@ _SAID: set[str] = set()
 
 
 OUTSIDE = "this waits for something outside of the simulation: no simulated time passes"
-"""What is said of a wait that only another program can end."""
+"""Words for a wait that only another program can end."""
 
 
 def said_once(text: str, frame: Any = None) -> None:
