@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import os
 import re
 import shutil
@@ -14,10 +15,13 @@ from pathlib import Path
 
 import pytest
 
-from simmer_tui.config.examples import example_files, examples_folder
+from simmer_tui.config.examples import copy_examples, example_files, examples_folder
+from tests.in_process import simmer
 from tests.listening import listening
 
 CLIENT = Path(__file__).parents[1] / "simmer_tui" / "client.py"
+CLIENT_STEPS = ("step1_first_command", "step2_wall_follower", "step3_dead_reckoning", "step3b_keep_going")
+GENERIC = {"dict", "frozenset", "list", "set", "tuple", "type"}
 NAMES = (*(f"python3.{minor}" for minor in range(8, 15)), "pypy3")
 
 PROGRAM = """
@@ -138,6 +142,39 @@ def test_the_client_copied_alone_runs(name: str, tmp_path: Path) -> None:
     assert (done.returncode, done.stderr) == (0, "")
     assert re.fullmatch(r"\(3, \d+\)\n", done.stdout)
     assert received == ["u1", "d1-3", "d1-2.5", "d1-1.25", "d1-0.25", "r1--45", "q9"]
+
+
+ALONE = ("wander.py", *(f"course/{step}.py" for step in CLIENT_STEPS))
+"""Samples that need nothing of SimMeR-TUI but client.py."""
+
+
+@pytest.mark.parametrize("name", ALONE)
+def test_a_sample_that_needs_the_client_alone_evaluates_no_type_that_python_3_8_lacks(name: str) -> None:
+    """`Move = tuple[str, float]` is evaluated; in an annotation it is not. vermin does not see that."""
+    tree = ast.parse((examples_folder() / name).read_text("utf-8"))
+    for node in ast.walk(tree):
+        for annotated in ("annotation", "returns"):
+            vars(node).pop(annotated, None)
+    evaluated = [
+        ast.unparse(node)
+        for node in ast.walk(tree)
+        if (isinstance(node, ast.Subscript) and isinstance(node.value, ast.Name) and node.value.id in GENERIC)
+        or (isinstance(node, ast.BinOp) and isinstance(node.op, ast.BitOr))
+    ]
+    assert not evaluated
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", NAMES)
+def test_the_first_steps_run_beside_the_client_alone(name: str, tmp_path: Path) -> None:
+    path = interpreters().get(name)
+    if path is None:
+        pytest.skip(f"no {name} here")
+    copy_examples(tmp_path / "samples")
+    for step in CLIENT_STEPS[:2]:  # the later ones need NumPy
+        words = ["--no-ui", "--seed", "7", "--port", "0", "--reply-port", "0", "--belief-port", "0"]
+        ended = simmer(*words, "--run", f'"{path}" -I samples/course/{step}.py', cwd=tmp_path)
+        assert ended.returncode == 0, ended.stderr
 
 
 @pytest.mark.slow

@@ -9,8 +9,13 @@ Half of the remaining distance, again and again, reaches it.
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 
-from simmer_tui.client import Robot
+try:
+    from simmer_tui.client import Robot
+except ModuleNotFoundError:  # another Python: client.py is in the folder above
+    sys.path.append(str(Path(__file__).resolve().parent.parent))
+    from client import Robot  # type: ignore[import-not-found, no-redef]
 
 GOAL = 24.0  # in, from the sensor to the wall
 CLOSE = 0.5  # in, from the goal: close enough

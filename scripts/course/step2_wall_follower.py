@@ -10,8 +10,13 @@ from __future__ import annotations
 
 import math
 import sys
+from pathlib import Path
 
-from simmer_tui.client import Robot
+try:
+    from simmer_tui.client import Robot
+except ModuleNotFoundError:  # another Python: client.py is in the folder above
+    sys.path.append(str(Path(__file__).resolve().parent.parent))
+    from client import Robot  # type: ignore[import-not-found, no-redef]
 
 WALL = 6.0  # in, from the robot's centre to the wall: the middle of a corridor
 SENSOR = 2.12  # in, from the centre to u2, both ahead and to the left; to u4 ahead and to the right
@@ -24,7 +29,6 @@ TOWARDS = (3.0, 20.0)  # deg for each inch that the wall is too far, and the mos
 AWAY = (10.0, 45.0)  # the same for a wall that is too near: away is urgent
 STEPS = 100
 
-Move = tuple[str, float]
 LEFT = ("r1", 90.0)
 RIGHT = ("r1", -90.0)
 ON = ("d1", STRIDE)
@@ -33,7 +37,7 @@ AROUND = [ON] * 6 + [LEFT] + [ON] * 5
 next corridor 12 in."""
 
 
-def decide(ahead: float, left: float, plan: list[Move]) -> list[Move]:
+def decide(ahead: float, left: float, plan: list[tuple[str, float]]) -> list[tuple[str, float]]:
     """The next moves, for readings of u1 and u2 and the rest of the plan."""
     if ahead < AHEAD:  # end of the corridor: left if planned, else right
         return plan[plan.index(LEFT) :] if LEFT in plan else [RIGHT]
@@ -52,7 +56,8 @@ def correction(left: float, right: float) -> float:
 
 def follow(robot: Robot, steps: int) -> float:
     """Follow the wall for a number of steps; returns the smallest reading, inches."""
-    nearest, plan = math.inf, list[Move]()
+    nearest = math.inf
+    plan: list[tuple[str, float]] = []
     for number in range(1, steps + 1):
         ahead, left, right = robot.read("u1", "u2", "u4")
         nearest = min(nearest, ahead, left, right)

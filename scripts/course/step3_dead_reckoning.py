@@ -12,11 +12,16 @@ from __future__ import annotations
 import math
 import sys
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from simmer_tui.client import Robot
+try:
+    from simmer_tui.client import Robot as Robot  # step 3b takes it from here
+except ModuleNotFoundError:  # another Python: client.py is in the folder above
+    sys.path.append(str(Path(__file__).resolve().parent.parent))
+    from client import Robot  # type: ignore[import-not-found, no-redef]
 
 COUNTERS = ("o3", "o4", "o1", "o2", "g1")  # two wheels that roll ahead, two that roll to the left, the gyro
 START = (9.5, 42.0, 0.0)  # in, in, deg: bot_center and bot_rot of the default set
@@ -48,10 +53,10 @@ class Odometry:
         return Motion((a + b) / 2, (c + d) / 2, turn)
 
 
-Numbers = float | NDArray[np.float64]
+Array = NDArray[np.float64]
 
 
-def turned(forward: Numbers, left: Numbers, heading: Numbers) -> NDArray[np.float64]:
+def turned(forward: float | Array, left: float | Array, heading: float | Array) -> Array:
     """A motion in the robot's frame as x and y in the maze's frame, for a robot with this heading (deg)."""
     cos, sin = np.cos(np.radians(heading)), np.sin(np.radians(heading))
     return np.array((cos * forward - sin * left, sin * forward + cos * left))

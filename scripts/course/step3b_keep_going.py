@@ -13,9 +13,7 @@ import math
 import sys
 from collections.abc import Iterator
 
-from step3_dead_reckoning import START, Odometry, Reckoning
-
-from simmer_tui.client import Robot
+from step3_dead_reckoning import START, Odometry, Reckoning, Robot
 
 GAP = 4.0  # in, between the robot's outline and the wall, on the left and ahead
 RADIUS = 3.0  # in, of the robot; u2 is on its outline
@@ -32,7 +30,6 @@ FASTEST = 90.0  # deg/s, the most by the heading
 ROUND = -350.0  # deg, turned: once around along an outer wall is one whole turn to the right
 NEAR = 6.0  # in from the start: it is back
 LONGEST = 500.0  # in, after which it gives up; once around is about 310
-Velocity = tuple[float, float]  # ahead, in/s, and counter-clockwise, deg/s
 
 
 class Follower:
@@ -55,8 +52,8 @@ class Follower:
         off = math.hypot(self.pose.x - START[0], self.pose.y - START[1])
         self.ended = (self.pose.heading < ROUND and off < NEAR) or self.gone > LONGEST
 
-    def velocities(self) -> Iterator[Velocity]:
-        """The velocities to send, one after each call of `look`."""
+    def velocities(self) -> Iterator[tuple[float, float]]:
+        """The velocities to send, ahead (in/s) and counter-clockwise (deg/s), one after each `look`."""
         while True:
             if self.ahead < GAP:
                 yield from self.turn_right()
@@ -70,11 +67,11 @@ class Follower:
         """The direction of the wall, degrees: the nearest multiple of 90."""
         return 90.0 * round(self.pose.heading / 90.0)
 
-    def towards(self, heading: float, speed: float, rate: float = 0.0) -> Velocity:
+    def towards(self, heading: float, speed: float, rate: float = 0.0) -> tuple[float, float]:
         """The velocity that turns the robot to a heading, which itself changes at `rate`, deg/s."""
         return speed, max(-FASTEST, min(FASTEST, rate + HOLD * (heading - self.pose.heading)))
 
-    def turn_right(self) -> Iterator[Velocity]:
+    def turn_right(self) -> Iterator[tuple[float, float]]:
         """A turn on the spot, since a wall is ahead; then back, until there is room and u2 sees the wall."""
         goal = self.along() - 90.0
         while abs(self.pose.heading - goal) > 1.0:
@@ -82,7 +79,7 @@ class Follower:
         while self.ahead < GAP or self.left > OPEN:
             yield self.towards(goal, -SLOW)
 
-    def around_corner(self) -> Iterator[Velocity]:
+    def around_corner(self) -> Iterator[tuple[float, float]]:
         """Straight on to where u2 saw the wall last, which is its end; then an arc around that end."""
         goal = self.along()
         end = self.gone + (RADIUS + self.last_left) * math.cos(math.radians(LOOK + self.pose.heading - goal))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
@@ -205,11 +206,21 @@ def read_course(
         what = "names no team: a folder for each, or [[team]] with name and folder"
         if has_archives:
             what = f"the teams are in archives; {_UNPACK}"
+        elif (name := _windows_path(team_folders)) is not None:
+            what = f"the name {shown_name(name)} is a path of Windows; unpack the archive again, with unzip"
         problems.append(Problem(where, what))
     problems += _doubled(teams, where)
     if problems:
         raise ConfigurationError(problems)
     return course
+
+
+def _windows_path(folders: Iterable[Path]) -> str | None:
+    """The first name with a backslash: a file of an archive of Windows, unpacked by a program that takes it
+    for a name."""
+    if os.sep == "\\":
+        return None
+    return min((path.name for each in folders for path in each.iterdir() if "\\" in path.name), default=None)
 
 
 def _defaults(table: str) -> dict[str, Any]:

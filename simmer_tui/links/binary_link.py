@@ -34,6 +34,9 @@ KNOWN = 100
 # More than `CLOSING`, within which the present client must be gone.
 _LONGEST_WAIT = 1.5
 """Seconds after which a newcomer is refused even if the present client is about to leave."""
+# Whoever waits for the port (`nc -z`, a health check) closes the connection at once.
+PROBE = 0.5
+"""Seconds after which a client that has sent nothing is told as connected."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +45,16 @@ class _Newcomer:
 
     peer: str
     until: float
+
+
+def _has_left(sock: socket.socket) -> bool:
+    """True if the other end has closed a connection, and has sent nothing."""
+    try:
+        return sock.recv(1, socket.MSG_PEEK) == b""
+    except BlockingIOError:
+        return False
+    except OSError:
+        return True
 
 
 class ReplyConnection(Peer):
@@ -102,6 +115,16 @@ class Client(Peer):
         """Connection for replies, once the first has been routed."""
         self.has_sent = False
         """True if a command has come."""
+        self.is_told = False
+        """True once it has been told as connected: it has sent something, or stays."""
+        self._probe_timer = LoopTimer(self._tell, self._loop)
+        self._probe_timer.set_in(PROBE)
+
+    def _tell(self) -> None:
+        self._probe_timer.cancel()
+        if not self.is_told:
+            self.is_told = True
+            self._link.engine.tell(Notice(NoticeKind.CONNECTED, f"client {self.peer} connected", self.peer))
 
     @property
     def commands(self) -> int:
@@ -114,6 +137,8 @@ class Client(Peer):
         return self.ending or self.has_left()
 
     def data_received(self, data: bytes) -> None:
+        if not self.is_told:
+            self._tell()
         reader = self._reader
         if reader.at_rest and (known := self._messages.get(data)) is not None:
             self._send(known)
@@ -153,6 +178,7 @@ class Client(Peer):
     def close(self) -> None:
         """Close after all written bytes have been sent; waiting commands are dropped."""
         self._timer.cancel()
+        self._probe_timer.cancel()
         self._session.close()
         super().close()
 
@@ -275,7 +301,6 @@ class BinaryLink:
             self._refuse(sock, peer, refused)
             return
         self.client = Client(sock, peer, self)
-        self.engine.tell(Notice(NoticeKind.CONNECTED, f"client {peer} connected", peer))
 
     def _refuse(self, sock: socket.socket, peer: str, reason: str) -> None:
         self._commands.refuse(sock, peer)
@@ -302,7 +327,11 @@ class BinaryLink:
 
     def _refuse_newcomer(self, sock: socket.socket) -> None:
         self._sent_away = self._loop.time()
-        self._refuse(sock, self._newcomers.pop(sock).peer, "one program at a time drives the robot")
+        peer = self._newcomers.pop(sock).peer
+        if _has_left(sock):
+            sock.close()
+        else:
+            self._refuse(sock, peer, "one program at a time drives the robot")
 
     def _reply_connection(self, sock: socket.socket, peer: str) -> None:
         if len(self._waiting_replies) >= MOST_WAITING:
@@ -394,8 +423,9 @@ class BinaryLink:
         self._lock.release(self)
         if client.replies is not None:
             client.replies.close()
-        text = f"client {client.peer} disconnected after {counted(client.commands, 'command')}"
-        self.engine.tell(Notice(NoticeKind.LEFT, text, client.peer))
+        if client.is_told:
+            text = f"client {client.peer} disconnected after {counted(client.commands, 'command')}"
+            self.engine.tell(Notice(NoticeKind.LEFT, text, client.peer))
         if client.is_http and self.context.probe_left is not None:
             self.context.probe_left()
         elif client.has_sent:

@@ -82,7 +82,7 @@ class _Process(Peer):
                 outside="outside" in rest,
             )
         elif kind == "F":
-            self.wait.away = True
+            clock.step_aside(self.wait)
             clock.unconfirmed -= self.ended  # it reads nothing until its wait is over
         elif kind == "G":
             self.wait.away = False

@@ -276,6 +276,8 @@ class _Judge:
         not_connected = any(row.text.startswith(NOT_CONNECTED) for row in self._history.faults.items)
         if self._attempt.is_silent and not_connected:
             return "Fix first: how the program is started; it was not connected to the robot's serial port."
+        if program.error.startswith(_NO_PACKAGE):
+            return f"Fix first: {_OTHER_PYTHON}."
         if program.crashed:
             return f"Fix first: {escape_passage(program.place) or cause.kind.advice}."
         return f"Fix first: why the program ends with exit code {program.exit_code}."
@@ -321,6 +323,13 @@ class _Judge:
 
 
 _OF_THE_PROGRAM = (Kind.CRASHED, Kind.NOTHING_SENT)
+_NO_PACKAGE = "ModuleNotFoundError: No module named 'simmer_tui'"
+# Editors and older systems have Pythons of their own.
+_OTHER_PYTHON = (
+    "the Python that runs the program has no simmer_tui. Take the one that has, or write "
+    "'from client import Robot' and copy client.py beside it (simmer-tui examples samples)"
+)
+"""Advice for a program that another Python runs."""
 # A run that was taken over goes on, whatever had ended in the logged one.
 _GOES_ON = (NoticeKind.CONNECTED, NoticeKind.TAKEN_OVER)
 _CONNECTIONS = (*_GOES_ON, NoticeKind.LEFT)

@@ -114,6 +114,12 @@ class ProgramClock:
         self._sent += sent - process.sent
         process.sent = sent
 
+    def step_aside(self, process: ProgramWait) -> None:
+        """Take note that a process waits for another one that may have no clock: what it has done until now
+        may end other waits."""
+        process.away = True
+        self.note()
+
     # -- what the loop asks ------------------------------------------------------------------------
 
     @property
@@ -167,6 +173,8 @@ class ProgramClock:
         # Only the processes know whose reply it is.
         if not any(each.looks and each.listens for each in waiting):
             if min(until, timer) == math.inf:
+                if any(each.away for each in self._processes):
+                    return False  # it will come back, and may end their waits
                 max(waiting, key=lambda each: each.outside).stuck()
                 return False
             self.now = max(self.now, min(timer, until))

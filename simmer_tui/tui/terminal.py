@@ -100,7 +100,7 @@ def choose(
     if glyphs != _AUTO:
         return TerminalChoice(depth, GlyphMode(glyphs))
     term = environment.get("TERM", "").lower()
-    if not _is_utf8(encoding) or _asks_for_c(environment) or term == "dumb" or depth is ColorDepth.NONE:
+    if not _is_utf8(encoding) or _asks_for_no_utf8(environment) or term == "dumb" or depth is ColorDepth.NONE:
         return TerminalChoice(depth, GlyphMode.ASCII)
     return TerminalChoice(depth, _automatic_glyphs(environment, term, windows))
 
@@ -146,8 +146,14 @@ def _is_utf8(encoding: str | None) -> bool:
         return False
 
 
-def _asks_for_c(environment: Mapping[str, str]) -> bool:
-    """True if the user's locale is C. Python hides it: it writes UTF-8 then, and may set LC_CTYPE."""
+def _asks_for_no_utf8(environment: Mapping[str, str]) -> bool:
+    """True if the user's locale is C, or names another character set (`de_DE.ISO-8859-1`).
+
+    Python hides it: it writes UTF-8 for C, and for a locale that the machine lacks, as over SSH. It may set
+    LC_CTYPE.
+    """
     coerced = environment.get("LC_CTYPE", "") in ("", "C.UTF-8", "C.utf8", "UTF-8")
     usual = environment.get("LANG", "") if coerced else environment["LC_CTYPE"]
-    return (environment.get("LC_ALL") or usual) in ("C", "POSIX")
+    locale = environment.get("LC_ALL") or usual
+    charset = locale.partition(".")[2].partition("@")[0]
+    return locale in ("C", "POSIX") or (charset != "" and not _is_utf8(charset))

@@ -392,22 +392,52 @@ def test_what_goes_over_the_line_counts_as_something_sent(tmp_path: Path, progra
     assert "connection to the simulator" not in told
 
 
-def test_a_thread_that_waits_for_the_port_beside_another_is_refused(tmp_path: Path) -> None:
-    program = """
-        import serial, threading, time
-        robot = serial.Serial("COM6", 115200)
-        def listen():
-            while True:
-                robot.readline()
-        threading.Thread(target=listen, daemon=True).start()
-        for _ in range(5):
-            robot.write(b"getdata\\n")
-            time.sleep(0.07)
-    """
-    ended = run(tmp_path, program, "--clock", "program")
-    assert ended.returncode == 2
-    assert "program.py:6: a wait for the serial port beside other threads or processes" in ended.stderr
-    assert "--clock real" in ended.stderr
+THREADS_AT_A_PORT = """
+import serial, serial.threaded, threading, time
+robot = serial.Serial("COM6", 115200)
+said = []
+def note(what): said.append((what, round(time.monotonic(), 3)))
+def listen():
+    while line := robot.readline():
+        note(line)
+    note("cancelled")
+thread = threading.Thread(target=listen)
+thread.start()
+for _ in range(5):
+    robot.write(b"getData\\n")
+    time.sleep(0.07)
+    note(robot.in_waiting)
+robot.cancel_read()
+thread.join()
+class Lines(serial.threaded.LineReader):
+    TERMINATOR = b"\\n"
+    def handle_line(self, line): note(line)
+with serial.threaded.ReaderThread(robot, Lines) as lines:
+    lines.write_line("getData")
+    time.sleep(0.2)
+print(*said, sep="\\n")
+"""
+
+
+TICKS = '\n[[stream]]\nevery = 0.05\nsend = "s{tick}\\n"\n'
+
+
+def test_a_thread_waits_for_the_port_while_another_writes(tmp_path: Path) -> None:
+    ended = run(tmp_path, THREADS_AT_A_PORT, "--clock", "program", dialect=DIALECT + TICKS)
+    assert ended.returncode == 0, ended.stderr
+    said = ended.stdout.splitlines()
+    assert sum("b's" in each for each in said) == 7  # in 0.35 s, each 0.05 s
+    assert sum("u1: " in each for each in said) == 6
+    assert [each for each in said if "cancelled" in each] == ["('cancelled', 0.351)"]
+
+
+@pytest.mark.slow
+def test_ten_runs_of_threads_at_a_port_are_the_same(tmp_path: Path) -> None:
+    runs = {
+        run(tmp_path, THREADS_AT_A_PORT, "--clock", "program", dialect=DIALECT + TICKS).stdout
+        for _ in range(10)
+    }
+    assert len(runs) == 1
 
 
 @pytest.mark.slow

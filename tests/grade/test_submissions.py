@@ -371,6 +371,15 @@ def test_a_command_of_a_team_asks_for_nothing_outside_its_folder(
     assert folder.entries[0].planned.refused == ""
 
 
+@pytest.mark.skipif(os.sep == "\\", reason="there such a name is a path")
+def test_names_that_are_paths_of_windows_are_told(tmp_path: Path) -> None:
+    (tmp_path / "ada\\main.py").touch()
+    with pytest.raises(
+        ConfigurationError, match=r"is a path of Windows; unpack the archive again, with unzip"
+    ):
+        read_course(tmp_path)
+
+
 def test_archives_in_place_of_a_course_or_its_teams_are_named(tmp_path: Path) -> None:
     (tmp_path / "ada.zip").write_bytes(b"PK\3\4\xff")
     unpack = "unpack each into a folder with its name, such as: unzip ada.zip -d ada"

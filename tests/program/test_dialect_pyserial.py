@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 import os
 import socket
+import struct
 import subprocess
 import sys
+import threading
 from pathlib import Path
 from typing import Any
 
@@ -254,3 +256,27 @@ def test_a_program_s_own_file_of_a_library_s_name_is_its_own(tmp_path: Path, own
         command, env = [sys.executable, "program.py"], os.environ | hook
         done = subprocess.run(command, cwd=tmp_path, env=env, capture_output=True, text=True, check=False)
     assert (done.stdout.split(), done.stderr) == ([*own], "")
+
+
+def test_a_port_whose_simulator_has_ended_has_no_waiting_bytes_but_an_error(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A program that polls would poll for ever; a real port that is unplugged raises an error, too."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def serve() -> None:
+            connection, _ = server.accept()
+            with connection:
+                connection.sendall(b"A" + struct.pack(">Id", 8, 0.0))
+                connection.recv(1000)
+
+        thread = threading.Thread(target=serve)
+        thread.start()
+        monkeypatch.setenv(simmer_serial.PORT, str(server.getsockname()[1]))
+        line = simmer_serial.SerialLine("COM6", 9600)
+        thread.join(60)
+        with pytest.raises(OSError, match="the simulator has ended"):
+            line.wait(60.0)
+        with pytest.raises(OSError, match="the simulator has ended"):
+            line.waiting()
+        line.close()

@@ -164,6 +164,38 @@ def test_ten_runs_of_threads_and_processes_are_the_same(tmp_path: Path, program:
 
 
 @pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="the rule is that of Unix")
+def test_a_process_that_waits_for_a_foreign_one_ends_waits_before_and_after(tmp_path: Path) -> None:
+    program = """
+        import multiprocessing, os, time
+        def wait(begun, over):
+            for _ in range(2):
+                begun.release()
+                over.acquire()
+                print("over", round(time.monotonic(), 2), flush=True)
+        if __name__ == "__main__":
+            multiprocessing.set_start_method("fork")
+            begun, over = multiprocessing.Semaphore(0), multiprocessing.Semaphore(0)
+            process = multiprocessing.Process(target=wait, args=(begun, over))
+            process.start()
+            begun.acquire()
+            over.release()
+            os.system("true")
+            begun.acquire()
+            os.system("sleep 2.5")
+            over.release()
+            process.join()
+            print(process.exitcode, round(time.monotonic(), 2))
+    """
+    ended = run(tmp_path, program)
+    assert ended.stdout.splitlines() == ["over 0.0", "over 0.0", "0 0.0"], ended.stderr
+    told = [
+        line for line in ended.stderr.splitlines() if line.startswith("program.py:17: by the program's clock")
+    ]
+    assert len(told) == 1
+
+
+@pytest.mark.slow
 def test_who_keeps_the_turn_is_named_within_two_seconds_and_only_once(tmp_path: Path) -> None:
     program = """
         import threading, time

@@ -62,6 +62,14 @@ def verdict(run: Any) -> Verdict:
     return build_report(run.path).verdict
 
 
+def test_a_python_without_the_package_is_told_what_to_take(start_run: Callable[..., Any]) -> None:
+    run = start_run()
+    run.engine.tell(
+        ProgramEnded(0.0, 1, error="ModuleNotFoundError: No module named 'simmer_tui'", place="a.py:3")
+    )
+    assert verdict(run).advice.startswith("Fix first: the Python that runs the program has no simmer_tui.")
+
+
 @pytest.mark.parametrize(
     ("events", "outcome", "begins"),
     [

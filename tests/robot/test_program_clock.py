@@ -246,13 +246,30 @@ def test_a_process_that_waits_for_another_does_not_hold_time() -> None:
     clock = ProgramClock()
     parent, child = Process(clock), Process(clock)
     child.wait.parent = parent.wait
-    parent.wait.away = True
+    clock.step_aside(parent.wait)
     clock.wait(child.wait, 2.0, listens=False, sent=0)
     assert not clock.advance(math.inf)
     assert child.woken == [2.0]
     clock.leave(child.wait)
     assert not clock.advance(9.0)
     assert clock.now == 2.0
+
+
+def test_a_process_that_steps_aside_may_have_ended_a_wait_and_may_do_so_when_it_is_back() -> None:
+    clock = ProgramClock()
+    parent, child = Process(clock), Process(clock)
+    child.wait.parent = parent.wait
+    clock.wait(child.wait, math.inf, listens=True, sent=0)
+    clock.step_aside(parent.wait)
+    assert not clock.advance(math.inf)
+    assert child.woken == [0.0]  # it looks
+    clock.wait(child.wait, math.inf, listens=True, sent=0, again=True)
+    assert not clock.advance(math.inf)
+    assert (child.woken, child.stuck) == ([0.0], 0)
+    parent.wait.away = False
+    clock.wait(parent.wait, 0.0, listens=False, sent=0)
+    assert not clock.advance(math.inf)
+    assert (child.woken, parent.woken) == ([0.0, 0.0], [])
 
 
 def test_processes_run_one_at_a_time_in_the_order_of_their_times_and_waits() -> None:

@@ -59,6 +59,24 @@ def test_automatic_choice(environment: dict[str, str], encoding: str | None, col
     assert (choice.color, choice.glyphs) == (color, glyphs)
 
 
+@pytest.mark.parametrize(
+    ("locale", "ascii_only"),
+    [
+        ("de_DE.ISO-8859-1", True),
+        ("ru_RU.KOI8-R", True),
+        ("ja_JP.eucJP@x", True),
+        ("de_DE.utf8", False),
+        ("", False),
+    ],
+)
+def test_another_character_set_of_the_locale_counts_though_python_writes_utf8(
+    locale: str, ascii_only: bool
+) -> None:
+    for name in ("LC_ALL", "LC_CTYPE", "LANG"):
+        choice = choose(XTERM_256 | {name: locale}, "utf-8")
+        assert (choice.glyphs is GlyphMode.ASCII) is ascii_only
+
+
 def test_windows_console_without_term_has_all_colors_but_few_characters() -> None:
     assert choose({}, "utf-8", windows=True) == TerminalChoice(ColorDepth.TRUECOLOR, GlyphMode.HALF)
     modern = choose({"WT_SESSION": "1b2c"}, "utf-8", windows=True)

@@ -25,12 +25,14 @@ from simmer_tui.config.importer.imported import (
 from simmer_tui.config.importer.literal import read_module, read_source
 from simmer_tui.config.importer.python_names import Source
 from simmer_tui.config.importer.python_values import Call, Class, Function, Located, Reference, Unreadable
+from simmer_tui.config.importer.simmer_python_devices import coded, is_code
 from simmer_tui.config.importer.simmer_python_drives import read_drives
 from simmer_tui.config.importer.simmer_python_sensors import Surroundings, read_sensors
 from simmer_tui.config.maze_csv import CELLS, MAX_CELLS
 from simmer_tui.config.robot_csv import outline_fault
 from simmer_tui.config.settings import all_settings
 from simmer_tui.errors import ConfigurationError, Problem
+from simmer_tui.sim.command import escape_word
 from simmer_tui.sim.rules import FlagRule, NumberRule, Rule, describe
 from simmer_tui.sim.specs import EMPTY, DriveSpec, MazeSpec, RobotSpec
 
@@ -116,15 +118,15 @@ def read_simmer_python(text: str, file: str = FILE, folder: Path | None = None) 
         notes.add(line, "", why)
     maze, robot = _maze(source, notes), _robot(source, notes)
     settings = _settings(source, maze, notes)
-    drives = read_drives(_table(source, "drives", notes), notes, classes)
+    tables = _tables(source, notes)
+    drives = read_drives(tables["drives"], notes, classes)
     settings["motion.clearance"] = _clearance(source, drives, notes)
     codes = {drive.code for drive in drives}
     block_size = settings.get("blocksize", _KNOWN["blocksize"].default)
     surroundings = Surroundings(block_size, math.hypot(maze.width, maze.height), classes)
     own: list[OwnDevice] = []
-    sensors = read_sensors(_table(source, "sensors", notes), codes, surroundings, notes, (), own)
-    if "motors" in source.names:
-        sensors += read_sensors(_table(source, "motors", notes), codes, surroundings, notes, sensors)
+    sensors = read_sensors(tables["sensors"], codes, surroundings, notes, (), own)
+    sensors += read_sensors(tables["motors"], codes, surroundings, notes, sensors)
     _list_the_rest(source, notes)
     origins = {
         setting: notes.where(source.names[name].line, name)
@@ -133,6 +135,21 @@ def read_simmer_python(text: str, file: str = FILE, folder: Path | None = None) 
         if name in source.names
     }
     return settled(Imported(maze, robot, sensors, drives, settings, notes.in_order(), tuple(own)), origins)
+
+
+def _tables(source: Source, notes: Notes) -> dict[str, dict[Any, Located]]:
+    """The tables of devices, by name, with a code of two characters for each device."""
+    names = ("drives", "sensors", *(("motors",) if "motors" in source.names else ()))
+    found = {name: _table(source, name, notes) for name in names}
+    taken = {key for table in found.values() for key in table if is_code(key)}
+    tables: dict[str, dict[Any, Located]] = {"motors": {}}
+    for name, table in found.items():
+        tables[name], made = coded(table, taken)
+        taken.update(made.values())
+        if made:
+            pairs = ", ".join(f'"{escape_word(key)}" is {code}' for key, code in made.items())
+            notes.add(source.names[name].line, name, f"a code has two characters here: {pairs}")
+    return tables
 
 
 def _table(source: Source, name: str, notes: Notes) -> dict[Any, Located]:

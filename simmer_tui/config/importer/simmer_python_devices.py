@@ -1,7 +1,8 @@
 """Entries of the tables of devices in a simmer-python `config.py`: of sensors, motors and drives."""
 
 import re
-from collections.abc import Iterator
+import string
+from collections.abc import Collection, Iterator
 from typing import Any
 
 from simmer_tui.config.importer.device_classes import DeviceClasses
@@ -18,6 +19,38 @@ OWN_DEVICE = "is a device of the team's own or belongs elsewhere"
 """End of a note on a device of a class that is not known."""
 # Classes of a team's own whose devices are read as `Ultrasonic` ones: there is none for them there.
 _TIME_OF_FLIGHT = re.compile(r"(?i)(.*_)?(tof|time_?of_?flight|vl53l\d\w*)(_?sensor)?")
+
+
+def coded(table: dict[Any, Located], taken: Collection[str]) -> tuple[dict[Any, Located], dict[str, str]]:
+    """The same table, with a free code for each device whose key is none, and these codes by the key's text.
+
+    There a key may be any text. A code starts with the letter of the key, or of the device's class.
+    """
+    used, made = set(taken), {}
+    renamed: dict[Any, Located] = {}
+    for key, located in table.items():
+        device = located.value.call if isinstance(located.value, Instance) else located.value
+        if not is_code(key) and isinstance(device, Call):
+            letters = [
+                each[0] for each in (str(key), device.name) if each and each[0] in string.ascii_letters
+            ]
+            ends = string.digits + string.ascii_lowercase
+            free = (letter.lower() + end for letter in (*letters, "s") for end in ends)
+            code = next((each for each in free if each not in used), None)
+            if code is not None:
+                used.add(code)
+                made[str(key)] = key = code
+        renamed[key] = located
+    return renamed, made
+
+
+def is_code(key: Any) -> bool:
+    """True if a key of a table can be the code of a command."""
+    try:
+        CodeRule().check(key)
+    except ValueError:
+        return False
+    return True
 
 
 def devices_of(

@@ -7,6 +7,7 @@ on, and nothing of the package. `links/clock_link.py` is the other end and descr
 from __future__ import annotations
 
 import builtins
+import errno
 import functools
 import math
 import os
@@ -111,7 +112,8 @@ class ProgramTime:
         """True if since the last wait this process has done something that another may wait for."""
         self.is_away = False
         """True during a wait for another process, which goes by the real clock."""
-        self._away_since = 0.0
+        self.away_since = 0.0
+        """When that began, real seconds."""
         self.is_moving = False
         """True while the simulator is asked."""
         self.count = 0
@@ -172,7 +174,7 @@ class ProgramTime:
         """The time, nanoseconds. Each call adds a little time, so that a loop of calls comes to its end."""
         self.check_thread("looks at the clock")
         if self.is_away:
-            return self.here + round((_REAL_TIME() - self._away_since) * 1e9)
+            return self.here + round((_REAL_TIME() - self.away_since) * 1e9)
         self._debt += _LOOK
         return self._now + self._debt
 
@@ -247,7 +249,7 @@ class ProgramTime:
     def away(self, call: Callable[[], Any]) -> Any:
         """Call a function that waits for a process that may have no clock."""
         self.say("F\n")
-        self.is_away, self._away_since = True, _REAL_TIME()
+        self.is_away, self.away_since = True, _REAL_TIME()
         try:
             return call()
         finally:
@@ -285,6 +287,10 @@ class ProgramTime:
             "Its threads and processes take turns by the program's clock: call time.sleep in the loop, or "
             "use --clock real"
         )
+
+    def name_away(self, frame: Any) -> None:
+        """Tell the person which line waits for a process that may have no clock."""
+        said_once(OUTSIDE, frame)
 
     def _ask(self, kind: str, until: float, *, outside: bool = False) -> bool:
         self._debt, self._told = 0, self.sent
@@ -389,11 +395,15 @@ def _write(stream: Any, text: str) -> None:
 _SAID: set[str] = set()
 
 
-def said_once(text: str) -> None:
-    """Tell the person once what the program's clock does with the program's call."""
+OUTSIDE = "this waits for something outside of the simulation: no simulated time passes"
+"""Words for a wait that only another program can end."""
+
+
+def said_once(text: str, frame: Any = None) -> None:
+    """Tell the person once what the program's clock does with the program's call, or that of a `frame`."""
     if text not in _SAID:
         _SAID.add(text)
-        tell(f"{place()}: by the program's clock {text}")
+        tell(f"{place(frame)}: by the program's clock {text}")
 
 
 def place(frame: Any = None) -> str:
@@ -593,13 +603,15 @@ def _replace_sockets(clock: ProgramTime) -> None:
         found: Ready = real_select(readers, writers, others, NAMED_AFTER)
         if any(found):
             return found
-        said_once("this waits for something outside of the simulation: no simulated time passes")
+        said_once(OUTSIDE)
         return real_select(readers, writers, others, None)
 
     def await_data(sock: Any) -> None:
-        """Wait as a blocking socket does."""
+        """Wait as a socket with this time limit does. Another thread may change the limit meanwhile."""
         timeout = sock.gettimeout()
-        if not any(await_any([sock], [], [], timeout)) and timeout != 0:
+        if not any(await_any([sock], [], [], timeout)):
+            if timeout == 0:
+                raise BlockingIOError(errno.EAGAIN, os.strerror(errno.EAGAIN))
             raise socket.timeout("timed out")
 
     real_recv = kind.recv

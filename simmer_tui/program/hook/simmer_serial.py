@@ -99,6 +99,8 @@ class SerialLine:
         self._buffer = bytearray()
         self._coming: collections.deque[_Piece] = collections.deque()
         self._answer: str | None = None
+        self._cancelling: tuple[socket.socket, socket.socket] | None = None
+        """By the program's clock: readable while a read is to be cancelled."""
         self._broken = ""
         self._told = False
         self._byte = 10.0 / baud if baud else 0.0
@@ -128,6 +130,8 @@ class SerialLine:
         except OSError:
             pass  # the simulator has ended
         self._sock.close()
+        for each in self._cancelling or ():
+            each.close()
 
     # -- writing -----------------------------------------------------------------------------------
 
@@ -155,10 +159,12 @@ class SerialLine:
     # -- reading -----------------------------------------------------------------------------------
 
     def waiting(self) -> int:
-        """The count of bytes that have arrived."""
+        """The count of bytes that have arrived. Raises OSError if none will come, like an unplugged port."""
         self._receive(0.0)
         now = _now()
         with self._receiving:
+            if self._broken and not self._coming:
+                raise OSError(self._broken)
             return sum(part.readable(now) for part in self._coming)
 
     def take(self, size: int) -> bytes:
@@ -184,7 +190,6 @@ class SerialLine:
         # Checked first, since readline() reads byte by byte: a read of the connection costs more than a byte.
         first = self._first()
         while first is None or first > now:
-            _refuse_beside_threads()
             if first is not None and _program_clock() is not None:
                 return _pass_time_until(first, until, now)
             self._receive(0.0)
@@ -201,6 +206,22 @@ class SerialLine:
             if self._pauses(first, until, now):
                 now, first = _now(), self._first()
         return True
+
+    def cancel(self) -> None:
+        """Have a wait of another thread look whether it is cancelled."""
+        if self._cancelling is not None:
+            self._cancelling[1].send(b"x")
+
+    def _await(self, seconds: float | None) -> bool:
+        """By the program's clock: wait at most `seconds` for bytes of the robot. False if there are none."""
+        if self._cancelling is None:
+            self._cancelling = socket.socketpair()
+        inner = self._cancelling[0]
+        # Others look at the port meanwhile. Nothing outside of the program cancels.
+        ready = select.select([self._sock, inner], [], [], seconds, inner=[inner])[0]  # type: ignore[call-arg]
+        if inner in ready:
+            inner.recv(4096)
+        return self._sock in ready
 
     def _pauses(self, first: float | None, until: float | None, now: float) -> bool:
         """Wait for bytes of the robot, until the next known byte arrives, or until the end of the wait.
@@ -228,8 +249,7 @@ class SerialLine:
     def _receive(self, seconds: float | None) -> None:
         """Receive bytes of the robot; wait at most `seconds` for them."""
         if _program_clock() is not None and seconds != 0.0 and not self._broken:
-            # Without the lock: by the program's clock others look at the port meanwhile.
-            if not select.select([self._sock], [], [], seconds)[0]:
+            if not self._await(seconds):  # without the lock
                 return
             seconds = 0.0
         with self._receiving:
@@ -282,20 +302,6 @@ def _program_clock() -> Any:
     """The program's clock, if this process uses it."""
     module = sys.modules.get("simmer_clock")
     return module.PROGRAM_CLOCK[0] if module is not None and module.PROGRAM_CLOCK else None
-
-
-def _refuse_beside_threads() -> None:
-    """End a program that waits for the port by its clock beside other threads: whose turn is next would hang
-    on when the bytes are noticed."""
-    clock = _program_clock()
-    if clock is not None and clock.is_shared:
-        # Only a program has this folder on its path.
-        from simmer_clock import refuse
-
-        refuse(
-            "a wait for the serial port beside other threads or processes",
-            "One thread that reads, and in_waiting before a read, are followed",
-        )
 
 
 def _pass_time_until(first: float, until: float | None, now: float) -> bool:
@@ -351,7 +357,11 @@ def make_class(serialutil: Any) -> Any:
 
         @property
         def in_waiting(self) -> int:
-            return self._use().waiting()
+            line = self._use()
+            try:
+                return line.waiting()
+            except OSError as error:
+                raise serialutil.SerialException(str(error)) from None
 
         def read(self, size: int = 1) -> bytes:
             line = self._use()
@@ -381,6 +391,7 @@ def make_class(serialutil: Any) -> Any:
         def cancel_read(self) -> None:
             if self.is_open:
                 self._wake.set()
+                self._line.cancel()
 
         def write(self, data: Any) -> int:
             line = self._use()
@@ -402,7 +413,7 @@ def make_class(serialutil: Any) -> Any:
 
         def reset_input_buffer(self) -> None:
             line = self._use()
-            line.take(line.waiting())
+            line.take(self.in_waiting)
 
         def send_break(self, duration: float = 0.25) -> None:
             self._use()

@@ -193,6 +193,8 @@ class Turns:
                 continue
             if clock.is_moving or clock.is_away or (self.running, clock.count) != (turn, count):
                 turn, count, since = self.running, clock.count, _REAL_TIME()
+                if clock.is_away and since - clock.away_since >= clock.named_after:
+                    clock.name_away(sys._current_frames().get(turn.ident))
             elif _REAL_TIME() - since >= clock.named_after:
                 told = True
                 clock.name_computing(sys._current_frames().get(self.running.ident))

@@ -355,12 +355,35 @@ def test_motors_are_wheel_encoders_with_numbers_of_their_own() -> None:
     ]
 
 
+def test_devices_with_longer_names_get_codes_that_are_told() -> None:
+    """There a name may be any text, such as the angle of a sensor in a ring."""
+    imported = read_simmer_python(
+        "def ring(count):\n"
+        "    made = {}\n"
+        "    for number in range(count):\n"
+        "        angle = 360 / count * number\n"
+        "        made[f'{angle} deg'] = {'rotation': angle}\n"
+        "    return made\n"
+        "sensors = {name: Ultrasonic(each) for name, each in ring(12).items()}\n"
+        "sensors['u0'] = Ultrasonic({'position': [0, 3]})\n"
+        "drives = {'ahead': Drive({'velocity': [0, 6]}), 7: Drive({'ang_velocity': 60})}\n"
+    )
+    assert [drive.code for drive in imported.drives] == ["a0", "d0"]
+    # There a turn is clockwise.
+    assert [(s.code, s.rotation) for s in imported.sensors] == [
+        *((f"u{n + 1}", -30.0 * n) for n in range(9)),
+        *(("ua", -270.0), ("ub", -300.0), ("uc", -330.0), ("u0", 0.0)),
+    ]
+    told = listed(imported, "7:sensors")
+    assert told.startswith('a code has two characters here: "0.0 deg" is u1, "30.0 deg" is u2, ')
+    assert listed(imported, "9:drives") == 'a code has two characters here: "ahead" is a0, "7" is d0'
+
+
 @pytest.mark.parametrize(
     ("entry", "place", "word"),
     [
         ("'l0': Lidar({'position': [0, 0]})", "2:l0", "Lidar is a device of the team's own"),
-        ("'u10': Ultrasonic({})", "2:u10", "two printable ASCII characters"),
-        ("'u': Ultrasonic({})", "2:u", "two printable ASCII characters"),
+        ("'u10': 7", "2:u10", "two printable ASCII characters"),
         ("'w0': Ultrasonic({})", "2:w0", "in use"),
         ("'u9': Ultrasonic(make_info())", "2:u9", "cannot be read"),
         ("'u9': somewhere.else_", "2:u9", "cannot be read"),
