@@ -26,7 +26,7 @@ from simmer_tui.config.set_warnings import set_warnings
 from simmer_tui.config.settings import LinkSettings, SerialSettings, ServerSettings
 from simmer_tui.errors import PortError, RunLogError
 from simmer_tui.links.access import AccessCheck
-from simmer_tui.links.backend import BackendSession, BackendSwitch, Message, SimulatorBackend
+from simmer_tui.links.backend import BackendSession, BackendSwitch, CommandBudget, Message, SimulatorBackend
 from simmer_tui.links.clock_link import CLOCK
 from simmer_tui.links.driver_lock import NOT_SERVED, DriverLock
 from simmer_tui.links.link import Link, LinkContext, open_links, port_requests, typed_message
@@ -382,10 +382,11 @@ class Server:
             self._backend.use(self._simulated)
             self.engine.tell(Notice(NoticeKind.ROBOT, "programs drive the simulated robot"))
 
-    def open_session(self) -> BackendSession:
+    def open_session(self, lane: str = "", budget: CommandBudget | None = None) -> BackendSession:
         """A sender of commands beside the links, to whichever robot programs drive. Movements are answered at
-        once. Only for the robot's thread."""
-        return self._backend.open_session(answer_at_end=False)
+        once. Senders with the same `lane` share a turn. Any thread may open it; use it only in the
+        robot's."""
+        return self._backend.open_session(answer_at_end=False, lane=lane, budget=budget)
 
     def message(self, command: Command) -> Message:
         """The message for a command of a person, as a program of this configuration would send it."""

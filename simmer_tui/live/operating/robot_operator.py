@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from simmer_tui.links.backend import BackendSession
 from simmer_tui.live.operating.line_advice import line_advice
 from simmer_tui.live.server import Server
 from simmer_tui.run.events import Action, ActionName, Notice, NoticeKind
@@ -32,11 +33,12 @@ _OPPOSITE = {kind: other for pair in AXIS_KINDS for kind, other in (pair, pair[:
 class Operator:
     """Puts a person's commands and actions into the robot's queue. No method waits for the robot's thread."""
 
-    def __init__(self, server: Server) -> None:
+    def __init__(self, server: Server, session: BackendSession | None = None) -> None:
+        """By default it has a session of its own."""
         self._server = server
         self._spec = server.configuration.simulation
         self._screen = server.configuration.settings.screen
-        self._session = server.open_session()
+        self._session = session or server.open_session()
         self._block_told = False
         self._block_at = self._spec.block_center
         self._block_since = -1
@@ -54,6 +56,10 @@ class Operator:
                     refused(self._refusal(result))
 
         self._server.call(self._session.submit, self._server.message(command), answered)
+
+    def close(self) -> None:
+        """Drop the commands that wait, and end a velocity that it has set."""
+        self._server.call(self._session.close)
 
     def _refusal(self, result: CommandResult) -> str:
         is_unknown = result.status is Status.UNKNOWN or bool(result.command.problem)
