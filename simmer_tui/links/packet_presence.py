@@ -58,6 +58,8 @@ class _Client:
     requests: int = 0
     process: Process | None = None
     is_warned: bool = False
+    lived: float = -math.inf
+    """Time at which the process was last seen to live."""
 
 
 @dataclass(eq=False)
@@ -106,7 +108,7 @@ class Presence:
         if self.context.clock is not None:
             sender.process = self._of_run(address)
         # In a quick exchange it is the same program as before, and needs no look-up.
-        elif client is not None and now - client.last < SAME_PROGRAM and _lives(client.process):
+        elif client is not None and now - client.last < SAME_PROGRAM and self._lives(client):
             sender.process = client.process
         else:
             sender.is_sought = True
@@ -154,6 +156,8 @@ class Presence:
             client.process = None
         # A request whose process was not seen counts as the last one's while that lives.
         client.process = sender.process = sender.process or client.process or self._of_run(sender.address)
+        if client.process != before:
+            client.lived = -math.inf
 
     def _of_run(self, address: str) -> Process | None:
         """The program of --run while it lives: a local sender that closed before it was seen."""
@@ -172,7 +176,7 @@ class Presence:
         if client is None:
             return False
         client.last = self._loop.time()
-        if self._processes is None or _lives(client.process) or self.context.clock is not None:
+        if self._processes is None or self._lives(client) or self.context.clock is not None:
             return False
         waits = True
 
@@ -186,12 +190,20 @@ class Presence:
         self._processes.seek(sock, peer, None, found)
         return waits
 
+    def _lives(self, client: _Client) -> bool:
+        """True if a client's process is known, and lives, or did so a moment ago: the system is asked often
+        enough."""
+        now = self._loop.time()
+        if client.process is not None and now - client.lived >= SAME_PROGRAM and client.process.lives:
+            client.lived = now
+        return client.process is not None and now - client.lived < SAME_PROGRAM
+
     def _reads(self, address: str, process: Process) -> None:
         """A process reads: it has sent the requests whose process was not seen, if it was there."""
         began = self._loop.time() - process.age
         client, driver = self._clients.get(address), self._engine.driving.driver
         if client is not None and client.process is None and began <= client.last_request:
-            client.process = process
+            client.process, client.lived = process, -math.inf
         if isinstance(driver, PacketDriver) and driver.address == address and began <= driver.came:
             driver.process = driver.process or process
 
@@ -243,7 +255,7 @@ class Presence:
             client.last = self._loop.time()
         left = client.last + self._idle - self._loop.time()
         # A program that computes for long, or is halted in a debugger, will read its reply.
-        if left <= 0 and self.mailbox.has(address) and _lives(client.process):
+        if left <= 0 and self.mailbox.has(address) and self._lives(client):
             left = self._idle
         if left > 0:
             client.timer = self._loop.call_later(left, self._look_for, address)
@@ -253,8 +265,3 @@ class Presence:
         text = f"client {address} gone after {requests}: silent for {self._idle:g} s"
         self._engine.tell(Notice(NoticeKind.LEFT, text, address))
         self.on_left(address, client.requests > 0)
-
-
-def _lives(process: Process | None) -> bool:
-    """True if a process is known and has not ended."""
-    return process is not None and process.lives

@@ -10,8 +10,8 @@ takes longer to start than a small program takes to run.
 
 On Linux everything that a program starts is known by a variable in its environment. Children that clear
 theirs are known by their parent or by the program's session. Orphans of another session are adopted by the
-simulator, which looks for them four times a second (`kept_process.py`). Elsewhere it is the program's process group,
-and children.
+simulator, which looks for them four times a second (`kept_process.py`). Elsewhere it is the program's process
+group, and children.
 
 A script that imports little and nothing of this package, so that it watches within milliseconds.
 """

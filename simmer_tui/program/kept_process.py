@@ -23,8 +23,8 @@ from simmer_tui.program.program_output import OutputRoute
 
 _LAST_WAIT = 0.5
 """Seconds to wait for a killed program's end. Another user's program cannot be killed."""
-# A look takes a tenth of a millisecond. A process left behind later than the last look outlives a simulator that
-# is killed.
+# A look takes a tenth of a millisecond. A process left behind after the last look outlives the simulator if
+# that is killed.
 _REAP_INTERVAL = 0.25
 """Seconds between two looks for adopted processes."""
 _SET_CHILD_SUBREAPER = 36

@@ -323,7 +323,8 @@ def test_what_was_adopted_ends_when_the_simulator_is_killed() -> None:
         )
         started = int(stat_of(daemon.pid)[StatField.STARTED])
         simulator = (
-            "from simmer_tui.program.kept_process import Keeper; import os; kept = Keeper(); kept.watch('a'); "
+            "import os; from simmer_tui.program.kept_process import Keeper\n"
+            "kept = Keeper(); kept.watch('a')\n"
             f"kept.adopt('a', {daemon.pid}, {started}); kept.adopt('a', {other.pid}, 1); os._exit(0)"
         )
         subprocess.run([sys.executable, "-c", simulator], check=True, timeout=SECONDS)
