@@ -119,7 +119,7 @@ PHRASES = {
         "ports {config.dialects.COMMANDS.default} and {config.dialects.REPLIES.default} "
         "({config.dialects.PACKETS.default} and {config.dialects.PACKET_REPLIES.default} for simmer-python)",
         "At most {links.backend.MOST_COMMANDS:,} commands or {links.backend._MOST_BYTES/1024:g} KB",
-        "for {links.packet_presence.LONGEST_KEPT/60!w} minutes at most",
+        "packet waits {links.packet_replies.LONGEST_KEPT/60!w} minutes for its reader",
     ],
     "course.md": [
         "It has {mission.time_limit:g} seconds",

@@ -4,6 +4,7 @@ connects."""
 from __future__ import annotations
 
 import socket
+from collections.abc import Callable
 
 from simmer_tui.links.peer import host_of
 from simmer_tui.links.processes import LONGEST_SEARCH, Process, ProcessLookup, session_of
@@ -41,14 +42,24 @@ class DriverLock:
         self._process = process or self._process
         return ""
 
-    def acquire_by_process(self, holder: object, sock: socket.socket, peer: str) -> str:
+    def acquire_by_process(
+        self, holder: object, sock: socket.socket, peer: str, decided: Callable[[str], None]
+    ) -> None:
         """Acquire the lock for one of the many connections of a program, which is recognised by its
-        process."""
+        process. `decided` is called with the reason of a refusal, or an empty text, in the order of the
+        calls."""
+
+        def found(process: Process | None) -> None:
+            is_outsider = self._is_outsider(process)
+            decided(NOT_SERVED if is_outsider else self.acquire(holder, f"client {host_of(peer)}", process))
+
         known = (self._process if holder is self._holder else None) or self._only_served
-        process = None if self._processes is None else self._processes.holder(sock, peer, known)
-        if self._is_outsider(process):
-            return NOT_SERVED
-        return self.acquire(holder, f"client {host_of(peer)}", process)
+        if self._processes is None:
+            found(None)
+        elif self._clock is not None:  # a search in real time would make runs differ
+            found(self._processes.holder(sock, peer, known))
+        else:
+            self._processes.seek(sock, peer, known, found)
 
     def _is_free_for(self, holder: object, process: Process | None) -> bool:
         """True if the lock is the same program's, or that of a process that has ended."""

@@ -79,15 +79,16 @@ class _Sender(Peer):
         return self._reader.unfinished and idle < LONGEST_WAIT if self.spoken else idle < EMPTY_DELAY
 
     @property
-    def silent(self) -> bool:
-        """True if all its commands are answered, and nothing has come, not even an end, that is unread."""
-        return not self._open_requests and not self.has_unread()
+    def has_open_requests(self) -> bool:
+        """True if any of its commands are not answered yet."""
+        return self._open_requests > 0
 
     def data_received(self, data: bytes) -> None:
         if not self.spoken:
             self._link.doctor.packet_came(data)
             self.is_probe = is_http(data.decode("latin-1"))
         self.last_received, self.spoken = self._loop.time(), True
+        self._link.received(self)
         self._submit(self._reader.receive(data))
         self._silence.set_in(None if self._closing else self._reader.idle_timeout)
 
@@ -224,7 +225,10 @@ class PacketLink:
             RequestStyle.LEGACY: ReplyForm(ReplyFormat(settings.legacy_reply)),
         }
         """Forms of the replies to requests."""
-        self.senders: set[_Sender] = set()
+        self.senders: dict[_Sender, None] = {}
+        """The open connections, the one that has been silent longest first."""
+        self._arriving: dict[socket.socket, str] = {}
+        """Connections whose program may not drive perhaps: its process is looked for."""
         self.unanswered = 0
         """Commands that have come in and are not answered yet."""
         self._users = context.processes if settings.any_user else None
@@ -240,12 +244,15 @@ class PacketLink:
     @property
     def has_clients(self) -> bool:
         """True if a connection for requests is open, or a request unanswered."""
-        return bool(self.senders) or self.unanswered > 0
+        return bool(self.senders) or bool(self._arriving) or self.unanswered > 0
 
     def close(self) -> None:
         """Stop listening and end all connections."""
         self._requests.close()
         self._presence.close()
+        for sock in self._arriving:
+            sock.close()
+        self._arriving.clear()
         for sender in tuple(self.senders):
             sender.forget()
             sender.abort()
@@ -257,32 +264,56 @@ class PacketLink:
         return self.unanswered > 0 or self._is_receiving()
 
     def _is_receiving(self) -> bool:
-        return any(sender.receiving for sender in self.senders)
+        return bool(self._arriving) or any(sender.receiving for sender in self.senders)
 
     def _welcome(self, sock: socket.socket, peer: str) -> None:
-        if len(self.senders) >= MOST_CONNECTIONS:
+        if len(self.senders) + len(self._arriving) >= MOST_CONNECTIONS:
             self._make_room()
-        if refused := self._lock.acquire_by_process(self, sock, peer):
+        self._arriving[sock] = peer
+        self._lock.acquire_by_process(self, sock, peer, partial(self._decided, sock, peer))
+
+    def _decided(self, sock: socket.socket, peer: str, refused: str) -> None:
+        if self._arriving.pop(sock, None) is None:  # the link has been closed
+            return
+        if refused:
             self._requests.refuse(sock, peer)
             self._refusals.tell(f"client {peer} turned away: {refused}", refused)
             return
         self._presence.connected(sock, peer)
-        self.senders.add(_Sender(sock, peer, self))
+        self.senders[_Sender(sock, peer, self)] = None
 
     def _make_room(self) -> None:
-        """Close the connection that has been silent longest; never one with unread bytes."""
-        # The one silent longest: most likely its program has forgotten it.
-        for sender in sorted(self.senders, key=lambda sender: sender.last_received):
-            if sender.silent:
-                text = f"client {sender.peer} closed: {MOST_CONNECTIONS} connections at once are the most"
-                self.engine.tell_fault(text)
-                self.senders.discard(sender)
-                sender.close()
-                return
+        """Close the connection that has been silent longest: most likely its program has forgotten it.
+
+        If all have requests, the replies of the one that is closed go to the reply port. One with unread
+        bytes is closed only if all have some.
+        """
+        chosen = busy = unread = None
+        for sender in self.senders:
+            if sender.has_unread():
+                unread = unread or sender
+            elif sender.has_open_requests:
+                busy = busy or sender
+            else:
+                chosen = sender
+                break
+        chosen = chosen or busy or unread
+        if chosen is None:  # all are arriving
+            return
+        text = f"client {chosen.peer} closed: {MOST_CONNECTIONS} connections at once are the most"
+        self.engine.tell_fault(text)
+        del self.senders[chosen]
+        chosen.abort()
+
+    def received(self, sender: _Sender) -> None:
+        """Take note that something has come on a connection."""
+        if sender in self.senders:
+            del self.senders[sender]
+            self.senders[sender] = None
 
     def sender_lost(self, sender: _Sender) -> None:
         """A connection on the request port has ended."""
-        self.senders.discard(sender)
+        self.senders.pop(sender, None)
         self._presence.disconnected(sender.peer)
         self._release_lock()
 
@@ -323,5 +354,5 @@ class PacketLink:
             self.context.probe_left()
 
     def _release_lock(self) -> None:
-        if not self._presence.any and not self.senders:
+        if not (self._presence.any or self.senders or self._arriving):
             self._lock.release(self)

@@ -6,8 +6,11 @@ import asyncio
 import math
 import socket
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
+from ipaddress import ip_address
 
+from simmer_tui import platform_has
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.peer import host_of
 from simmer_tui.links.processes import Process
@@ -16,42 +19,54 @@ from simmer_tui.robot.sessions import LoopTimer
 from simmer_tui.run.events import Notice, NoticeKind
 from simmer_tui.sim.command import counted
 
-# Judged: a long computation or a coffee. After a longer halt in a debugger a program asks again.
-LONGEST_KEPT = 600.0
-"""Seconds after its program's last request for which a reply is kept while the program lives."""
 # Programs pause 40 to 300 ms between two messages, and starting another program takes longer than this.
 SAME_PROGRAM = 0.03
 """Seconds within which the next message from an address counts as the same program's."""
 # Judged: soon enough for a robot whose program has crashed, and cheap.
 _LOOK = 0.25
 """Seconds between two checks that the program that owns the velocity still lives."""
+# Programs with simmer-python read within 0.3 s of their request, and are known from then on.
+_UNSEEN = 1.0
+"""Seconds after which the owner of a velocity whose process has not been seen is reported."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class PacketDriver:
-    """The owner of a velocity that came in a packet: the process, if it is known, otherwise the address."""
+    """The owner of a velocity that came in a packet: the process, once it is known, otherwise the address.
+
+    `came` is the time of its connection. While it `is_sought` its process is being looked for.
+    """
 
     address: str
-    process: Process | None
+    came: float = field(default=0.0, compare=False)
+    process: Process | None = None
+    is_sought: bool = field(default=False, compare=False)
+    has_asked: bool = field(default=False, compare=False)
+
+    def __hash__(self) -> int:  # the process may become known later
+        return hash(self.address)
 
 
 @dataclass(slots=True)
 class _Client:
     """State of an address: times of its last message and last request, count of its requests, and the process
-    if known."""
+    of the last one, if known."""
 
     last: float
     last_request: float
     timer: asyncio.TimerHandle
     requests: int = 0
     process: Process | None = None
+    is_warned: bool = False
+    lived: float = -math.inf
+    """Time at which the process was last seen to live."""
 
 
 @dataclass(eq=False)
 class Presence:
     """Tells watchers when a client's first request has come, and when no more have for `idle` seconds.
 
-    Replies in the mailbox whose program has gone are dropped.
+    When another program begins, the replies that wait for the one before it are dropped.
 
     Args:
         context: The processes of connections, and the engine that tells.
@@ -72,77 +87,125 @@ class Presence:
         self._processes = self.context.processes
         self._loop = asyncio.get_running_loop()
         self._clients: dict[str, _Client] = {}
-        self._connecting: dict[str, Process] = {}
-        """The processes of connections on which nothing has come yet, by peer."""
+        self._senders: dict[str, PacketDriver] = {}
+        """The senders that are connected, by peer."""
         self._next_look = LoopTimer(self._look, self._loop)
-
-    def connected(self, sock: socket.socket, peer: str) -> None:
-        """Take a connection on either port. Its process is asked for now, since it may be closed the next
-        moment."""
-        client = self._clients.get(host_of(peer))
-        # In a quick exchange it is the same program as before, and needs no look-up.
-        if self._processes is None or (client is not None and self._loop.time() - client.last < SAME_PROGRAM):
-            return
-        found = self._processes.holder(sock, peer, client.process if client is not None else None)
-        if found is not None:
-            self._connecting[peer] = found
 
     @property
     def any(self) -> bool:
         """True if a client is present."""
         return bool(self._clients)
 
+    def connected(self, sock: socket.socket, peer: str) -> None:
+        """Take a connection for requests. Its process is looked for now, since it may be closed the next
+        moment."""
+        address, now = host_of(peer), self._loop.time()
+        client = self._clients.get(address)
+        sender = self._senders[peer] = PacketDriver(address, now)
+        if self._processes is None:
+            return
+        # By the program's clock no other program drives, and a search in real time would make runs differ.
+        if self.context.clock is not None:
+            sender.process = self._of_run(address)
+        # In a quick exchange it is the same program as before, and needs no look-up.
+        elif client is not None and now - client.last < SAME_PROGRAM and self._lives(client):
+            sender.process = client.process
+        else:
+            sender.is_sought = True
+            known = client.process if client is not None else None
+            self._processes.seek(sock, peer, known, partial(self._found, sender))
+
     def disconnected(self, peer: str) -> None:
         """A connection for requests has ended."""
-        self._connecting.pop(peer, None)
+        self._senders.pop(peer, None)
 
-    def read(self, peer: str) -> None:
-        """A read on the reply port has come."""
-        client, process = self._clients.get(host_of(peer)), self._connecting.pop(peer, None)
-        if client is not None:
-            client.last = self._loop.time()
-            # Its program reads: many close their request before its process can be looked up.
-            client.process = process or client.process
+    def _found(self, sender: PacketDriver, process: Process | None) -> None:
+        sender.is_sought, sender.process = False, process
+        if sender.has_asked:
+            self._identify(sender)
 
-    def takes(self, peer: str) -> None:
-        """Prepare a read that is about to get the waiting replies.
+    def asked(self, peer: str, *, counts: bool = True) -> PacketDriver:
+        """Take a request. Replies that wait for another process, which has ended, or from before a long
+        silence, are dropped. Returns the request's owner. A probe of the port has no request that `counts`.
+        """
+        address, now = host_of(peer), self._loop.time()
+        sender = self._senders.get(peer) or PacketDriver(address, now)
+        client = self._clients.get(address)
+        if client is None:
+            self._drop(address, "another program begins")
+            timer = self._loop.call_later(self._idle, self._look_for, address)
+            client = self._clients[address] = _Client(now, now, timer)
+            self._engine.tell(Notice(NoticeKind.CONNECTED, f"client {address} sends packets", address))
+        elif now - client.last_request > self._idle:
+            self._drop(address, f"its program asks again after {now - client.last_request:.0f} s")
+        sender.has_asked = True
+        if not sender.is_sought:
+            self._identify(sender)
+        client.last = client.last_request = now
+        client.requests += counts
+        return sender
 
-        Replies from before its program began are another's, and are dropped if there are newer ones. A
-        program that only reads, such as the second of two `nc`, gets all of them.
+    def _identify(self, sender: PacketDriver) -> None:
+        """Take note of the process of a request, as far as it was seen."""
+        client = self._clients.get(sender.address)
+        if client is None:
+            return
+        before = client.process
+        if before is not None and before != sender.process and not before.lives:
+            self._drop(sender.address, "another program asks", sender.came)
+            client.process = None
+        # A request whose process was not seen counts as the last one's while that lives.
+        client.process = sender.process = sender.process or client.process or self._of_run(sender.address)
+        if client.process != before:
+            client.lived = -math.inf
+
+    def _of_run(self, address: str) -> Process | None:
+        """The program of --run while it lives: a local sender that closed before it was seen."""
+        process = self._processes.of_run if self._processes is not None else None
+        is_here = process is not None and ip_address(address).is_loopback and process.lives
+        return process if is_here else None
+
+    def read(self, sock: socket.socket, peer: str, done: Callable[[], None]) -> bool:
+        """Take a read on the reply port: its program asked, unless it began later.
+
+        Its process is needed only where that of the request was not seen. It is looked for while the read
+        waits: then this returns True, and calls `done`.
         """
         address = host_of(peer)
         client = self._clients.get(address)
-        if client is not None and client.process is not None:
-            began = self._loop.time() - client.process.age
-            if self.mailbox.has(address, began):
-                self._drop(address, "the program that reads was not there yet", began)
-
-    def asked(self, peer: str, *, counts: bool = True) -> PacketDriver:
-        """Take a request: replies that wait for another process, or from long before, are dropped. Returns
-        the request's owner. A probe of the port has no request that `counts`."""
-        address, now = host_of(peer), self._loop.time()
-        process = self._connecting.pop(peer, None)
-        client = self._clients.get(address)
         if client is None:
-            timer = self._loop.call_later(self._idle, self._look_for, address)
-            client = self._clients[address] = _Client(now, now, timer, process=process)
-            self._engine.tell(Notice(NoticeKind.CONNECTED, f"client {address} sends packets", address))
-        elif now - client.last_request > SAME_PROGRAM:
-            self._ask_again(client, address, process, now)
-        client.last = client.last_request = now
-        client.requests += counts
-        return PacketDriver(address, client.process)
+            return False
+        client.last = self._loop.time()
+        if self._processes is None or self._lives(client) or self.context.clock is not None:
+            return False
+        waits = True
 
-    def _ask_again(self, client: _Client, address: str, process: Process | None, now: float) -> None:
-        before = client.process
-        if process is not None and before is not None and process != before:
-            self._drop(address, "another program asks")
-        elif now - client.last_request > self._idle:
-            self._drop(address, f"its program asks again after {now - client.last_request:.0f} s")
-        # A message closed before its process could be looked up counts as the same process's while that
-        # lives.
-        if process is not None or (before is not None and not before.lives):
-            client.process = process
+        def found(process: Process | None) -> None:
+            nonlocal waits
+            waits = False
+            if process is not None:
+                self._reads(address, process)
+            done()
+
+        self._processes.seek(sock, peer, None, found)
+        return waits
+
+    def _lives(self, client: _Client) -> bool:
+        """True if a client's process is known, and lives, or did so a moment ago: the system is asked often
+        enough."""
+        now = self._loop.time()
+        if client.process is not None and now - client.lived >= SAME_PROGRAM and client.process.lives:
+            client.lived = now
+        return client.process is not None and now - client.lived < SAME_PROGRAM
+
+    def _reads(self, address: str, process: Process) -> None:
+        """A process reads: it has sent the requests whose process was not seen, if it was there."""
+        began = self._loop.time() - process.age
+        client, driver = self._clients.get(address), self._engine.driving.driver
+        if client is not None and client.process is None and began <= client.last_request:
+            client.process, client.lived = process, -math.inf
+        if isinstance(driver, PacketDriver) and driver.address == address and began <= driver.came:
+            driver.process = driver.process or process
 
     def _drop(self, address: str, why: str, before: float = math.inf) -> None:
         """Drop the waiting replies of an address, or those from before the time `before`, and report it."""
@@ -158,10 +221,25 @@ class Presence:
     def _look(self) -> None:
         driver = self._engine.driving.driver
         if isinstance(driver, PacketDriver):
-            process = driver.process
-            if not (driver.address in self._clients if process is None else process.lives):
+            process, client = driver.process, self._clients.get(driver.address)
+            if not (client is not None if process is None else process.lives):
                 self._engine.driver_left(driver)
+            elif process is None and client is not None and not client.is_warned:
+                client.is_warned = self._warn(driver)
             self.watch_velocity()
+
+    def _warn(self, driver: PacketDriver) -> bool:
+        """Report that a velocity does not end with its program, once that is sure; True if it was."""
+        if self._processes is None or self._loop.time() - driver.came < _UNSEEN:
+            return False
+        text = (
+            f"the process of client {driver.address} is not known: after its end its velocity lasts up to "
+            f"{self._idle:g} s (--idle)"
+        )
+        if platform_has.LINUX and ip_address(driver.address).is_loopback:
+            text += ". Read each reply, or keep the connection open"
+        self._engine.tell(Notice(NoticeKind.HINT, text))
+        return True
 
     def close(self) -> None:
         """Stop tracking clients."""
@@ -175,10 +253,10 @@ class Presence:
         # A connection that stays open is a sign of life, even if nothing comes on it.
         if self.is_connected(address):
             client.last = self._loop.time()
-        now = self._loop.time()
-        left = client.last + self._idle - now
-        if left <= 0 and self._is_kept(client, address):
-            left = min(self._idle, client.last_request + LONGEST_KEPT - now)
+        left = client.last + self._idle - self._loop.time()
+        # A program that computes for long, or is halted in a debugger, will read its reply.
+        if left <= 0 and self.mailbox.has(address) and self._lives(client):
+            left = self._idle
         if left > 0:
             client.timer = self._loop.call_later(left, self._look_for, address)
             return
@@ -186,13 +264,4 @@ class Presence:
         requests = counted(client.requests, "request")
         text = f"client {address} gone after {requests}: silent for {self._idle:g} s"
         self._engine.tell(Notice(NoticeKind.LEFT, text, address))
-        # The next program's first read is its own.
-        self._drop(address, f"client {address} left without reading them")
         self.on_left(address, client.requests > 0)
-
-    def _is_kept(self, client: _Client, address: str) -> bool:
-        """True if replies wait for a process that lives."""
-        process = client.process
-        if process is None and self._processes is not None:  # closed before its process could be looked up
-            process = self._processes.of_run
-        return process is not None and self.mailbox.has(address) and process.lives

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import math
 import socket
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -33,6 +34,9 @@ being received for so long."""
 # More than `CLOSING`: a merged reply of 1000 items may exceed the system's buffers.
 UNREAD_TIMEOUT = 10.0
 """Seconds within which a client must have read its reply."""
+# Judged: a long computation or a coffee. After a longer halt in a debugger a program asks again.
+LONGEST_KEPT = 600.0
+"""Seconds for which a reply is kept for its reader."""
 
 
 class _Read:
@@ -44,6 +48,8 @@ class _Read:
         self.peer = peer
         self.waits = False
         """True if it is to get the next reply."""
+        self.is_ready = True
+        """False while its process is looked for, which cannot be found once it is answered."""
         self._port = port
         self._loop = asyncio.get_running_loop()
         self._came = self._loop.time()
@@ -55,9 +61,15 @@ class _Read:
         self._considering.cancel()
         self._timer.cancel()
 
+    def process_found(self) -> None:
+        """Answer it, if anything has come: its process is not looked for any more."""
+        self.is_ready = True
+        if self in self._port.reads and self.waits:
+            self._consider()
+
     def _consider(self) -> None:
         port = self._port
-        if port.mailbox and not port.receiving():
+        if self.is_ready and port.mailbox and not port.receiving():
             port.answer(self)
         else:
             self.waits = bool(port.mailbox) or port.busy()
@@ -65,9 +77,9 @@ class _Read:
     def _end(self) -> None:
         port = self._port
         left = self._came + LONGEST_WAIT - self._loop.time()
-        if self.waits and port.mailbox:
+        if self.waits and port.mailbox and (self.is_ready or left <= 0):
             port.answer(self)
-        elif self.waits and port.busy() and left > 0:
+        elif self.waits and left > 0 and (port.busy() or port.mailbox):
             self._timer = self._loop.call_later(left, self._end)
         else:
             port.end_empty(self)
@@ -119,6 +131,7 @@ class ReplyPort:
         self._clock = clock_of(self._loop)
         self._dropped = 0
         self._report = LoopTimer(self._report_dropped, self._loop)
+        self._expiry = LoopTimer(self._expire, self._loop)
         self._delivering = False
         self._number = self.context.listeners[PACKET_REPLIES.purpose].port
         self._acceptor = self.context.accept(PACKET_REPLIES, self._welcome)
@@ -126,17 +139,18 @@ class ReplyPort:
     def close(self) -> None:
         """Stop listening and end all connections."""
         self._acceptor.close()
+        self._expiry.cancel()
         for read in tuple(self.reads):
             self.end_empty(read)
         for unread in tuple(self.unread):
             unread.abort()
 
     def _welcome(self, sock: socket.socket, peer: str) -> None:
-        self.presence.connected(sock, peer)
-        self.presence.read(peer)
         if len(self.reads) >= MOST_CONNECTIONS:
             self.end_empty(next(iter(self.reads)))
-        self.reads[_Read(sock, peer, self)] = None
+        read = _Read(sock, peer, self)
+        self.reads[read] = None
+        read.is_ready = not self.presence.read(sock, peer, read.process_found)
 
     def end_empty(self, read: _Read) -> None:
         """Close a read without bytes."""
@@ -154,7 +168,6 @@ class ReplyPort:
         try:
             # A waiting read that has closed was given up: its reply stays for the next one.
             if not (_has_closed(read.sock) and read.waits):
-                self.presence.takes(read.peer)
                 rest = self.mailbox.take()
                 with contextlib.suppress(BlockingIOError):
                     sent = read.sock.send(rest)
@@ -176,6 +189,8 @@ class ReplyPort:
             if not self._dropped:
                 self._report.set_in(_REPORT_DELAY)
             self._dropped += dropped
+        if self._expiry.due == math.inf and self.mailbox:
+            self._expiry.set_at(self.mailbox.oldest + LONGEST_KEPT)
         if self.reads and not self._delivering:
             self._delivering = True
             self._loop.call_soon(self._deliver)  # after the other replies to the same bytes
@@ -185,7 +200,7 @@ class ReplyPort:
         # The rest of a request is about to come; its reply belongs into the same message.
         if self.receiving():
             return
-        waiting = [read for read in self.reads if read.waits]
+        waiting = [read for read in self.reads if read.waits and read.is_ready]
         for read in reversed(waiting):  # an older one may be a connection that never reads
             if not self.mailbox:
                 return
@@ -194,6 +209,14 @@ class ReplyPort:
     def _report_dropped(self) -> None:
         self._tell_fault(f"{self._dropped} replies dropped: nobody reads them on port {self._number}")
         self._dropped = 0
+
+    def _expire(self) -> None:
+        """Drop the replies that nobody has read for long."""
+        dropped = self.mailbox.expire(self._loop.time() - LONGEST_KEPT + EMPTY_DELAY)
+        if dropped:
+            self._tell_fault(f"{dropped} replies dropped: not read for {LONGEST_KEPT / 60:g} min")
+        if self.mailbox:
+            self._expiry.set_at(self.mailbox.oldest + LONGEST_KEPT)
 
 
 def _has_closed(sock: socket.socket) -> bool:

@@ -3,13 +3,14 @@ time."""
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import math
 import os
 import socket
 import sys
 import time
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from enum import IntEnum
 from itertools import chain
 
@@ -23,6 +24,13 @@ from simmer_tui.links.owners import OwnerLookup, RemoteSocket
 LONGEST_LOOK, LONGEST_SEARCH = 0.01, 0.1
 """Seconds of processor time for the search of a packet's process, and of the processes of a client's
 connections."""
+# A search in another thread has the interpreter's lock for its own time only: without a pause the robot's
+# thread waits up to 5 ms for it at each system call.
+_WORK, _PAUSE = 0.0003, 0.0001
+"""Seconds of processor time that a search in another thread takes at once, and seconds of its pause."""
+# A client that has 500 connections is found by any of them: more in one pass only make it longer.
+_AT_ONCE = 256
+"""Connections looked for in one pass."""
 
 
 class StatField(IntEnum):
@@ -76,6 +84,8 @@ class ProcessLookup:
         self._owners = OwnerLookup()
         self.of_run: Process | None = None
         """The program that was started beside the run, if there is one."""
+        self._wanted: list[tuple[int, Process | None, Callable[[Process | None], None]]] = []
+        self._is_searching = False
 
     def note_run(self, pid: int) -> None:
         """Take note of the program that the run has started."""
@@ -118,6 +128,46 @@ class ProcessLookup:
             return known
         pids = self.holders({inode}, longest)[inode]
         return _process(max(pids)) if pids else None
+
+    def seek(
+        self, sock: socket.socket, peer: str, known: Process | None, found: Callable[[Process | None], None]
+    ) -> None:
+        """Look for the process that has the socket at the other end, in another thread; `known` is tried
+        first.
+
+        `found` is called with it, or with None if it is not found: at once if the other end is closed or
+        not reported, otherwise in the event loop that runs, in the order of the calls. One pass over all
+        processes serves all connections that wait at that moment.
+        """
+        inode = self.inode(sock, peer)
+        if not inode and not self._wanted and not self._is_searching:
+            found(None)
+            return
+        self._wanted.append((inode, known, found))
+        if not self._is_searching:
+            self._is_searching = True
+            asyncio.get_running_loop().call_soon(self._search)  # after the others that are accepted now
+
+    def _search(self) -> None:
+        """Begin the next pass."""
+        loop = asyncio.get_running_loop()
+        batch, self._wanted = self._wanted[:_AT_ONCE], self._wanted[_AT_ONCE:]
+        self._is_searching = bool(batch)
+        if not batch:
+            return
+        inodes = {inode for inode, _, _ in batch} - {0}
+        known = {process for _, process, _ in batch if process is not None}
+        if self.of_run is not None:
+            known.add(self.of_run)
+
+        def hand_out(search: asyncio.Future[dict[int, Process]]) -> None:
+            if search.cancelled():  # the loop ends
+                return
+            for inode, _, found in batch:
+                found(search.result().get(inode))
+            self._search()
+
+        loop.run_in_executor(None, _search, inodes, known).add_done_callback(hand_out)
 
     def holders(
         self, inodes: Collection[int], longest: float = LONGEST_SEARCH, first: Iterable[int] = ()
@@ -176,13 +226,36 @@ def _newest_first() -> Iterator[int]:
         yield from sorted((int(name) for name in os.listdir("/proc") if name.isdigit()), reverse=True)  # noqa: PTH208 - names will do
 
 
-def _sockets_of(pid: int, inodes: Collection[int]) -> set[int]:
-    """The given sockets that a process has; none if the process may not be read."""
+def _search(inodes: Collection[int], known: Iterable[Process]) -> dict[int, Process]:
+    """The process that has each of these sockets, as far as they are found in `LONGEST_SEARCH` seconds of
+    processor time. Known ones are tried first. In a thread of its own: it often pauses."""
+    found: dict[int, Process] = {}
+    left = set(inodes)
+    until = time.thread_time() + LONGEST_SEARCH
+    pids = dict.fromkeys(chain((process.pid for process in known if process.lives), _newest_first()))
+    for pid in pids if left else ():
+        held = _sockets_of(pid, left, is_polite=True)
+        process = _process(pid) if held else None
+        if process is not None:
+            found |= dict.fromkeys(held, process)
+            left -= held
+        if not left or time.thread_time() > until:
+            break
+    return found
+
+
+def _sockets_of(pid: int, inodes: Collection[int], *, is_polite: bool = False) -> set[int]:
+    """The given sockets that a process has; none if the process may not be read. With `is_polite` it pauses
+    for other threads."""
     names = {f"socket:[{inode}]": inode for inode in inodes}
     held = set()
     folder = f"/proc/{pid}/fd"
+    pause_at = time.thread_time() + _WORK
     with contextlib.suppress(OSError):
         for descriptor in os.listdir(folder):  # noqa: PTH208 - thousands of paths would take milliseconds
+            if is_polite and time.thread_time() > pause_at:
+                time.sleep(_PAUSE)
+                pause_at = time.thread_time() + _WORK
             with contextlib.suppress(OSError):  # closed meanwhile
                 inode = names.get(os.readlink(f"{folder}/{descriptor}"))  # noqa: PTH115 - as above
                 if inode is not None:

@@ -26,7 +26,7 @@ from simmer_tui.config.set_warnings import set_warnings
 from simmer_tui.config.settings import LinkSettings, SerialSettings, ServerSettings
 from simmer_tui.errors import PortError, RunLogError
 from simmer_tui.links.access import AccessCheck
-from simmer_tui.links.backend import BackendSwitch, Message
+from simmer_tui.links.backend import BackendSwitch, CommandBudget, Message
 from simmer_tui.links.clock_link import CLOCK
 from simmer_tui.links.driver_lock import NOT_SERVED, DriverLock
 from simmer_tui.links.link import Link, LinkContext, open_links, port_requests, typed_message
@@ -383,13 +383,17 @@ class Server:
             self._backend.use(None)
             self.engine.tell(Notice(NoticeKind.ROBOT, "programs drive the simulated robot"))
 
-    def open_session(self) -> Session:
-        """A sender of commands beside the links. Movements are answered at once."""
-        return self.engine.session(answer_at_end=False)
+    def open_session(self, lane: str = "") -> Session:
+        """A sender of commands beside the links. Movements are answered at once. Senders with the same `lane`
+        share a turn. Any thread may open it; use it only in the robot's."""
+        return self.engine.session(answer_at_end=False, lane=lane)
 
-    def submit(self, message: Message, session: Session, answered: Answered) -> None:
-        """Send a message to whichever robot programs drive. Only for the robot's thread."""
-        self._backend.submit(message, session, answered)
+    def submit(
+        self, message: Message, session: Session, answered: Answered, budget: CommandBudget | None = None
+    ) -> None:
+        """Send a message to whichever robot programs drive, within a `budget` if it has one. Only for the
+        robot's thread."""
+        self._backend.submit(message, session, answered, budget)
 
     def message(self, command: Command) -> Message:
         """The message for a command of a person, as a program of this configuration would send it."""

@@ -2,15 +2,16 @@
 
     python -I -S keeper.py      (orders on standard input)
 
-An order is a line: `MARK PID` says that a program runs, `MARK` that it and all it started has ended.
+An order is a line: `MARK PID` says that a program runs, `MARK PID STARTED` that it has left a process behind,
+with its start time in clock ticks, and `MARK` that it and all it started has ended.
 When standard input ends, because the simulator closed it or was killed, the keeper ends whatever is still
 running, and goes. One keeper serves all programs of a simulator, one after the other: an interpreter
 takes longer to start than a small program takes to run.
 
 On Linux everything that a program starts is known by a variable in its environment. Children that clear
-theirs are known by their parent or by the program's session. Orphans of another session are known as long as
-the simulator lives, which adopts them (`kept_process.py`). Elsewhere it is the program's process group, and
-children.
+theirs are known by their parent or by the program's session. Orphans of another session are adopted by the
+simulator, which looks for them four times a second (`kept_process.py`). Elsewhere it is the program's process
+group, and children.
 
 A script that imports little and nothing of this package, so that it watches within milliseconds.
 """
@@ -44,6 +45,8 @@ _AT_ONCE = 1 << 16
 """Bytes read at once: more than most environments have."""
 _KERNEL_THREAD = 0x200000
 """The flag of kernel threads (PF_KTHREAD, proc(5)), half of the entries in an idle machine's /proc."""
+_STARTED = 19
+"""Position of the start time in /proc/PID/stat, counted after the name."""
 _LINUX = sys.platform == "linux"
 
 
@@ -52,14 +55,19 @@ def main() -> None:
         # a signal for the simulator's processes may be sent to this one too
         signal.signal(number, signal.SIG_IGN)
     running: dict[str, int] = {}
+    adopted: dict[str, dict[int, bytes]] = {}
     for line in sys.stdin:
-        mark, *pid = line.split()
-        if pid:
-            running[mark] = int(pid[0])
+        mark, *numbers = line.split()
+        if len(numbers) > 1:
+            adopted.setdefault(mark, {})[int(numbers[0])] = numbers[1].encode()
+        elif numbers:
+            running[mark] = int(numbers[0])
         else:
             running.pop(mark, None)
+            adopted.pop(mark, None)
     for mark, program in running.items():
-        end_all(mark, program)
+        left = adopted.get(mark, {})
+        end_all(mark, program, lambda left=left: {pid for pid in left if _is_same(pid, left[pid])})  # type: ignore[misc]
 
 
 def end_all(mark: str, program: int, adopted: Callable[[], set[int]] = set) -> None:
@@ -80,6 +88,15 @@ def end_all(mark: str, program: int, adopted: Callable[[], set[int]] = set) -> N
                 break
             time.sleep(pause)
             pause = min(2 * pause, _LATER)
+
+
+def _is_same(pid: int, started: bytes) -> bool:
+    """True if a process lives and began at this time: its number may be another one's by now."""
+    try:
+        fields = _read(f"/proc/{pid}/stat").rpartition(b") ")[2].split()
+    except OSError:
+        return False
+    return fields[0] not in (b"Z", b"X") and fields[_STARTED] == started
 
 
 def _send(pid: int, number: int) -> None:

@@ -11,7 +11,8 @@ import select
 import subprocess
 import sys
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 from simmer_tui import platform_has
@@ -22,9 +23,10 @@ from simmer_tui.program.program_output import OutputRoute
 
 _LAST_WAIT = 0.5
 """Seconds to wait for a killed program's end. Another user's program cannot be killed."""
-# Judged: in this time a program leaves some dozen processes; systems and containers allow hundreds and more.
-_REAP_INTERVAL = 1.0
-"""Seconds between two looks for adopted processes that have ended."""
+# A look takes a tenth of a millisecond. A process left behind after the last look outlives the simulator if
+# that is killed.
+_REAP_INTERVAL = 0.25
+"""Seconds between two looks for adopted processes."""
 _SET_CHILD_SUBREAPER = 36
 """Option of prctl (linux/prctl.h)."""
 
@@ -43,6 +45,10 @@ class Keeper:
     def watch(self, mark: str, pid: int = -1) -> None:
         """Watch a program with this mark; its process ID is -1 until it is known. Raises OSError."""
         self._tell(f"{mark} {pid}\n")
+
+    def adopt(self, mark: str, pid: int, started: int) -> None:
+        """Note an adopted process of a program, with its start time. Raises OSError."""
+        self._tell(f"{mark} {pid} {started}\n")
 
     def forget(self, mark: str) -> None:
         """Stop watching: all processes of the program have ended."""
@@ -138,7 +144,7 @@ class KeptProcess:
         """Wait for the program's end. Returns its exit code, or the negative number of the signal that ended
         it."""
         if self._adoption is not None:
-            self._adoption.reap_until_end()
+            self._adoption.reap_until_end(partial(self._keeper.adopt, self._mark))
         return self._process.wait()
 
     def end(self) -> None:
@@ -185,20 +191,30 @@ class Adoption:
         with contextlib.suppress(OSError):  # no /proc: `living` will find nothing there either
             self._program, self._since = program, int(stat_of(program)[StatField.STARTED])
 
-    def reap_until_end(self) -> None:
+    def reap_until_end(self, note: Callable[[int, int], None]) -> None:
         """Reap adopted processes of the program's session until the program has ended. Otherwise those of a
-        sound in each turn (`aplay a.wav &`) would fill the system's table of processes."""
+        sound in each turn (`aplay a.wav &`) would fill the system's table of processes.
+
+        `note` is called with process ID and start time of each one without a mark: if we are killed, nobody
+        adopts them any more.
+        """
         if sys.platform != "linux" or not self._is_on:
             return
         try:
             descriptor = os.pidfd_open(self._program)
         except OSError:  # it has been waited for already, or Linux is older than 5.3
             return
+        noted: set[tuple[int, int]] = set()
         try:
             ending = select.poll()
             ending.register(descriptor, select.POLLIN)
             while not ending.poll(_REAP_INTERVAL * 1000):
                 self._reap()
+                living = set(self._adopted()[0].items())
+                with contextlib.suppress(OSError):  # the keeper does not read: tried again
+                    for pid, started in living - noted:
+                        note(pid, started)
+                    noted = living
         finally:
             os.close(descriptor)
 
@@ -222,6 +238,14 @@ class Adoption:
 
     def living(self) -> set[int]:
         """Adopted processes that live. Ended ones are reaped."""
+        found, ended = self._adopted()
+        for pid in ended:
+            with contextlib.suppress(ChildProcessError):
+                os.waitpid(pid, os.WNOHANG)
+        return set(found)
+
+    def _adopted(self) -> tuple[dict[int, int], list[int]]:
+        """Adopted processes that live, with their start times, and those that have ended."""
         if sys.platform == "win32":
             raise NotImplementedError  # there is no such thing on Windows
         found: dict[int, int] = {}
@@ -242,12 +266,11 @@ class Adoption:
                 found[pid] = started
             elif mark not in (self._mark, KEEPER.encode()):
                 others.append(started)  # another program of ours: processes started after it may be its own
-        if not others:
-            for pid in ended:
-                with contextlib.suppress(ChildProcessError):
-                    os.waitpid(pid, os.WNOHANG)
         first = min(others, default=sys.maxsize)
-        return {pid for pid, started in found.items() if self._program and self._since <= started < first}
+        own = {
+            pid: started for pid, started in found.items() if self._program and self._since <= started < first
+        }
+        return own, [] if others else ended
 
     def end(self) -> None:
         """Stop adopting."""

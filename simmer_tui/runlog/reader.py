@@ -28,6 +28,10 @@ from simmer_tui.sim.command import shown_path, typed_path
 # A belief of 5,000 particles takes 100 KB and a header some 20 KB: a longer line is in no log.
 MAX_LINE = 16 * 1024 * 1024
 """Longest line that is read, bytes."""
+# A disk that fails, or a person who edits a log, breaks a few. Blank lines are a byte each: without a limit a
+# small file, and above all a compressed one, would take minutes.
+MOST_BROKEN = 10_000
+"""Most lines without a record, blank ones included."""
 # The first two bytes of every gzip file (RFC 1952); the name may be wrong.
 _GZIP = b"\x1f\x8b"
 # Logs pack to a tenth; a million commands are 140 MB.
@@ -56,14 +60,16 @@ class RecordStream:
     """The records of the whole lines of an open log, one line in memory at a time. Iterating again gives
     those written since."""
 
-    def __init__(self, file: IO[bytes]) -> None:
-        """`file` stands after the header."""
+    def __init__(self, file: IO[bytes], shown: str) -> None:
+        """`file` stands after the header; messages name it as `shown`."""
         self._file = file
+        self._shown = shown
         self.position = file.tell()
         """Bytes up to the last whole line."""
         self.line = 1
         """Number of the last whole line."""
         self._torn = False
+        self._broken = 0
 
     @property
     def note(self) -> str:
@@ -79,7 +85,10 @@ class RecordStream:
             self.line += 1
             if data.endswith(b"\n"):
                 self.position += len(data)
-                yield decode_line(data, self.line)
+                record = decode_line(data, self.line)
+                if type(record) is BrokenLine:
+                    self.count_broken()
+                yield record
                 continue
             # Longer than MAX_LINE: read on to its end, without keeping it in memory.
             length, rest = len(data), data if len(data) == MAX_LINE else b""
@@ -91,7 +100,16 @@ class RecordStream:
                 self._torn = True
                 return
             self.position += length
+            self.count_broken()
             yield too_long(self.line)
+
+    def count_broken(self) -> None:
+        """Count a broken line. Raises RunLogError if there are too many."""
+        self._broken += 1
+        if self._broken > MOST_BROKEN:
+            raise RunLogError(
+                f"{self._shown} is no run log: {self._broken} of its first {self.line} lines have no record"
+            )
 
 
 def too_long(line: int) -> BrokenLine:
@@ -107,7 +125,7 @@ class OpenLog(Closing):
         self.path = path
         self.shown = shown_path(path)
         self._file, self.header = open_log(path, self.shown)
-        self._stream = RecordStream(self._file)
+        self._stream = RecordStream(self._file, self.shown)
 
     @property
     def note(self) -> str:
@@ -182,6 +200,7 @@ class LogReader(OpenLog):
                     for event in decode(record):
                         block.append(Logged(number, real_time, event))  # noqa: PERF401
                 except RunLogError as error:
+                    stream.count_broken()
                     block.append(BrokenLine(number, str(error)))
             if len(block) >= events or stream.position - begin > _BLOCK_BYTES:
                 yield block

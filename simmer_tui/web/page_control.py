@@ -8,6 +8,7 @@ from typing import Any
 from simmer_tui.config.keys import keys_of, shifted
 from simmer_tui.config.settings import KeySettings
 from simmer_tui.errors import ConsoleCommandError
+from simmer_tui.links.backend import CommandBudget
 from simmer_tui.live.operating.orders import Local, read_console_command
 from simmer_tui.live.operating.robot_operator import DRIVES, Operator
 from simmer_tui.live.server import Server
@@ -34,13 +35,18 @@ _BROWSER_KEYS = {
 
 
 class PageControl:
-    """Carries out viewers' requests. Programs and files are excluded."""
+    """Carries out a viewer's requests, in a queue of its own. Programs and files are excluded."""
 
     def __init__(self, server: Server) -> None:
-        """Make it before the server starts, or in the robot's thread."""
+        """Needs a running event loop."""
         self._server = server
         self._spec = server.configuration.simulation
-        self._operator = Operator(server)
+        # All pages share a turn, so that none of them, nor all together, delay a program.
+        self._operator = Operator(server, "page", CommandBudget("page", server.tell))
+
+    def close(self) -> None:
+        """Drop what waits: the viewer has left."""
+        self._operator.close()
 
     def give(self, line: str, tell: Callable[[str], None]) -> None:
         """Carry out a line of the console. `tell` is called with an error, in any thread."""

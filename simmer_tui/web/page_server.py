@@ -9,9 +9,10 @@ import asyncio
 import contextlib
 import socket
 import threading
+from collections import deque
 from functools import partial
 from http import HTTPStatus
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 from msgspec import Struct
@@ -46,9 +47,13 @@ _TO_JOIN = 5.0
 """Seconds within which a connection must have requested the page, or sent its word."""
 _WRONG_WORD = 1.0
 """Seconds of delay for a wrong word, which limits guessing."""
-# A page is one request and one viewer. Faster connections wait in the system's queue.
+# A browser's request comes with its connection, or some milliseconds later. Waiting sockets cost nothing, and
+# the more there are the longer each may stay silent while others come in a loop.
+_MOST_SILENT = MOST_CONNECTIONS
+"""Connections kept that have said nothing; the oldest goes first."""
+# A page is one request and one viewer. Requests that come faster wait.
 _MOST_AT_ONCE, _BREATHER = 20, 0.1
-"""Connections accepted before the port pauses, and seconds of the pause."""
+"""Connections whose request is read in so many seconds."""
 _ENDING = 1.0
 """Seconds within which the thread must end."""
 LIVE = "/live"
@@ -64,6 +69,12 @@ class ViewerMessage(Struct):
     line: str = ""
     key: str = ""
     fine: bool = False
+
+
+class _Silent(NamedTuple):
+    name: str
+    came: float
+    """Time of its beginning, by the loop's clock."""
 
 
 class PageServer:
@@ -93,8 +104,14 @@ class PageServer:
         self._thread = threading.Thread(target=self._run, name="page", daemon=True)
         self._period = _TIMED if server.engine.timed else _INSTANT
         self._viewers: set[Viewer] = set()
+        self._controls: dict[Viewer, PageControl] = {}
+        """Those viewers that drive."""
         self._strangers: dict[Viewer, None] = {}
         """Connections that have not said a word, the oldest first."""
+        self._silent: dict[socket.socket, _Silent] = {}
+        """Connections that have said nothing at all, the oldest first."""
+        self._spoken: deque[tuple[socket.socket, str]] = deque()
+        """Connections whose request waits to be read."""
         self._sent = 0.0
         self._ticks = self._let_in = 0
         self._is_asking = False
@@ -124,7 +141,6 @@ class PageServer:
     def prepare(self) -> None:
         """Watch the run from now on; before it starts."""
         self._frames = RunFrames(self._server, self._task)
-        self._control = PageControl(self._server)
 
     def start(self) -> None:
         """Begin to serve."""
@@ -156,6 +172,7 @@ class PageServer:
             self._loop.run_forever()
         finally:
             self._acceptor.close()
+            self._drop_waiting()
             for viewer in (*self._viewers, *self._strangers):
                 viewer.abort()
             if self._owners is not None:
@@ -177,6 +194,7 @@ class PageServer:
             return
         self._is_ending = True
         self._acceptor.pause()
+        self._drop_waiting()
         for viewer in tuple(self._strangers):
             viewer.abort()
         self._frames.poll()
@@ -196,6 +214,10 @@ class PageServer:
     def _tick(self) -> None:
         self._loop.call_later(self._period, self._tick)
         self._ticks += 1
+        for sock, silent in tuple(self._silent.items()):
+            if silent.came + _TO_JOIN > self._loop.time():
+                break
+            self._drop_silent(sock)
         for viewer in tuple(self._viewers):
             if viewer.has_stalled():
                 viewer.abort()
@@ -241,26 +263,61 @@ class PageServer:
     # -- viewers ---------------------------------------------------------------------------------
 
     def _welcome(self, sock: socket.socket, name: str) -> None:
-        self._let_in += 1
-        if self._let_in == 1:
-            self._loop.call_later(_BREATHER, self._breathe)
-        elif self._let_in == _MOST_AT_ONCE:
+        # The oldest silent one goes first: otherwise they would fill the port for others.
+        if len(self._silent) >= _MOST_SILENT:
+            self._drop_silent(next(iter(self._silent)))
+        self._silent[sock] = _Silent(name, self._loop.time())
+        self._loop.add_reader(sock, self._speaks, sock)
+
+    def _drop_waiting(self) -> None:
+        for sock in tuple(self._silent):
+            self._drop_silent(sock)
+        for sock, _ in self._spoken:
+            sock.close()
+        self._spoken.clear()
+
+    def _drop_silent(self, sock: socket.socket) -> None:
+        self._loop.remove_reader(sock)
+        del self._silent[sock]
+        sock.close()
+
+    def _speaks(self, sock: socket.socket) -> None:
+        """A connection says something, or ends without a word."""
+        with contextlib.suppress(OSError):
+            if sock.recv(1, socket.MSG_PEEK):
+                self._loop.remove_reader(sock)
+                self._spoken.append((sock, self._silent.pop(sock).name))
+        if sock in self._silent:
+            self._drop_silent(sock)
+            return
+        if len(self._spoken) >= MOST_WAITING:
             self._acceptor.pause()
+        self._let_in_spoken()
+
+    def _let_in_spoken(self) -> None:
+        while self._spoken and self._let_in < _MOST_AT_ONCE:
+            self._let_in += 1
+            if self._let_in == 1:
+                self._loop.call_later(_BREATHER, self._breathe)
+            self._serve(*self._spoken.popleft())
+
+    def _breathe(self) -> None:
+        self._let_in = 0
+        self._let_in_spoken()
+        if len(self._spoken) < MOST_WAITING and not self._is_ending:
+            self._acceptor.resume()
+
+    def _serve(self, sock: socket.socket, name: str) -> None:
         if len(self._viewers) + len(self._strangers) >= MOST_CONNECTIONS:
             self._acceptor.refuse(sock, name)
             return
-        # Silent connections must not fill the port for others.
-        silent = [each for each in self._strangers if not each.is_guessing]
-        if len(silent) >= MOST_WAITING:
-            silent[0].abort()
+        # Those without a word must not fill the port for others.
+        waiting = [each for each in self._strangers if not each.is_guessing]
+        if len(waiting) >= MOST_WAITING:
+            waiting[0].abort()
         viewer = Viewer(sock, name, self._budget, self)
         self._strangers[viewer] = None
         self._loop.call_later(_TO_JOIN, self._give_up, viewer)
-
-    def _breathe(self) -> None:
-        if self._let_in >= _MOST_AT_ONCE and not self._is_ending:
-            self._acceptor.resume()
-        self._let_in = 0
 
     def _give_up(self, viewer: Viewer) -> None:
         if viewer in self._strangers:
@@ -304,12 +361,12 @@ class PageServer:
         if viewer.role is None:
             if not viewer.is_guessing:
                 self._take_word(viewer, message.word or "")
-        elif viewer.role is PageRole.DRIVE:
+        elif (control := self._controls.get(viewer)) is not None:
             tell = partial(self._call, self._tell, viewer)
             if message.line:
-                self._control.give(message.line, tell)
+                control.give(message.line, tell)
             elif message.key:
-                self._control.press(message.key, tell, fine=message.fine)
+                control.press(message.key, tell, fine=message.fine)
 
     def _tell(self, viewer: Viewer, text: str) -> None:
         if viewer in self._viewers:
@@ -336,8 +393,13 @@ class PageServer:
             viewer.send(frame)
         viewer.reset_backlog()
         self._viewers.add(viewer)
+        if viewer.role is PageRole.DRIVE:
+            self._controls[viewer] = PageControl(self._server)
 
     def viewer_gone(self, viewer: Viewer) -> None:
         """Remove a connection that has ended."""
+        if (control := self._controls.pop(viewer, None)) is not None:
+            with contextlib.suppress(RuntimeError):  # the robot's thread has ended
+                control.close()
         self._viewers.discard(viewer)
         self._strangers.pop(viewer, None)

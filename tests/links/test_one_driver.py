@@ -237,6 +237,8 @@ def test_the_process_of_a_packet_connection_is_looked_up_once(monkeypatch: pytes
     monkeypatch.setattr(driver_lock, "session_of", lambda pid: pid)
     with contextlib.closing(processes), socket.socket() as sock:
         lock = DriverLock(clock, processes)
-        assert lock.acquire_by_process(link, sock, "127.0.0.1:5") == ""
-        assert lock.acquire_by_process(link, sock, "127.0.0.1:6") == ""
+        decided: list[str] = []
+        lock.acquire_by_process(link, sock, "127.0.0.1:5", decided.append)
+        lock.acquire_by_process(link, sock, "127.0.0.1:6", decided.append)
+        assert decided == ["", ""]
     assert looked_up == ["127.0.0.1:5", "127.0.0.1:6"]

@@ -21,6 +21,7 @@ import pytest
 
 from simmer_tui.cli.command_line import say
 from simmer_tui.errors import ProgramError
+from simmer_tui.links.processes import StatField, stat_of
 from simmer_tui.program import Keeper, Program, ProgramOutput, keeper
 from simmer_tui.program.program_command import console_variables, is_python, words_of
 from simmer_tui.program.program_output import OutputRoute, OutputTail, _Stream
@@ -306,6 +307,30 @@ def test_all_ends_when_the_simulator_is_killed(lifeline: Lifeline, tmp_path: Pat
         simulator.kill()
     assert simulator.wait(SECONDS) == -signal.SIGKILL
     lifeline.wait_for_the_end()
+
+
+@pytest.mark.slow
+@linux
+def test_what_was_adopted_ends_when_the_simulator_is_killed() -> None:
+    """The keeper knows neither its environment nor its session nor its parent."""
+    code = "import sys; print(flush=True); sys.stdin.read()"
+    words = [sys.executable, "-S", "-c", code]
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+    with contextlib.ExitStack() as stack:
+        daemon, other = (
+            stack.enter_context(subprocess.Popen(words, env={}, start_new_session=True, **pipes))
+            for _ in range(2)
+        )
+        started = int(stat_of(daemon.pid)[StatField.STARTED])
+        simulator = (
+            "import os; from simmer_tui.program.kept_process import Keeper\n"
+            "kept = Keeper(); kept.watch('a')\n"
+            f"kept.adopt('a', {daemon.pid}, {started}); kept.adopt('a', {other.pid}, 1); os._exit(0)"
+        )
+        subprocess.run([sys.executable, "-c", simulator], check=True, timeout=SECONDS)
+        assert daemon.wait(SECONDS) == -signal.SIGTERM
+        assert other.poll() is None, "its number is another process's by now"
+        other.communicate(timeout=SECONDS)
 
 
 @pytest.mark.slow

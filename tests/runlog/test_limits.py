@@ -701,3 +701,22 @@ def test_an_access_token_is_not_logged(tmp_path: Path, configuration: Configurat
 def test_a_notice_is_no_advice_unless_said() -> None:
     record = decode_line(b'{"kind":"notice","t":0,"about":"fault","text":""}', 2)
     assert record == NoticeRecord(0.0, about=NoticeKind.FAULT, text="", subject="", advice=False)
+
+
+def test_a_log_of_blank_lines_is_refused_before_it_takes_minutes(
+    start_run: StartRun, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A compressed one of a megabyte had a thousand million of them."""
+    monkeypatch.setattr(reader, "MOST_BROKEN", 20)
+    run = start_run()
+    run.send("u1")
+    run.log.close()
+    whole = run.path.read_bytes()
+    run.path.write_bytes(whole + b"\n" * 20)
+    with LogReader(run.path) as log:
+        assert sum(isinstance(each, BrokenLine) for each in log) == 20
+    run.path.write_bytes(whole + b"\n" * 1000)
+    with LogReader(run.path) as log, pytest.raises(RunLogError, match="is no run log: 21 of its first"):
+        list(log)
+    with pytest.raises(RunLogError, match="have no record"):
+        RunLogIndex(run.path)

@@ -38,8 +38,8 @@ class NoServer:
 
         self.submit = BackendSwitch(self.engine).submit
 
-    def open_session(self) -> Session:
-        return self.engine.session(answer_at_end=False)
+    def open_session(self, lane: str = "") -> Session:
+        return self.engine.session(answer_at_end=False, lane=lane)
 
     def message(self, command: Command) -> Message:
         return typed_message(self.configuration.settings.server, command)

@@ -336,6 +336,41 @@ def test_a_viewer_that_does_not_read_is_dropped_and_holds_up_nobody(monkeypatch:
             viewers.append(len(run.page._viewers))
 
 
+def test_who_says_nothing_keeps_nobody_out() -> None:
+    """A newcomer whose request takes some milliseconds stays, though others come in a loop."""
+    with page_run() as run, contextlib.ExitStack() as stack:
+
+        def come() -> socket.socket:
+            return stack.enter_context(socket.create_connection(("127.0.0.1", run.port), SECONDS))
+
+        def is_served(sock: socket.socket) -> bool:
+            sock.sendall(f"GET / HTTP/1.1\r\nHost: {run.host}\r\n\r\n".encode())
+            return sock.recv(12) == b"HTTP/1.1 200"
+
+        oldest, *_ = [come() for _ in range(80)]
+        newcomer = come()
+        for _ in range(100):
+            come()
+        assert is_served(come()), "all before it have been accepted"
+        assert oldest.recv(1) == b"", "the oldest goes first"
+        assert is_served(newcomer)
+
+
+def test_what_a_page_has_in_its_queue_goes_with_it() -> None:
+    with page_run(web__control=True) as run:
+        with PageViewer(run) as viewer:
+            viewer.wait(lambda message: "run" in message)
+            run.server.call(run.server.engine.perform, Action(ActionName.PAUSE))
+            for line in ("d1-1", "d1-1", ":nothing"):
+                viewer.socket.send(json.dumps({"line": line}))
+            viewer.wait(lambda message: "told" in message)
+        while run.page._viewers:
+            time.sleep(0.001)
+        run.server.call(run.server.engine.perform, Action(ActionName.RESUME))
+        run.send("u1", "u1")
+        assert {event.command.code for event in run.told if isinstance(event, CommandResult)} == {"u1"}
+
+
 FLOOD = """
 import socket, sys, threading
 place = ("127.0.0.1", int(sys.argv[1]))

@@ -343,9 +343,9 @@ class Mailbox:
                 self._waiting.popitem(last=False)
         return dropped
 
-    def has(self, owner: str, since: float = -math.inf) -> bool:
-        """True if a reply from the time `since` or later waits for an owner."""
-        return any(each.owner == owner and each.since >= since for each in self._waiting.values())
+    def has(self, owner: str) -> bool:
+        """True if a reply waits for an owner."""
+        return any(each.owner == owner for each in self._waiting.values())
 
     def drop(self, owner: str, before: float = math.inf) -> int:
         """Drop an owner's replies from before the time `before`. Returns the count of items."""
@@ -353,6 +353,16 @@ class Mailbox:
             key for key, waiting in self._waiting.items() if waiting.owner == owner and waiting.since < before
         ]
         return sum(len(self._remove(key)) for key in theirs)
+
+    @property
+    def oldest(self) -> float:
+        """Time since which the oldest reply waits; infinity if none does."""
+        return next((each.since for each in self._waiting.values()), math.inf)
+
+    def expire(self, before: float) -> int:
+        """Drop the replies that have waited since before a time. Returns the count of items."""
+        old = [key for key, waiting in self._waiting.items() if waiting.since < before]
+        return sum(len(self._remove(key)) for key in old)
 
     def take(self) -> bytes:
         """All waiting items as one message, oldest first; no bytes if there are none.

@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from simmer_tui.links.backend import CommandBudget
 from simmer_tui.live.operating.line_advice import line_advice
 from simmer_tui.live.server import Server
 from simmer_tui.run.events import Action, ActionName, Notice, NoticeKind
@@ -32,11 +33,12 @@ _OPPOSITE = {kind: other for pair in AXIS_KINDS for kind, other in (pair, pair[:
 class Operator:
     """Puts a person's commands and actions into the robot's queue. No method waits for the robot's thread."""
 
-    def __init__(self, server: Server) -> None:
+    def __init__(self, server: Server, lane: str = "", budget: CommandBudget | None = None) -> None:
+        """A person at a page shares the turn of its `lane`, and a `budget` bounds what waits of one."""
         self._server = server
         self._spec = server.configuration.simulation
         self._screen = server.configuration.settings.screen
-        self._session = server.open_session()
+        self._session, self._budget = server.open_session(lane), budget
         self._block_told = False
         self._block_at = self._spec.block_center
         self._block_since = -1
@@ -53,7 +55,12 @@ class Operator:
                 if refused is not None and result.reason and math.isnan(result.reply):
                     refused(self._refusal(result))
 
-        self._server.call(self._server.submit, self._server.message(command), self._session, answered)
+        message = self._server.message(command)
+        self._server.call(self._server.submit, message, self._session, answered, self._budget)
+
+    def close(self) -> None:
+        """Drop the commands that wait, and end a velocity that it has set."""
+        self._server.call(self._session.close)
 
     def _refusal(self, result: CommandResult) -> str:
         is_unknown = result.status is Status.UNKNOWN or bool(result.command.problem)

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from simmer_tui.links.peer import MOST_CONNECTIONS
 from simmer_tui.robot.sessions import SLICE
 from simmer_tui.run.events import Action, ActionName, MovementEnded
 from simmer_tui.run.reducer import Reducer
@@ -245,3 +246,21 @@ def test_the_trail_on_the_screen_ends_where_xx_stopped_the_robot(on_clock: Any) 
 
     trail = on_clock(scenario)
     assert (trail[0], max(trail)) == (6.0, pytest.approx(12.0))
+
+
+def test_connections_with_open_requests_are_bounded_and_a_stop_comes_through(on_clock: Any) -> None:
+    """1,500 of them used up all descriptors."""
+
+    async def scenario(bench: Any) -> None:
+        for _ in range(MOST_CONNECTIONS + 10):
+            sender = await bench.connect(0)
+            await bench.clock.sock_sendall(sender, b"[w0:3]")
+        await bench.clock.until(lambda: bench.link.unanswered == MOST_CONNECTIONS + 10)
+        assert bench.traffic.connections == MOST_CONNECTIONS
+        stopper = await bench.connect(0)
+        await bench.clock.sock_sendall(stopper, b"[xx]")
+        await bench.clock.until(lambda: any(each.status is Status.STOPPED for each in bench.outcomes))
+        assert bench.traffic.connections == MOST_CONNECTIONS
+        assert not bench.simulator.moving
+
+    on_clock(scenario, link={"answer_at_end": True})

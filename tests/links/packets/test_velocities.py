@@ -69,3 +69,23 @@ def test_it_stays_its_programs_when_that_sends_it_again(on_clock: Any) -> None:
         assert not endings(bench)
 
     on_clock(scenario, link={"processes": Programs(Program())})
+
+
+@pytest.mark.parametrize("age", [60.0, 0.1])
+def test_a_sender_that_closed_before_it_was_seen_is_known_by_its_read(on_clock: Any, age: float) -> None:
+    """As simmer-python's programs do. One that began after the request is not its sender."""
+    programs, reader = Programs(None), Program(age=age)
+
+    async def scenario(bench: Any) -> None:
+        await bench.send(b"[vv-0;0;1]", 1)
+        await long_after(bench, 2)
+        assert sum("its velocity lasts up to 10 s (--idle)" in text for text in bench.notices) == 1
+        programs.now = reader
+        assert await bench.read()
+        reader.lives = False
+        await long_after(bench, 1)
+        assert endings(bench) == ([VelocityEnd.LEFT] if age > 2 else [])
+        await long_after(bench, IDLE)
+        assert endings(bench) == [VelocityEnd.LEFT]
+
+    on_clock(scenario, link={"processes": programs})
