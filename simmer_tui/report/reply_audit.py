@@ -206,7 +206,7 @@ class ReplyAudit:
         beliefs = np.concatenate([self._seen[code].belief for code in change.of])
         count, of = int(np.nansum(hits)), int(np.isfinite(hits).sum())
         first = self._beliefs[int(beliefs[hits == 1].min())]
-        text = f"the program used {self._as_taken(change)} ({count} of {of} readings)"
+        text = f"{self._as_taken(change)} ({count} of {of} readings)"
         # The unexplained share, at least a hundredth: one reading more or less makes no difference.
         return Disagreement(change.of, text, count, probability, max(1.0 - share, 0.01), *moment(first))
 
@@ -217,9 +217,9 @@ class ReplyAudit:
                 value, half = self._offset(change)
                 far = "more" if value > 0 else "less"
                 low, high = sorted((abs(value - half), abs(value + half)))
-                return f"{abs(value):.1f} in {far} ({low:.1f} to {high:.1f}) than {replies} in the log"
+                return f"{abs(value):.1f} in {far} ({low:.1f} to {high:.1f}) than {replies}"
             case FindingKind.GAIN:
-                return f"{change.value:.2f} times {replies} in the log"
+                return f"{change.value:.2f} times {replies}"
             case FindingKind.LATE:
                 old = "a reading" if change.value == 1 else f"{change.value:.0f} readings"
                 return f"{replies} {old} late"
