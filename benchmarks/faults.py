@@ -32,7 +32,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from fault_answers import CRASHED, PROGRAMS, Case, Fault, says
+from fault_answers import CRASHED, PROGRAMS, SENSOR, Case, Fault, says
 from fault_flights import CLEAN, case_of, flown, log_of, report_of
 from fault_independent import INDEPENDENT
 from fault_kinds import KINDS, TOLD, right_if_told
@@ -94,7 +94,9 @@ def grade(report: Mapping[str, Any], case: Case, *, crash_decides: bool = True) 
     # The last lines of a long traceback are without its heading.
     crashed = says(CRASHED, printed=", line ").matches(cause, report)
     if crash_decides and crashed and first != RIGHT:
-        return PARTLY
+        # The devices that stand behind a crash are named with it.
+        behind = {**cause, "kind": SENSOR} if cause["culprits"] else cause
+        return RIGHT if _grade_cause(behind, report, case) == RIGHT else PARTLY
     return first
 
 

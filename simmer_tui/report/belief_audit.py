@@ -20,7 +20,7 @@ from simmer_tui.run.episodes import SAME_POSE
 from simmer_tui.run.facts import DEFAULT_ALLOWED_TURN
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.angles import cos_sin_array, half_turn
-from simmer_tui.sim.arrays import BoolArray, FloatArray, IntArray
+from simmer_tui.sim.arrays import BoolArray, FloatArray
 from simmer_tui.sim.sensors import CountingSensor, modelled_sensor
 
 SURE = 1.5
@@ -192,21 +192,6 @@ class BeliefMotion:
             used = amounts if turning else np.abs(amounts)
             found.append(_Source(row.code, np.where(alone, used, np.nan), True))
         return found
-
-
-def following_beliefs(rows: Columns, beliefs: Columns, moves: IntArray) -> IntArray:
-    """The place of the belief that followed each reading before any movement; -1 where there is none.
-
-    Args:
-        rows: Readings, (n,).
-        beliefs: The beliefs.
-        moves: Running numbers of the ends of movements.
-    """
-    places = np.searchsorted(beliefs["order"], rows["order"])
-    # Readings after the last belief get a number beyond all of theirs.
-    orders = np.append(beliefs["order"], np.iinfo(np.int32).max)
-    here = np.searchsorted(moves, rows["order"]) == np.searchsorted(moves, orders[places])
-    return np.where(here & (places < len(beliefs)), places, -1)
 
 
 def _in_frame(beliefs: Columns, names: tuple[str, str, str], turns: FloatArray) -> FloatArray:

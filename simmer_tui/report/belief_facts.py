@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,20 +10,21 @@ import numpy as np
 
 from simmer_tui.report.belief_audit import BeliefMotion
 from simmer_tui.report.finding import FEWEST, Disagreement, kept_disagreements
-from simmer_tui.report.reply_audit import ReplyAudit
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.facts import SLIGHT_TURN, UNSURE, UNSURE_TURN
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.angles import cos_sin_array, half_turn
 from simmer_tui.sim.arrays import FloatArray
-from simmer_tui.sim.command import counted
 from simmer_tui.sim.sensors import ObservingSensor, modelled_sensor
-from simmer_tui.sim.specs import CELL_SIZE, SensorSpec
+from simmer_tui.sim.specs import CELL_SIZE
 
 _NEAR = 1.5
 """Inches around a constant offset within which a belief has it: half of a robot's width; judged."""
 _CONSTANT = 0.75
 """Least share of sure beliefs with one error that make it constant. Judged."""
+_MOST_NAMED = 4
+_ASSUMED = 1.0
+"""Spread, inches, of a first belief that no reading can have led to. Judged."""
 _LEAST = 2.0
 """Least constant offset, inches, that matters: a sixth of a cell."""
 _ON_GRID = 1.0
@@ -93,9 +94,10 @@ class BeliefFacts:
             return None
         share = float((np.abs(half_turn(turns - value)) <= SLIGHT_TURN).mean())
         text = f"turned by {value:+.0f} deg in {100 * share:.0f} % of the sure beliefs"
-        # With a right place only the heading is wrong: that is the compass, if one was read.
-        is_placed = float(np.median(self.sure["distance"])) <= UNSURE
-        return ConstantError(text, share, tuple(each.code for each in self._compasses() if is_placed))
+        # Sure of a far place from the first belief on: the program assumed a start, without its compass.
+        first = self.rows[0]
+        is_assumed = first["distance"] > CELL_SIZE and first["spread"] < _ASSUMED
+        return ConstantError(text, share, () if is_assumed else self._compasses)
 
     def _of_maze(self) -> list[ConstantError]:
         """Beliefs in a maze that is mirrored, or turned as a whole."""
@@ -117,25 +119,23 @@ class BeliefFacts:
             found.append(ConstantError(text, float(fits.mean())))
         return found
 
-    def _compasses(self) -> list[SensorSpec]:
+    @property
+    def _compasses(self) -> tuple[str, ...]:
+        """Codes of the compasses that were read."""
         read = set(self._seen.history.sensor_codes)
         made = ((each, modelled_sensor(each)) for each in self._seen.spec.sensors if each.code in read)
-        return [each for each, it in made if isinstance(it, ObservingSensor) and it.period]
+        return tuple(each.code for each, it in made if isinstance(it, ObservingSensor) and it.period)
 
     @cached_property
     def steps(self) -> list[Disagreement]:
         """The devices that explain believed steps best; none where these are right."""
-        return self._first(lambda since: BeliefMotion(self._seen, since).explanations())
-
-    @cached_property
-    def readings(self) -> list[Disagreement]:
-        """The changed readings that the sure beliefs fit best; none where they fit the real ones."""
-        return self._first(lambda since: [ReplyAudit(self._seen, since).explanations()])
-
-    @property
-    def explained_by(self) -> list[Disagreement]:
-        """What explains the beliefs, the surest first; none where they agree with the truth."""
-        return self.steps or self.readings
+        if not self.has_truth:
+            return []
+        tests = [test for since in self._stretches for test in BeliefMotion(self._seen, since).explanations()]
+        kept = kept_disagreements(tests)
+        free = [each for each in kept if not any(code in self._known for one in each for code in one.of)]
+        # More explanations than can be named name none.
+        return free[0] if free and len(free[0]) <= _MOST_NAMED else []
 
     @property
     def text(self) -> str:
@@ -143,26 +143,17 @@ class BeliefFacts:
         parts = []
         if self.constant is not None:
             parts.append(f"Its belief was {self.constant.text}.")
-        if self.explained_by:
-            parts.append(f"Its beliefs fit {'; or '.join(each.text for each in self.explained_by)}.")
+        if self.steps:
+            parts.append(f"Its steps fit {'; or '.join(each.text for each in self.steps)}.")
         return " ".join(parts)
 
     @property
     def culprits(self) -> tuple[str, ...]:
         """Codes of the devices behind it."""
-        codes = [code for each in self.explained_by for code in each.of]
+        codes = [code for each in self.steps for code in each.of]
         if not codes and self.constant is not None:
             codes = list(self.constant.of)
         return tuple(dict.fromkeys(codes))
-
-    def _first(self, tests_of: Callable[[int], Sequence[list[Disagreement]]]) -> list[Disagreement]:
-        if not self.has_truth:
-            return []
-        tests = [test for since in self._stretches for test in tests_of(since) if test]
-        kept = kept_disagreements(tests)
-        free = [each for each in kept if not any(code in self._known for one in each for code in one.of)]
-        # More explanations than can be named name none.
-        return free[0] if free and len(free[0]) <= 4 else []
 
     @property
     def _stretches(self) -> list[int]:
@@ -174,8 +165,3 @@ class BeliefFacts:
         beliefs = seen.history.beliefs
         before = beliefs.place_of(lost.order) - beliefs.place_of(seen.placed)
         return [seen.placed, lost.order - 1] if before >= FEWEST["set"] else [seen.placed]
-
-
-def sure_share_text(facts: BeliefFacts) -> str:
-    """The share of sure beliefs in words."""
-    return f"{len(facts.sure)} of {counted(len(facts.rows), 'belief')} sure"

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from simmer_tui.report.causes import Cause, Kind, MomentKind, Sureness
 from simmer_tui.report.contact_evidence import BLIND, BLIND_TURN, belief_text, movements_text
-from simmer_tui.report.finding import Finding
+from simmer_tui.report.finding import FEWEST, Finding
 from simmer_tui.report.run_evidence import RunEvidence
 from simmer_tui.report.typical_runs import most_different
 from simmer_tui.report.why import shown_range
@@ -39,6 +39,8 @@ from simmer_tui.sim.command import counted, escape_passage
 # Judged: a good program crosses the maze with fewer movements.
 STAYED, MOVES = 0.25, 20
 """Share of the time limit, and number of movements (or none), without progress that count as a cause."""
+_STOOD = 0.01
+"""Inches below which the robot has not moved."""
 _NAMED = 4
 """Findings named in a sentence; the table of devices has all."""
 
@@ -47,7 +49,7 @@ _NAMED = 4
 class Fact:
     """A fact that decided a run: a sentence, its moment (elapsed seconds) with its line and place, by default
     the run's end, and the codes of the devices that it is about. `advice` replaces that of its rule.
-    `has_belief` is true if beliefs that are wrong may explain it."""
+    `has_behind` is true if wrong devices or beliefs may explain it."""
 
     text: str
     at: Timed | None = None
@@ -55,7 +57,7 @@ class Fact:
     place: tuple[float, float] | None = None
     culprits: tuple[str, ...] = ()
     advice: str | None = None
-    has_belief: bool = False
+    has_behind: bool = False
     sure: Sureness = Sureness.CERTAIN
 
 
@@ -78,7 +80,7 @@ def cause_of(run: RunEvidence) -> Cause:
         fact = rule.find(run)
         if fact is not None:
             return _made(run, rule, fact)
-    return _made(run, UNKNOWN, Fact(f"Unknown. {most_different(run.seen)}"))
+    return _made(run, NO_RULE, Fact(f"Unknown. {most_different(run.seen)}"))
 
 
 def advice_on(kind: Kind) -> str:
@@ -88,12 +90,16 @@ def advice_on(kind: Kind) -> str:
 
 def _made(run: RunEvidence, rule: CauseRule, fact: Fact) -> Cause:
     seen, text, culprits = run.seen, fact.text, fact.culprits
-    if fact.has_belief or rule is UNKNOWN:
-        behind = run.belief
-        text = f"{text} {behind.text}".rstrip()
-        culprits = tuple(dict.fromkeys((*culprits, *behind.culprits)))
+    if fact.has_behind or rule is NO_RULE:
+        behind, codes = _behind(run)
+        text = f"{text} {behind}".rstrip()
+        culprits = tuple(dict.fromkeys((*culprits, *codes)))
     met = run.contact if run.has_contact else None
-    evidence = met.sentences if met is not None else (belief_text(seen.beliefs[0]), _goals(seen))
+    evidence: tuple[str, ...] = (belief_text(seen.beliefs[0]), _goals(seen))
+    if met is not None:
+        evidence = met.sentences
+    elif seen.is_silent:
+        evidence = (f"Last output: {run.last_words}." if run.last_words else "",)
     at = fact.at
     elapsed = fact.since if fact.since is not None else seen.elapsed if at is None else at.elapsed
     return Cause(
@@ -109,6 +115,20 @@ def _made(run: RunEvidence, rule: CauseRule, fact: Fact) -> Cause:
         culprits=culprits,
         advice=rule.advice if fact.advice is None else fact.advice,
     )
+
+
+def _behind(run: RunEvidence) -> tuple[str, tuple[str, ...]]:
+    """Sentences of the tables that stand behind a fact: wrong devices, else beliefs or corrections. And the
+    codes of the devices."""
+    if run.findings and run.seen.task is not None:
+        told, codes = _told(run.findings)
+        return told, codes
+    text, codes = run.belief.text, run.belief.culprits
+    if codes or not run.corrections:
+        return text, codes
+    told = "; or ".join(each.text for each in run.corrections)
+    of = tuple(dict.fromkeys(code for each in run.corrections for code in each.of))
+    return f"{text} {told}.".strip(), of
 
 
 # -- commands ----------------------------------------------------------------------------------------------
@@ -151,7 +171,9 @@ def _crashed(run: RunEvidence) -> Fact | None:
     program = run.program
     if program is None or not program.crashed or program.stopped or run.has_contact:
         return None
-    return Fact(f"{capitalized(program_end_text(program))}.")
+    led = _moved(run) or _stalled(run)
+    text = f"{capitalized(program_end_text(program))}. {'' if led is None else led.text}".rstrip()
+    return Fact(text, culprits=() if led is None else led.culprits, has_behind=led is None)
 
 
 def _moved(run: RunEvidence) -> Fact | None:
@@ -194,8 +216,8 @@ def _silence(run: RunEvidence) -> Fact | None:
         text = "The program sent no command at all."
         if run.exit_code:
             text = f"{capitalized(exit_text(run.exit_code))} before it sent a command."
-        words = f" Its last output: {run.last_words}." if run.last_words else ""
-        return Fact(f"{text}{words}", since=seen.elapsed)
+        advice = "Connect to the address in SIMMER_HOST and SIMMER_PORT, and send a first command."
+        return Fact(text, since=seen.elapsed, advice=advice)
     end = "the real time limit" if run.cut_off else "the time limit"
     return Fact(f"No command came after {quiet.since:.1f} s. The run was ended at {end}.", since=quiet.since)
 
@@ -219,7 +241,7 @@ def _unread(run: RunEvidence) -> Fact | None:
         text = f"{who} {verb}{since}; then {met.met.row.shown} was sent. {_contact(run)}"
         advice = f"Read {codes[0] if codes else 'a range sensor'} before each movement."
         return Fact(
-            text, met.met.row, since=met.sent, place=met.met.contact.point, advice=advice, has_belief=True
+            text, met.met.row, since=met.sent, place=met.met.contact.point, advice=advice, has_behind=True
         )
     unseen = run.unseen_block
     if unseen is None or run.seen.stuck is not None or run.lost is not None:
@@ -245,13 +267,13 @@ def _known_wall(run: RunEvidence) -> Fact | None:
         read = f"{shown.code} read {shown_range(shown.value)} at {shown.elapsed:.1f} s"
         text = f"{read}; then {row.shown} was sent. {_contact(run)}"
         advice = f"Compare each movement with {shown.code} before you send it."
-        return Fact(text, row, since=met.sent, place=point, advice=advice, has_belief=True)
+        return Fact(text, row, since=met.sent, place=point, advice=advice, has_behind=True)
     if not met.is_into_known or met.belief is None:
         return None
     wall = obstacle_text(met.met.contact)
     into = f"{row.shown} led {met.beyond:.1f} in into {wall}"
     text = f"Its belief was right, off by {met.belief.error_text}; {into}. {_contact(run)}"
-    return Fact(text, row, since=met.sent, place=point, has_belief=True)
+    return Fact(text, row, since=met.sent, place=point, has_behind=True)
 
 
 def _sensor_wrong(run: RunEvidence) -> Fact | None:
@@ -259,7 +281,7 @@ def _sensor_wrong(run: RunEvidence) -> Fact | None:
     if found and run.seen.task is not None:
         return _devices(run, found)
     met = run.contact if run.has_contact else None
-    last = None if met is None else met.misread
+    last = None if met is None or met.is_blind else met.misread
     if met is None or last is None:
         return None
     there = f"the wall was {shown_range(last.true)} away"
@@ -278,7 +300,7 @@ def _drive_wrong(run: RunEvidence) -> Fact | None:
     if found and run.seen.task is not None:
         return _devices(run, found)
     met = run.contact if run.has_contact else None
-    errors = None if met is None else met.drive_errors
+    errors = None if met is None or met.is_blind else met.drive_errors
     if met is None or errors is None:
         return None
     text = (
@@ -291,13 +313,19 @@ def _drive_wrong(run: RunEvidence) -> Fact | None:
 
 
 def _devices(run: RunEvidence, found: Sequence[Finding]) -> Fact:
-    told = ". ".join(each.text for each in found[:_NAMED])
-    more = f". Besides: {counted(len(found) - _NAMED, 'other finding')}" if len(found) > _NAMED else ""
-    codes = tuple(dict.fromkeys(each.of for each in found))
+    told, codes = _told(found)
     others = [each for each in run.findings if each not in found]
     besides = f" Also {others[0].text}." if others else ""
-    since = _first_use(run.seen, found[0].of)
-    return Fact(f"{told}{more}.{besides}", since=since, culprits=codes, sure=Sureness.LIKELY)
+    return Fact(
+        f"{told}{besides}", since=_first_use(run.seen, codes[0]), culprits=codes, sure=Sureness.LIKELY
+    )
+
+
+def _told(found: Sequence[Finding]) -> tuple[str, tuple[str, ...]]:
+    """Findings as sentences, and the codes of their devices."""
+    told = ". ".join(each.text for each in found[:_NAMED])
+    more = f". Besides: {counted(len(found) - _NAMED, 'other finding')}" if len(found) > _NAMED else ""
+    return f"{told}{more}.", tuple(dict.fromkeys(each.of for each in found))
 
 
 def _first_use(seen: Attempt, code: str) -> float:
@@ -333,7 +361,7 @@ def _missed_grip(run: RunEvidence) -> Fact | None:
             else f". The last time, {miss_text(missed)}"
         )
         text = f"The gripper closed on nothing{often}{last}.{_was_lost(run, done.order)}"
-        return Fact(text, done, place=(done.grip.block.x, done.grip.block.y), has_belief=True)
+        return Fact(text, done, place=(done.grip.block.x, done.grip.block.y), has_behind=True)
     gripper = seen.spec.gripper
     if gripper is None:
         return None
@@ -368,7 +396,7 @@ def _dropped(run: RunEvidence) -> Fact | None:
         off = outside_text(missed_zone(zone, block.x, block.y))
         cell = f"{off} the cell around {place_text(zone.x, zone.y)}"
         text = f"It set the block down outside the drop zone: at {where}, {cell}."
-    return Fact(f"{text}{_was_lost(run, done.order)}", done, place=(block.x, block.y), has_belief=True)
+    return Fact(f"{text}{_was_lost(run, done.order)}", done, place=(block.x, block.y), has_behind=True)
 
 
 def _was_lost(run: RunEvidence, order: int) -> str:
@@ -386,28 +414,26 @@ def _lost(run: RunEvidence) -> Fact | None:
             return None
         if met.lost is not None:
             text = f"It was lost. {capitalized(wrong_text(met.lost))}. {_contact(run)}"
-            return Fact(text, met.lost, has_belief=True)
+            return Fact(text, met.lost, has_behind=True)
         off = met.belief
         spread = "" if math.isnan(off.spread) else f", with a spread of {off.spread:.1f} in"
         text = f"It drove on with a belief off by {off.error_text}{spread}. {_contact(run)}"
-        return Fact(text, off, has_belief=True)
+        return Fact(text, off, has_behind=True)
     belief, lost = seen.beliefs
     if seen.task is None or belief is None:
         return None
     if lost is not None:
         never = "It never found its place" if run.localized is None else "It was lost"
-        return Fact(f"{never}: {wrong_text(lost)}. {_end(run)}.", lost, has_belief=True)
-    stalls = _stalled(run) is not None
-    if not stalls and (belief.unsure or run.localized is None or seen.hardly_localized):
-        late = "no longer knew" if belief.unsure else "seldom knew"
-        ever = "never found out" if run.localized is None else late
-        return Fact(f"It {ever} where it was. {_end(run)}.", belief, has_belief=True)
+        return Fact(f"{never}: {wrong_text(lost)}. {_end(run)}.", lost, has_behind=True)
+    if _stalled(run) is None and (belief.unsure or run.localized is None):
+        ever = "never found out" if run.localized is None else "no longer knew"
+        return Fact(f"It {ever} where it was. {_end(run)}.", belief, has_behind=True)
     return None
 
 
 def _too_close(run: RunEvidence) -> Fact | None:
     met = run.contact if run.has_contact else None
-    if met is None:
+    if met is None or _stalled(run) is not None:
         return None
     contact, row = met.met.contact, met.met.row
     side = side_text(contact)
@@ -419,17 +445,17 @@ def _too_close(run: RunEvidence) -> Fact | None:
         return None
     else:
         text = f"{row.shown} passed {obstacle_place(contact, run.seen.spec)} too close. {_contact(run)}"
-    return Fact(text, row, since=met.sent, place=contact.point, has_belief=True)
+    return Fact(text, row, since=met.sent, place=contact.point, has_behind=True)
 
 
 def _nowhere(run: RunEvidence) -> Fact | None:
     seen, stuck = run.seen, run.seen.stuck
-    if run.has_contact or seen.task is None:
+    if seen.task is None:
         return None
-    if stuck is not None and seen.collision is not None:
+    if stuck is not None and seen.collision is not None and not run.has_contact:
         pose = seen.collision.row.pose
         return Fact(
-            f"It was stuck at {place_text(pose.x, pose.y)}: {stuck.text}.", since=stuck.since, has_belief=True
+            f"It was stuck at {place_text(pose.x, pose.y)}: {stuck.text}.", since=stuck.since, has_behind=True
         )
     return _stalled(run)
 
@@ -443,7 +469,7 @@ def _stalled(run: RunEvidence) -> Fact | None:
     long = STAYED * task.time_limit
     if dwell is not None and dwell.readings >= HUNDRED and seen.elapsed - dwell.since >= long:
         text = f"From {dwell.since:.1f} s on no movement came, and {counted(dwell.readings, 'reading')} did."
-        return Fact(text, since=dwell.since, culprits=_no_longer_sent(seen, dwell.since), has_belief=True)
+        return Fact(text, since=dwell.since, culprits=_no_longer_sent(seen, dwell.since), has_behind=True)
     # A robot that stands and reads is slow, not without progress: half of the time must have been driving.
     lasted = seen.elapsed - stalled.since
     idle = lasted < long or stalled.driving < lasted / 2
@@ -459,11 +485,29 @@ def _stalled(run: RunEvidence) -> Fact | None:
             if seen.whole_numbers:
                 text += ". All commands to drive were whole numbers"
         place = (stalled.place.x, stalled.place.y)
-        return Fact(f"{text}.", since=stalled.since, place=place, culprits=culprits, has_belief=True)
-    if loop is None:
+        return Fact(f"{text}.", since=stalled.since, place=place, culprits=culprits, has_behind=True)
+    if loop is not None:
+        text = (
+            f"From {loop.since:.1f} s on it repeated the same {loop.commands} movements {loop.rounds} times."
+        )
+        return Fact(text, since=loop.since, place=(loop.place.x, loop.place.y), has_behind=True)
+    return _stays(seen)
+
+
+def _stays(seen: Attempt) -> Fact | None:
+    """It turned and read on, and drove no more."""
+    history = seen.history
+    moves, readings = seen.within(history.movements), seen.within(history.readings)
+    drove = moves[(moves["went"] > _STOOD) & ~moves["grips"]]
+    if len(drove) < FEWEST["set"]:
         return None
-    text = f"From {loop.since:.1f} s on it repeated the same {loop.commands} movements {loop.rounds} times."
-    return Fact(text, since=loop.since, place=(loop.place.x, loop.place.y), has_belief=True)
+    since = float(drove["elapsed"][-1])
+    later = int((readings["elapsed"] > since).sum())
+    if later < HUNDRED or seen.elapsed - since < STAYED * (seen.elapsed - seen.begun):
+        return None
+    codes = tuple(history.code_names[number] for number in dict.fromkeys(drove["code"].tolist()))
+    text = f"From {since:.1f} s on no {' or '.join(codes)} came, and {counted(later, 'reading')} did."
+    return Fact(text, since=since, culprits=codes if len(codes) == 1 else (), has_behind=True)
 
 
 def _no_longer_sent(seen: Attempt, since: float) -> tuple[str, ...]:
@@ -491,7 +535,7 @@ def _slow(run: RunEvidence) -> Fact | None:
     read = (
         f" It read sensors {times_text(spent.readings.total())} ({code} {times_text(often)})." if code else ""
     )
-    return Fact(f"Most of its time went to {most} ({listed}).{read}", has_belief=True)
+    return Fact(f"Most of its time went to {most} ({listed}).{read}", has_behind=True)
 
 
 def _ended(run: RunEvidence) -> Fact | None:
@@ -502,7 +546,7 @@ def _ended(run: RunEvidence) -> Fact | None:
         return None
     words = f" Its last output: {run.last_words}." if run.last_words else ""
     text = f"{capitalized(exit_text(run.exit_code))} before it was done.{words} {_goals(seen)}"
-    return Fact(text.rstrip(), has_belief=True)
+    return Fact(text.rstrip(), has_behind=True)
 
 
 # -- text --------------------------------------------------------------------------------------------------
@@ -545,15 +589,15 @@ ORDER: tuple[CauseRule, ...] = (
         Kind.WIRE,
         _wire,
         MomentKind.FAULT,
-        "the simulator reported a mistake in the program's connection or lines, and no goal was met after it",
-        "all others: commands that do not arrive decide nothing",
+        "the simulator reported a mistake of the connection or a line, and no goal was met after it",
+        "all others",
     ),
     CauseRule(
         Kind.REFUSED,
         _refused,
         MomentKind.FAULT,
         "most commands were refused, or the last one for a drive or the gripper",
-        "decisions of the program that followed",
+        "what followed",
         "Print the reply to the refused command: its reason says what to change.",
     ),
     CauseRule(
@@ -561,14 +605,14 @@ ORDER: tuple[CauseRule, ...] = (
         _crashed,
         MomentKind.PROGRAM,
         "an exception or a signal ended the program",
-        "facts that only led there",
+        "what led there",
     ),
     CauseRule(
         Kind.MOVED,
         _moved,
         MomentKind.PERSON,
-        "a person moved the robot, drove it or moved the block, and the program did not recover",
-        "wrong beliefs and contacts after it",
+        "a person moved the robot or the block, and the program did not recover",
+        "what followed",
         "Compare each reading with the belief, and search again when they no longer fit.",
     ),
     CauseRule(
@@ -580,45 +624,42 @@ ORDER: tuple[CauseRule, ...] = (
         "Print a line before each command: the last line shows where the program waits.",
     ),
     CauseRule(
-        Kind.UNREAD,
-        _unread,
-        MomentKind.SIGHT,
-        "no range sensor was read on the last 4 in or 45 deg of path; "
-        "or the only sensor that sees the block never was",
-        "wrong readings",
-    ),
-    CauseRule(
-        Kind.KNOWN_WALL,
-        _known_wall,
-        MomentKind.COMMAND,
-        "a right reading or a right belief showed the wall, and the command led an inch or more into it",
-        "wrong readings and drive errors",
-        "Compare each movement with the distance to the wall before you send it.",
-    ),
-    CauseRule(
         Kind.SENSOR_WRONG,
         _sensor_wrong,
         MomentKind.DEVICE,
-        "the table of devices has a sensor that is not as its set says; "
-        "or the last reading of the wall was wrong",
-        "consequences of that sensor",
+        "a sensor differs from its set; or the last reading of the wall was wrong",
+        "what followed",
         "Calibrate the sensor, or give the program the numbers of this set.",
     ),
     CauseRule(
         Kind.DRIVE_WRONG,
         _drive_wrong,
         MomentKind.DEVICE,
-        "the table of devices has a drive that is not as its set says; "
-        "or without drive errors nothing would have been touched",
-        "consequences of that drive",
+        "a drive differs from its set; or without drive errors nothing would have been touched",
+        "what followed",
         "Measure after each movement, and correct for the drive's error.",
+    ),
+    CauseRule(
+        Kind.UNREAD,
+        _unread,
+        MomentKind.SIGHT,
+        "no range was read on the last 4 in or 45 deg; or the only sensor that sees the block never was",
+        "wrong readings",
+    ),
+    CauseRule(
+        Kind.KNOWN_WALL,
+        _known_wall,
+        MomentKind.COMMAND,
+        "a right reading or belief showed the wall, and the command led an inch or more into it",
+        "wrong readings, drive errors",
+        "Compare each movement with the distance to the wall before you send it.",
     ),
     CauseRule(
         Kind.MISSED_GRIP,
         _missed_grip,
         MomentKind.COMMAND,
         "the gripper closed on nothing, or was not used where the block was right for it",
-        "all that follows",
+        "a wrong belief",
         "Measure the distance to the block once more before you close the gripper.",
     ),
     CauseRule(
@@ -626,7 +667,7 @@ ORDER: tuple[CauseRule, ...] = (
         _dropped,
         MomentKind.COMMAND,
         "the block was set down outside the drop zone",
-        "all that follows",
+        "a wrong belief",
         "Check the block's place, not the robot's, before you open the gripper.",
     ),
     CauseRule(
@@ -634,7 +675,7 @@ ORDER: tuple[CauseRule, ...] = (
         _lost,
         MomentKind.LOST,
         "the belief was wrong or unsure at the contact or at the end",
-        "the path that a right belief would have taken",
+        "the path",
         "Turn on the spot and read all sensors until the belief is sure, before you drive on.",
     ),
     CauseRule(
@@ -670,10 +711,10 @@ ORDER: tuple[CauseRule, ...] = (
     ),
 )
 """The rules, the first first."""
-UNKNOWN = CauseRule(
+NO_RULE = CauseRule(
     Kind.UNKNOWN,
     lambda run: None,
     MomentKind.END,
-    "no rule holds: the three facts that differ most from runs that succeed are named",
+    "none holds: the three figures that differ most from runs that succeed are named",
     "",
 )

@@ -69,6 +69,8 @@ def _commands(run: RunEvidence) -> Iterator[tuple[object, ...]]:
     text = "" if alone is None else f"the block, in sight at {alone.since:.1f} s: {' '.join(alone.codes)}"
     yield "seen only by them", None if alone is None else len(alone.codes), text
     yield "longest silence", None, _longest_gap(rows)
+    told = "; or ".join(each.text for each in run.corrections)
+    yield "corrections that do not shrink", run.corrections[0].count if run.corrections else 0, told
     again, of, example = _repeated(seen.within(history.movements), names)
     yield "repeated movements", again, f"of {of}, such as {example}" if again else ""
 
@@ -148,7 +150,7 @@ def _beliefs(run: RunEvidence) -> Iterator[tuple[object, ...]]:
         share = f"{100 * len(sure) / len(rows):.0f} % of {counted(len(rows), 'belief')}"
     yield "sure", len(sure), share
     if not facts.has_truth:
-        yield from ((name, None, NO_TRUTH) for name in ("error", "constant offset", "steps", "readings"))
+        yield from ((name, None, NO_TRUTH) for name in ("error", "constant offset", "steps"))
         return
     error = ""
     if len(sure):
@@ -157,4 +159,3 @@ def _beliefs(run: RunEvidence) -> Iterator[tuple[object, ...]]:
     yield "error", len(sure), error
     yield "constant offset", None, "" if facts.constant is None else facts.constant.text
     yield "steps", None, "; or ".join(each.text for each in facts.steps)
-    yield "readings", None, "; or ".join(each.text for each in facts.readings)

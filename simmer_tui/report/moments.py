@@ -156,12 +156,13 @@ def _fault(run: RunEvidence) -> Iterator[Moment]:
 
 
 def _person(run: RunEvidence) -> Iterator[Moment]:
+    began = run.seen.history.began
     for row in run.seen.history.actions.items:
         name = row.done.action.name
-        if row.order > run.seen.history.began and not row.done.refused and name.helps:
-            yield Moment(
-                MomentKind.PERSON, row.elapsed, f"a person did: {escape_passage(row.done.text)}", row.line
-            )
+        has_acted = row.order > began and name.helps
+        if not row.done.refused and (has_acted or (row.order == began and name.restarts)):
+            text = f"a person used {name.value}: {escape_passage(row.done.text)}"
+            yield Moment(MomentKind.PERSON, row.elapsed, text, row.line)
 
 
 def _lost(run: RunEvidence) -> Iterator[Moment]:
@@ -177,7 +178,7 @@ def _lost(run: RunEvidence) -> Iterator[Moment]:
 
 
 def _deciding(run: RunEvidence) -> Iterator[Moment]:
-    """The last sight and the command of a contact; else the grip that decided, or the last movement."""
+    """The last sight and the command of a contact, and the grip that decided."""
     seen, met = run.seen, run.contact
     if met is not None and (run.has_contact or seen.task is None):
         row, last = met.met.row, met.facing
@@ -194,16 +195,15 @@ def _deciding(run: RunEvidence) -> Iterator[Moment]:
             true = f"; the true distance was {shown_range(last.true)}" if off else ""
             text = f"{code}, which looks there, read {shown_range(last.value)}{true}"
         yield Moment(MomentKind.SIGHT, at, text, code=code)
-        return
     grip = run.last_grip
     if grip is not None:
         block = (grip.grip.block.x, grip.grip.block.y)
         let_go = f"it set the block down at {place_text(*block)}"
         text = let_go if grip.had and not grip.grip.closed else f"it {grip_ending(grip.grip)}"
         gripper = seen.spec.gripper
-        yield Moment(
-            MomentKind.COMMAND, grip.elapsed, text, grip.line, gripper.code if gripper else "", block
-        )
+        kind = MomentKind.GOAL if run.has_contact else MomentKind.COMMAND
+        code = gripper.code if gripper else ""
+        yield Moment(kind, grip.elapsed, text, grip.line, code, block)
 
 
 def _end(run: RunEvidence) -> Iterator[Moment]:
@@ -237,10 +237,9 @@ def _end(run: RunEvidence) -> Iterator[Moment]:
         yield Moment(MomentKind.END, seen.elapsed, text, seen.line, place=pose)
     program = run.program
     if program is not None and not (over is not None and over.event.subject is Result.SUCCESS):
-        by_itself = " by itself" if not program.crashed and not program.stopped else ""
         said = shorten(run.last_words, _WORDS, placeholder=" ...")
         words = f"; its last output: {said}" if said and not program.crashed else ""
-        text = f"{program_end_text(program)}{by_itself}{words}"
+        text = program_end_text(program).replace("ended with", "ended by itself, with") + words
         yield Moment(MomentKind.PROGRAM, seen.elapsed, text, seen.line, place=pose)
 
 

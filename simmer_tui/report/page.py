@@ -95,7 +95,7 @@ def verdict_box(verdict: Verdict, *, is_mission: bool) -> VerdictBox:
 
 
 def _moments(verdict: Verdict) -> Bullets:
-    """What happened, each moment with a link that moves the player there."""
+    """The moments, each with a link that moves the player there."""
     lines: list[tuple[Prose, ...]] = []
     for each in verdict.moments:
         link = TextLink(f"{each.elapsed:.1f} s", f"#t={each.elapsed:.2f}")

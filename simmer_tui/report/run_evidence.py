@@ -10,8 +10,9 @@ from functools import cached_property
 import numpy as np
 
 from simmer_tui.report.belief_facts import BeliefFacts
+from simmer_tui.report.command_audit import multiplied_corrections
 from simmer_tui.report.contact_evidence import ContactEvidence
-from simmer_tui.report.finding import FEWEST, Basis, Finding
+from simmer_tui.report.finding import FEWEST, Basis, Disagreement, Finding, kept_disagreements
 from simmer_tui.report.sensor_sample import world_without_block
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.episodes import Episode, EpisodeKind
@@ -157,6 +158,18 @@ class RunEvidence:
             return Silence(end, quiet, real)
         return None
 
+    @cached_property
+    def corrections(self) -> list[Disagreement]:
+        """The drives, and what measures them, by which corrections did not shrink; none where they did."""
+        if self.seen.history.is_twin:
+            return []
+        known = {each.of for each in self.findings}
+        drives = [each for each in self.seen.spec.drives if each.code not in known]
+        kept = kept_disagreements(
+            each for row in drives for each in multiplied_corrections(self.seen, row) if each
+        )
+        return kept[0] if kept else []
+
     # -- devices -------------------------------------------------------------------------------------------
 
     def findings_about(self, *, drives: bool) -> list[Finding]:
@@ -211,7 +224,7 @@ class RunEvidence:
 
     @cached_property
     def belief(self) -> BeliefFacts:
-        """What the beliefs say, beside the truth."""
+        """The beliefs beside the truth."""
         return BeliefFacts(self.seen, {each.of for each in self.findings})
 
     @cached_property

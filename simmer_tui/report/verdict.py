@@ -60,7 +60,7 @@ class Verdict:
     """The goal reached last."""
     cause: Cause | None = None
     moments: tuple[Moment, ...] = ()
-    """What happened, in order."""
+    """Facts of the run, in order."""
     evidence: tuple[str, ...] = ()
     advice: str = ""
     """The next thing to try."""

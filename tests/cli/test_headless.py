@@ -423,7 +423,7 @@ def test_a_program_that_cannot_be_started_has_a_verdict_and_127(tmp_path: Path, 
     code, out, err = ended("--run", command, "--log", str(log))
     assert (code, out) == (127, "")
     *_, advice, last = err.splitlines()
-    assert advice == "  Fix first: the command after --run. Try it alone in a terminal."
+    assert advice == "  Try: the command after --run alone in a terminal."
     assert last.startswith("verdict: The program could not start: --run")
     found = build_report(log).verdict
     assert (found.outcome, last) == (Outcome.CRASHED, f"verdict: {found.text}")
@@ -686,4 +686,4 @@ def test_a_log_deleted_in_a_short_run_is_told_at_the_end(tmp_path: Path) -> None
 def test_a_program_that_sends_nothing_has_not_succeeded() -> None:
     code, _, err = ended("--run", shlex.join([sys.executable, "-c", ""]))
     assert (code, "simmer-tui: nothing was sent" in err.splitlines()) == (1, True)
-    assert err.splitlines()[-1].endswith("because the program sent no command at all.")
+    assert err.splitlines()[-1].endswith("The program sent no command at all.")
