@@ -9,6 +9,8 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from simmer_tui.report.causes import Cause, Kind, MomentKind, Sureness
 from simmer_tui.report.contact_evidence import BLIND, BLIND_TURN, belief_text, movements_text
 from simmer_tui.report.finding import FEWEST, Finding
@@ -39,8 +41,6 @@ from simmer_tui.sim.command import counted, escape_passage
 # Judged: a good program crosses the maze with fewer movements.
 STAYED, MOVES = 0.25, 20
 """Share of the time limit, and number of movements (or none), without progress that count as a cause."""
-_STOOD = 0.01
-"""Inches below which the robot has not moved."""
 _NAMED = 4
 """Findings named in a sentence; the table of devices has all."""
 
@@ -498,7 +498,8 @@ def _stays(seen: Attempt) -> Fact | None:
     """It turned and read on, and drove no more."""
     history = seen.history
     moves, readings = seen.within(history.movements), seen.within(history.readings)
-    drove = moves[(moves["went"] > _STOOD) & ~moves["grips"]]
+    drives = {each.code for each in seen.spec.drives if not each.kind.turns}
+    drove = moves[np.isin(moves["code"], [n for n, code in enumerate(history.code_names) if code in drives])]
     if len(drove) < FEWEST["set"]:
         return None
     since = float(drove["elapsed"][-1])

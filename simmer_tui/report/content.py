@@ -227,7 +227,7 @@ def _verdict(verdict: Verdict) -> list[DocumentPart]:
     return [
         Paragraph(verdict.text, "verdict", "strong"),
         moments_table(verdict.moments),
-        Bullets("Why", verdict.lines[1:], "why"),
+        Bullets("Why", [*verdict.reasons, *filter(None, (verdict.advice,))], "why"),
         NestedValue("verdict", verdict.plain()),
         _output_table(verdict),
     ]

@@ -83,7 +83,8 @@ class Verdict:
     @property
     def lines(self) -> list[str]:
         """All of it but the program's output: the sentence first, then its reasons."""
-        return [each for each in (self.text, *self.reasons, self.advice) if each]
+        moments = [each.sentence for each in self.moments]
+        return [each for each in (self.text, *moments, *self.reasons, self.advice) if each]
 
     def plain(self) -> dict[str, object]:
         """The verdict for programs, without the program's output, whose times depend on the machine."""

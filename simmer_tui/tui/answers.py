@@ -47,8 +47,6 @@ _ENDED = 2
 # Three lines of 36 columns, with their indent, are enough for the cause itself. `:why` shows all of it.
 _CAUSE = 98
 """Characters of a cause at the end of a run, unless its first sentence is longer."""
-_MOMENTS = 2
-"""Last moments of a run that failed: there is room for two."""
 _LONG_SENTENCE = 140
 """Characters of a sentence that are shown."""
 
@@ -345,16 +343,21 @@ def _failure(snapshot: Snapshot, reason: str, *, orders: bool) -> AnswerCard:
     verdict, mission = snapshot.verdict, snapshot.mission
     cause = None if verdict is None else verdict.cause
     lines: list[StyledLine] = [((reason, "danger"),)]
-    if cause is not None:
-        lines.append(((_first_sentences(printable(cause.text)), "value"),))
+    if verdict is not None and cause is not None:
+        lines.append(((_first_sentences(printable(_told(verdict))), "value"),))
     offered = _offered(_AFTERWARDS, orders=orders)
     notes = _notes(verdict)
-    last = () if verdict is None or cause is None else verdict.moments[-_MOMENTS:]
     brief = (lines[-1], *notes, (*_numbers(snapshot), *_GAP, *(offered[0] if offered else ())))
-    lines += [((printable(each.sentence), "mark" if each.is_cause else "label"),) for each in last]
     lines += [*notes, _numbers(snapshot)]
     at = f"at {clock_text(mission.time)}" if mission is not None else ""
     return AnswerCard("why it failed", at, (*lines, *offered), brief, role="danger")
+
+
+def _told(verdict: Verdict) -> str:
+    """The moment that is the cause, and the end if it is another one."""
+    marked = [each for each in verdict.moments if each.is_cause]
+    ends = [each for each in verdict.moments[-1:] if not each.is_cause]
+    return ". ".join(each.sentence for each in (*marked, *ends))
 
 
 def _first_sentences(text: str) -> str:

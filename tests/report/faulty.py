@@ -216,7 +216,7 @@ FAULTS = {
     "heading offset": Fault(turned_heading, frozenset({Kind.LOST})),
     "closed early": Fault(closed_early, frozenset({Kind.MISSED_GRIP})),
     "no slowing": Fault(closed_late, frozenset({Kind.MISSED_GRIP})),
-    "clearance": Fault(small_robot, frozenset({Kind.TOO_CLOSE}), small=True),
+    "clearance": Fault(small_robot, frozenset({Kind.TOO_CLOSE, Kind.KNOWN_WALL}), small=True),
     "frozen belief": Fault(frozen, frozenset({Kind.LOST})),
     "ignored sensors": Fault(ignoring, frozenset({Kind.UNREAD})),
     "other drop zone": Fault(other_zone, frozenset({Kind.DROPPED_OUTSIDE})),
