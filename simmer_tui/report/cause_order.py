@@ -413,7 +413,7 @@ def _lost(run: RunEvidence) -> Fact | None:
         if not met.is_elsewhere or met.belief is None:
             return None
         if met.lost is not None:
-            text = f"It was lost. {capitalized(wrong_text(met.lost))}. {_contact(run)}"
+            text = f"{_never(run)}: {wrong_text(met.lost)}. {_contact(run)}"
             return Fact(text, met.lost, has_behind=True)
         off = met.belief
         spread = "" if math.isnan(off.spread) else f", with a spread of {off.spread:.1f} in"
@@ -423,8 +423,7 @@ def _lost(run: RunEvidence) -> Fact | None:
     if seen.task is None or belief is None:
         return None
     if lost is not None:
-        never = "It never found its place" if run.localized is None else "It was lost"
-        return Fact(f"{never}: {wrong_text(lost)}. {_end(run)}.", lost, has_behind=True)
+        return Fact(f"{_never(run)}: {wrong_text(lost)}. {_end(run)}.", lost, has_behind=True)
     if _stalled(run) is None and (belief.unsure or run.localized is None):
         ever = "never found out" if run.localized is None else "no longer knew"
         return Fact(f"It {ever} where it was. {_end(run)}.", belief, has_behind=True)
@@ -564,6 +563,10 @@ def wrong_text(lost: BeliefRow) -> str:
     else:
         said = f"its believed heading was off by {abs(off.turn):.0f} deg"
     return f"from {lost.elapsed:.1f} s on {said}"
+
+
+def _never(run: RunEvidence) -> str:
+    return "It never found its place" if run.localized is None else "It was lost"
 
 
 def _contact(run: RunEvidence) -> str:

@@ -135,7 +135,7 @@ def test_a_wrong_belief_before_the_contact_is_being_lost() -> None:
     mission.give("u1", "d1-16.5")
     cause = mission.why()
     assert (cause.kind, cause.moment) == (Kind.LOST, MomentKind.LOST)
-    assert re.match(r"It was lost\. From 50\.\d s on it believed to be at \(26\.0, ", cause.text)
+    assert re.match(r"It never found its place: from 50\.\d s on it believed to be at \(26\.0, ", cause.text)
     assert cause.elapsed == pytest.approx(50.0, abs=3.0)
     assert any("off by 4.0 in" in each for each in cause.evidence)
 

@@ -213,7 +213,7 @@ def test_one_report_has_one_word_for_being_lost(start_run: Any) -> None:
     said = findings(report)
     assert report.cause is not None
     assert report.cause.kind is Kind.LOST
-    assert "It was lost. From 0." in report.verdict.text
+    assert "It never found its place: from 0." in report.verdict.text
     assert "Belief: never localized. At the end the belief was off by 4.0 in" in " ".join(said)
 
 
