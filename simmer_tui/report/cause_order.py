@@ -246,6 +246,10 @@ def _unread(run: RunEvidence) -> Fact | None:
     unseen = run.unseen_block
     if unseen is None or run.seen.stuck is not None or run.lost is not None:
         return None
+    # A robot that had stopped making progress before saw the block by chance.
+    stalled = _stalled(run)
+    if stalled is not None and stalled.since is not None and stalled.since < unseen.since:
+        return None
     names, first = " and ".join(unseen.codes), unseen.codes[0]
     alone = "was never read, and it alone sees" if names == first else "were never read, and they alone see"
     return Fact(
@@ -499,7 +503,8 @@ def _stays(seen: Attempt) -> Fact | None:
     moves, readings = seen.within(history.movements), seen.within(history.readings)
     drives = {each.code for each in seen.spec.drives if not each.kind.turns}
     drove = moves[np.isin(moves["code"], [n for n, code in enumerate(history.code_names) if code in drives])]
-    if len(drove) < FEWEST["set"]:
+    # With its time up, it may only have been slow.
+    if len(drove) < FEWEST["set"] or seen.out_of_time:
         return None
     since = float(drove["elapsed"][-1])
     later = int((readings["elapsed"] > since).sum())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -806,3 +807,51 @@ def test_a_contact_long_after_a_person_moved_the_block_came_of_searching(movemen
     mission.engine.perform(Action(ActionName.BLOCK, (66.0, 42.0)))
     mission.give(*["u1", "r1-15"] * movements, "u1", "u2", "u4", "w1-4")
     assert mission.why().kind is kind
+
+
+# -- drives that are no longer commanded, and corrections --------------------------------------------
+
+
+def test_a_drive_that_is_no_longer_commanded_is_named() -> None:
+    mission = begin()
+    mission.give(*("u5", "d1-1", "d1--1") * 5, *("u1", "r1-15", "u5") * 60)
+    cause = mission.why(1, words="failed")
+    assert (cause.kind, cause.culprits) == (Kind.GOT_NOWHERE, ("d1",))
+    assert re.match(r"From 5\d\.\d s on no d1 came, and 120 readings did\.", cause.text)
+
+
+def correct(mission: Mission, share: float) -> None:
+    """Turn to a heading and back in a few corrections; the robot gets a share of each."""
+    for around in range(6):
+        mission.give("r1-10", "u5")
+        heading = mission.simulator.pose.heading + 3.0 * (-1) ** around
+        for _ in range(6):
+            off = math.remainder(heading - mission.simulator.pose.heading, 360.0)
+            if not 0.5 <= abs(off) <= 120.0:
+                break
+            mission.give(f"r1-{share * off:.2f}", "u5")
+
+
+@pytest.mark.parametrize(
+    ("share", "said"), [(-1.0, "turned the other way than the program meant"), (3.0, "turned 3.0 times what")]
+)
+def test_corrections_that_grow_name_their_drive(share: float, said: str) -> None:
+    mission = begin(noise=True)
+    correct(mission, share)
+    cause = mission.why(1, words="failed")
+    assert "r1" in cause.culprits
+    assert f"r1 {said}" in cause.text
+
+
+def test_corrections_that_shrink_name_nobody() -> None:
+    mission = begin(noise=True)
+    correct(mission, 0.8)
+    assert not mission.evidence(1).corrections
+
+
+def test_a_crash_after_commands_without_effect_tells_of_them() -> None:
+    mission = begin()
+    mission.give(*("u5", "d1-0") * 110)
+    cause = mission.why(1, error="LostError: it does not get there")
+    assert (cause.kind, cause.culprits) == (Kind.CRASHED, ("d1",))
+    assert "of them asked for 0 (d1)" in cause.text
