@@ -582,9 +582,11 @@ def test_a_mission_that_failed_says_why_and_its_log_says_the_same(tmp_path: Path
     code, _, err = ended("--mission", "--seed", "5", "--log", str(log), "--run", driver)
     assert code == 1
     told = err.splitlines()[-1]
-    assert re.match("verdict: Failed after .* because it drove without looking: w1-200.* led the", told), err
-    assert "No beliefs were sent" in err
-    assert "It would have" in err
+    assert re.match(
+        "verdict: Failed after .*: u2, which looks at the wall, was not read; then w1-200 was", told
+    ), err
+    assert "The program sent no belief." in err
+    assert re.search(r"^  \d+\.\d s: w1-200 was sent$", err, re.MULTILINE)
     assert f"verdict: {build_report(log).verdict.text}" == told
 
 

@@ -461,6 +461,15 @@ def test_a_fault_of_the_connection_comes_before_all_else() -> None:
     assert (fault.kind, fault.text) == (MomentKind.FAULT, text)
 
 
+def test_a_fault_that_refused_most_commands_is_told_with_their_number() -> None:
+    mission = begin()
+    mission.give(*("[u1]", "[u2]") * 30)
+    text = "port 9000 takes lines; '[u1]' is a packet: start with --listeners packets"
+    mission.engine.tell(Notice(NoticeKind.FAULT, text, advice=True))
+    cause = mission.why(1, words="no reading")
+    assert (cause.kind, cause.text) == (Kind.WIRE, f"60 of 60 commands were refused: {text}.")
+
+
 def test_who_ends_as_soon_as_it_knows_where_it_is_was_never_lost() -> None:
     mission = begin()
     for spread in (20.0, 20.0, 20.0, 0.3):
