@@ -17,7 +17,7 @@ from simmer_tui.report.finding import Finding
 from simmer_tui.report.moments import Moment, moments_of
 from simmer_tui.report.run_evidence import RunEvidence
 from simmer_tui.run.attempt import Attempt, Task
-from simmer_tui.run.events import NOT_CONNECTED, Goal, NoticeKind, ProgramEnded, Result
+from simmer_tui.run.events import Goal, NoticeKind, ProgramEnded, Result
 from simmer_tui.run.history_rows import NoticeRow, ProgramRow
 from simmer_tui.run.phrases import (
     capitalized,
@@ -267,6 +267,8 @@ class _Judge:
         if outcome is Outcome.CRASHED and self._crash is not None:
             if not self._crash.started:
                 return f"{capitalized(program_end_text(self._crash))}."
+            if cause is not None and cause.kind is not Kind.CRASHED:
+                return f"Crashed {when}{reached}: {cause.text} Then: {crash_text(self._crash)}."
             return f"Crashed {when}{reached}: {crash_text(self._crash)}."
         if cause is not None:
             return f"{outcome.value.capitalize()} {when}{reached}: {cause.text}"
@@ -286,9 +288,6 @@ class _Judge:
             return f"Try: {cause.advice}" if cause.advice else ""
         if not program.started:
             return "Try: the command after --run alone in a terminal."
-        not_connected = any(row.text.startswith(NOT_CONNECTED) for row in self._history.faults.items)
-        if self._attempt.is_silent and not_connected:
-            return "Try: the serial port of the robot, which the program was not connected to."
         if program.crashed:
             place = escape_passage(program.place)
             return f"Try: mend the error in {place}." if place else ""
