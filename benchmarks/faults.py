@@ -11,9 +11,8 @@ the kinds of `fault_independent.py` instead, `--table third` those of `fault_thi
 with seeds of their own.
 
 Only failed runs count, with seeds with which the same program succeeds without a fault. They are counted as
-right, right in part, wrong (something else was named), silent (nothing was named) and `contradicted` (a
-counterfactual contradicts the named cause). The clean runs are counted separately: how many have a cause, a
-finding, or an alarm about a belief.
+right, right in part, wrong (something else was named) and silent (nothing was named). The clean runs are
+counted separately: how many have a cause, a finding, or an alarm about a belief.
 
 Logs are kept in --keep, and existing runs are not repeated, unless with --again. So a newer report can read
 the same logs. A run takes 1 to 3 s of a processor, a whole table of 10 seeds an hour.
@@ -33,15 +32,11 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from fault_answers import CRASHED, PROGRAMS, Case, Fault, says
+from fault_answers import CRASHED, PROGRAMS, SENSOR, Case, Fault, says
 from fault_flights import CLEAN, case_of, flown, log_of, report_of
 from fault_independent import INDEPENDENT
 from fault_kinds import KINDS, TOLD, right_if_told
 from fault_third import THIRD
-
-from simmer_tui.report import causes
-from simmer_tui.report.causes import Kind
-from simmer_tui.report.counterfactuals import Change, Counterfactual
 
 RIGHT, PARTLY, WRONG, SILENT = "right", "partly", "wrong", "silent"
 GRADES = (RIGHT, PARTLY, WRONG, SILENT)
@@ -49,13 +44,6 @@ ALL = {**KINDS, **INDEPENDENT, **THIRD}
 """The kinds of all tables. Their names differ, because their logs are in one folder."""
 CLEAN_SEEDS = 25
 """Clean runs of each program: 100 with all four, and enough of them succeed for 10 seeds."""
-WOULD_HAVE_SAVED = {
-    "drive error": (Change.NO_NOISE, Change.NO_BIAS, Change.EXACT, Change.UNSEEN, Change.LAST),
-    "held block": (Change.NO_BLOCK,),
-    "lost": (Change.BELIEVED,),
-}
-"""Changes of which one would have saved a run that failed by such a cause. They are repeated here,
-independent of the package, so that its own check is tested as well."""
 
 
 class Task(NamedTuple):
@@ -80,7 +68,6 @@ class Outcome:
     """The grade without the answers that were admitted later."""
     said: str
     culprits: tuple[str, ...]
-    contradicted: bool
     has_cause: bool
     findings: tuple[str, ...]
     localized: bool
@@ -95,50 +82,28 @@ def grade(report: Mapping[str, Any], case: Case, *, crash_decides: bool = True) 
     """The grade of a report of a run that failed.
 
     A fault of sensors, drives or people may make a program crash, which then ends the run. With
-    `crash_decides` that cause is right in part, and right if the second cause is; this was added after a
-    table had been seen.
+    `crash_decides` that cause is right in part; this was added after a table had been seen.
     """
     verdict = report["verdict"]
-    cause, second = verdict["cause"], verdict["second_cause"]
+    cause = verdict["cause"]
     if cause is None:
         return SILENT if verdict["outcome"] in case.outcomes else WRONG
     if verdict["outcome"] not in case.outcomes:
         return WRONG
-    first, other = _grade_cause(cause, report, case), None
-    if second is not None:
-        other = _grade_cause(second, report, case)
+    first = _grade_cause(cause, report, case)
     # The last lines of a long traceback are without its heading.
     crashed = says(CRASHED, printed=", line ").matches(cause, report)
     if crash_decides and crashed and first != RIGHT:
-        return RIGHT if other == RIGHT else PARTLY
-    # With a wrong second cause the first is not right either; with a right one it is right in part.
-    if first == RIGHT:
-        return PARTLY if other == WRONG else RIGHT
-    return PARTLY if PARTLY in (first, other) or other == RIGHT else WRONG
+        # The devices that stand behind a crash are named with it.
+        behind = {**cause, "kind": SENSOR} if cause["culprits"] else cause
+        return RIGHT if _grade_cause(behind, report, case) == RIGHT else PARTLY
+    return first
 
 
 def _grade_cause(cause: Mapping[str, Any], report: Mapping[str, Any], case: Case) -> str:
     if any(answer.matches(cause, report) for answer in (*case.expected.right, *case.expected.admitted)):
         return RIGHT
     return PARTLY if any(answer.matches(cause, report) for answer in case.expected.partly) else WRONG
-
-
-def contradicted(verdict: Mapping[str, Any]) -> bool:
-    """True if a counterfactual contradicts the named cause."""
-    for cause in (verdict["cause"], verdict["second_cause"]):
-        tried = (
-            []
-            if cause is None
-            else [Counterfactual(Change(each["change"]), each["saved"]) for each in cause["tried"]]
-        )
-        if not tried:
-            continue
-        needed = [each.saved for each in tried if each.change in WOULD_HAVE_SAVED.get(cause["kind"], ())]
-        if (needed and not any(saved is not False for saved in needed)) or causes.contradicted(
-            Kind(cause["kind"]), tried
-        ):
-            return True
-    return False
 
 
 def outcome_of(task: Task, keep: Path, *, again: bool = False) -> Outcome:
@@ -152,7 +117,7 @@ def outcome_of(task: Task, keep: Path, *, again: bool = False) -> Outcome:
     elif task.kind in ALL and failed and flight.struck:
         case = case_of(task.kind, task.seed)
         graded, first = grade(report, case), grade(report, case.as_first_written, crash_decides=False)
-    named = [each for each in (verdict["cause"], verdict["second_cause"]) if each is not None]
+    named = [] if verdict["cause"] is None else [verdict["cause"]]
     return Outcome(
         **task._asdict(),
         failed=failed,
@@ -161,7 +126,6 @@ def outcome_of(task: Task, keep: Path, *, again: bool = False) -> Outcome:
         first_grade=first,
         said=" + ".join(each["kind"] for each in named),
         culprits=tuple(code for each in named for code in each["culprits"]),
-        contradicted=contradicted(verdict),
         has_cause=bool(named),
         findings=tuple(f"{each['of']} {each['kind']}" for each in report["findings"]),
         localized="localized" in episodes,
@@ -274,7 +238,7 @@ def tables(outcomes: Sequence[Outcome]) -> str:
     """The tables of kinds, of programs, of successful runs with a fault, and of the clean runs."""
     graded = [each for each in outcomes if each.kind in ALL]
     kinds = [kind for kind in ALL if any(each.kind == kind for each in graded)]
-    lines = ["", _row("kind", "runs", "failed", *GRADES, "% right", "contradicted")]
+    lines = ["", _row("kind", "runs", "failed", *GRADES, "% right")]
     lines += [_counts(kind, [each for each in graded if each.kind == kind]) for kind in kinds]
     lines += [_counts("all", graded)]
     as_written = [replace(each, grade=each.first_grade) for each in graded]
@@ -301,24 +265,22 @@ def _counts(name: str, outcomes: Sequence[Outcome]) -> str:
     counted = [each for each in outcomes if each.grade]
     grades = Counter(each.grade for each in counted)
     share = f"{100 * grades[RIGHT] / len(counted):.0f}" if counted else "-"
-    against = sum(each.contradicted for each in counted)
-    return _row(name, len(outcomes), len(counted), *(grades[each] for each in GRADES), share, against)
+    return _row(name, len(outcomes), len(counted), *(grades[each] for each in GRADES), share)
 
 
 def misses(outcomes: Sequence[Outcome], keep: Path) -> str:
-    """A line for each report that is wrong, silent or contradicted: its log, its answer and the truth."""
+    """A line for each report that is wrong or silent: its log, its answer and the truth."""
     return "\n".join(
-        f"{log_of(keep, each.kind, each.program, each.seed)} {each.grade}"
-        f"{' contradicted' if each.contradicted else ''}\n"
+        f"{log_of(keep, each.kind, each.program, each.seed)} {each.grade}\n"
         f"    said: {each.said or 'nothing'} [{' '.join(each.culprits)}]: {each.text}\n"
         f"    true: {' '.join((ALL[each.kind].draw.__doc__ or '').split())}"
         for each in outcomes
-        if each.kind in ALL and each.grade and (each.grade in (WRONG, SILENT) or each.contradicted)
+        if each.kind in ALL and each.grade in (WRONG, SILENT)
     )
 
 
 def _row(name: str, *cells: object) -> str:
-    widths = (6, 7, 6, 7, 6, 7, 8, 13)
+    widths = (6, 7, 6, 7, 6, 7, 8)
     return f"{name:30}" + "".join(f"{cell:>{width}}" for cell, width in zip(cells, widths, strict=True))
 
 

@@ -39,7 +39,7 @@ from simmer_tui.document.model import DataTable
 from simmer_tui.grade import course
 from simmer_tui.grade import site as grade_site
 from simmer_tui.live.operating.orders import CONSOLE_COMMANDS
-from simmer_tui.report import content, run_statistics
+from simmer_tui.report import cause_order, content, run_statistics
 from simmer_tui.sim.columns import BASE
 from simmer_tui.sim.sensors import KINDS
 from simmer_tui.trials import compare, logged_trial_summary, sweep_summary, trials_summary
@@ -47,6 +47,8 @@ from simmer_tui.tui.key_table import ANYWHERE, IN_LOG, IN_REPLAY, WITH_THE_MOUSE
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = ROOT / "docs" / "reference"
+CAUSES = ROOT / "docs" / "causes.md"
+_ORDER = "cause_order.py: change it there. -->", "<!-- end of the order -->"
 NOTE = "<!-- Made by scripts/make_reference.py from the code: change it there. -->\n"
 _SETTING = "setting."  # prefix under which the options of settings are stored
 _ERRORS = "Error"
@@ -472,9 +474,27 @@ def _escaped(text: str) -> str:
     return "".join(f"\\{each}" if each in "\\`*_{}[]<>#|" else each for each in text)
 
 
+def causes() -> str:
+    """The text of docs/causes.md with the order of causes."""
+    rows = [
+        (
+            str(place) if rule is not cause_order.NO_RULE else "",
+            _code(rule.kind.value),
+            rule.when,
+            rule.excludes,
+        )
+        for place, rule in enumerate((*cause_order.ORDER, cause_order.NO_RULE), 1)
+    ]
+    made = table(("", "cause", "when", "rules out"), rows)
+    before, begin, rest = CAUSES.read_text("utf-8").partition(_ORDER[0])
+    _, end, after = rest.partition(_ORDER[1])
+    return f"{before}{begin}\n\n{made}\n{end}{after}"
+
+
 def main() -> int:
     """Write the pages; returns the exit code."""
     PAGES.mkdir(parents=True, exist_ok=True)
+    CAUSES.write_text(causes(), encoding="utf-8", newline="\n")
     for name, text in pages().items():
         (PAGES / name).write_text(text, encoding="utf-8", newline="\n")
         print(f"Wrote {(PAGES / name).relative_to(ROOT)}")

@@ -26,10 +26,8 @@ def cause(kind: str, *culprits: str, text: str = "") -> dict[str, Any]:
     return {"kind": kind, "culprits": list(culprits), "text": text, "tried": []}
 
 
-def report(
-    first: dict[str, Any] | None, second: dict[str, Any] | None = None, findings: tuple[str, ...] = ()
-) -> dict[str, Any]:
-    verdict = {"outcome": "failed", "cause": first, "second_cause": second, "evidence": [], "program": None}
+def report(first: dict[str, Any] | None, findings: tuple[str, ...] = ()) -> dict[str, Any]:
+    verdict = {"outcome": "failed", "cause": first, "evidence": [], "program": None}
     return {
         "verdict": verdict,
         "findings": [{"of": code, "kind": "offset"} for code in findings],
@@ -46,8 +44,6 @@ def report(
         (report(cause("sensor wrong", "g1")), WRONG),
         (report(cause("missed grip")), WRONG),
         (report(cause("missed grip"), findings=("u5",)), PARTLY),
-        (report(cause("missed grip"), cause("sensor wrong", "u1")), PARTLY),
-        (report(cause("sensor wrong", "u1"), cause("missed grip")), PARTLY),
     ],
 )
 def test_a_report_is_graded_by_its_cause_culprits_and_findings(said: dict[str, Any], expected: str) -> None:
@@ -56,7 +52,7 @@ def test_a_report_is_graded_by_its_cause_culprits_and_findings(said: dict[str, A
 
 def test_a_fault_on_the_wire_may_be_one_that_cannot_be_told_apart() -> None:
     case = wire_gyro_short(random.Random(1))
-    assert grade(report(cause("program or link")), case) == RIGHT
+    assert grade(report(cause("drove at a known wall", "g1")), case) == RIGHT
     assert grade(report(cause("lost", "g1")), case) == RIGHT
     assert grade(report(cause("lost")), case) == PARTLY
 

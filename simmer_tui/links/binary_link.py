@@ -64,9 +64,14 @@ class ReplyConnection(Peer):
         super().__init__(sock, peer, link.reply_budget)
         self._link = link
         client = link.client
-        self.not_of = client if client is not None and client.leaves and link.has_newcomers else None
-        """A client that had sent all before this connection came, with a newcomer's."""
+        self._after = client if client is not None and client.leaves else None
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, UNREAD_LIMIT)
+
+    @property
+    def not_of(self) -> Client | None:
+        """A client that had sent all before this connection came, while a newcomer waits."""
+        # Asked for when a reply is due: the newcomer's two connections may be accepted in either order.
+        return self._after if self._link.has_newcomers else None
 
     def data_received(self, data: bytes) -> None:
         self._link.sent_to_replies(self.peer)

@@ -53,7 +53,7 @@ _ROUNDED = 0.05
 
 
 @dataclass(frozen=True, slots=True)
-class Moment:
+class LogPoint:
     """A moment of a log: its last line (1: only the header), and its time.
 
     The time is simulated time as that line counts it, and seconds from the log's beginning.
@@ -64,12 +64,12 @@ class Moment:
     elapsed: float
 
 
-def moment_of(index: RunLogIndex, entry: int, elapsed: float) -> Moment:
+def moment_of(index: RunLogIndex, entry: int, elapsed: float) -> LogPoint:
     """The moment that a replay shows: its entry (-1: before the first), and its elapsed time."""
-    return Moment(entry + 2, elapsed - index.zero_of(max(entry, 0)), elapsed)
+    return LogPoint(entry + 2, elapsed - index.zero_of(max(entry, 0)), elapsed)
 
 
-def moment_at(index: RunLogIndex, elapsed: float) -> Moment:
+def moment_at(index: RunLogIndex, elapsed: float) -> LogPoint:
     """A moment by its elapsed time. Raises RunLogError for one that the log has not."""
     if not 0.0 <= elapsed <= index.duration + _ROUNDED:
         raise RunLogError(f"{index.shown} has the times from 0 to {index.duration:.2f} s, not {elapsed:g}")
@@ -84,7 +84,7 @@ class _UnansweredError(Exception):
 class TakeOver:
     """A take-over from a moment of a log."""
 
-    def __init__(self, path: Path, moment: Moment, folder: Path | None = None) -> None:
+    def __init__(self, path: Path, moment: LogPoint, folder: Path | None = None) -> None:
         """`folder` is where the run's device files are, by default the folder of its set."""
         self.path = path
         self.moment = moment
@@ -101,7 +101,7 @@ class TakeOver:
                 return self._repeat()
             except _UnansweredError:
                 moment = self.moment
-                self.moment = Moment(moment.line - 1, moment.time, moment.elapsed)
+                self.moment = LogPoint(moment.line - 1, moment.time, moment.elapsed)
 
     def _repeat(self) -> None:
         with Rerun(self.path, self._folder) as rerun:

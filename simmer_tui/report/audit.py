@@ -208,6 +208,10 @@ def _mounted(
     if own.kind.has("x") and moved >= LEAST_INCHES:
         what = f"is mounted {moved:.1f} in from where {_by(nominal)} has it"
         yield device.claim(0.0, FindingKind.MOUNTING, moved, what, count, unit="in")
+    higher = own.z - row.z
+    if own.kind.has("z") and abs(higher) >= LEAST_INCHES:
+        what = f"is mounted at Z {own.z:g} in, in {_by(nominal)} at {row.z:g} in"
+        yield device.claim(0.0, FindingKind.MOUNTING, higher, what, count, unit="in")
 
 
 def _is_another_robot(spec: SimulationSpec, nominal: SimulationSpec) -> bool:

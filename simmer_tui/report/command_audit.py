@@ -1,14 +1,12 @@
-"""Commands of a run compared with one another: corrections that do not shrink, and missing movements.
+"""Corrections of movements that do not shrink: they name the drive, without any belief.
 
-Both need no belief. A program that corrects the rest of a movement asks for less each time. If the robot does
-`g` times what the program means, each correction is 1 - g times the one before. And programs keep a rhythm:
-they read the same sensors after a movement, so the readings show a missing one.
+A program that corrects the rest of a movement asks for less each time. If the robot does `g` times what the
+program means, each correction is 1 - g times the one before.
 """
 
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
@@ -19,7 +17,7 @@ from simmer_tui.report.robust_fit import binomial_tail
 from simmer_tui.report.sensor_sample import by_sensor
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.table import Columns
-from simmer_tui.sim.arrays import BoolArray, FloatArray, IntArray
+from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.specs import DriveSpec, SensorSpec
 
 _FEWEST = FEWEST["set"]
@@ -62,19 +60,6 @@ _ON_PURPOSE = 0.3
 """Share of exact opposites from which going back is meant."""
 _BETWEEN = 0.5
 """Share of corrections with a reading of the guiding sensor between them. Judged."""
-# Judged: kept three times, it is a rhythm.
-_RHYTHM = 3
-_OUT_OF_RHYTHM = 0.05
-"""Largest share of times that a program may have left a movement out before."""
-_LEFT_OUT = 0.02
-"""Least probability with which a program without a fault leaves one out."""
-_IN_PARTS = 0.4
-"""Share of a drive's movements that are the one before again, from which that is meant: a half if all are."""
-_RARE = 4
-"""Movements of one size that are always few: a command that came twice, and by chance once more. Judged."""
-_TWICE = 0.02
-"""Probability of a movement that is the one before again, in a program without a fault. Of 40 clean runs none
-has one that is not a constant of its program."""
 
 
 class _Pairs(NamedTuple):
@@ -228,107 +213,6 @@ def _as_meant(row: DriveSpec, share: float) -> str:
         return f"{verb} the other way than the program meant"
     times = f"{share:.1f}" if share >= 0.1 else f"{share:.2f}"
     return f"{verb} {times} times what the program meant"
-
-
-def repeated_movements(attempt: Attempt) -> list[Disagreement]:
-    """The explanation of commands that came twice, one right after the other, such as by a retry after a
-    timeout. None where a program may mean it: it drives in equal steps, or by one drive in two parts."""
-    moves = attempt.within(attempt.history.movements)
-    moves = moves[np.isfinite(moves["asked"]) & (moves["asked"] != 0.0) & ~moves["grips"]]
-    number, code, asked = (np.diff(moves[name], prepend=-1) for name in ("number", "code", "asked"))
-    again = (number == 1) & (code == 0) & (asked == 0.0)
-    for each in np.unique(moves["code"]):
-        # Half of a drive's movements are the second of two, if each comes twice.
-        mine = moves["code"] == each
-        again &= ~mine | (again[mine].mean() <= _IN_PARTS)
-    # Of few sizes, two in a row are the same by chance.
-    _, places, counts = np.unique(
-        moves["code"] + 1j * moves["asked"], return_inverse=True, return_counts=True
-    )
-    is_rare = counts[places] <= max(_RARE, _TWICE * len(moves))
-    rows, rare = moves[again], moves[again & is_rare]
-    if len(np.unique(rare["asked"])) < _FEWEST:
-        return []
-    names = attempt.history.code_names
-    codes = tuple(names[number] for number in np.unique(rows["code"]))
-    text = (
-        f"{len(rows)} of {len(moves)} movements were the one before again, with nothing between, such as "
-        f"{names[rare['code'][0]]}-{rare['asked'][0]:g}"
-    )
-    probability = binomial_tail(len(rare), int(is_rare.sum()), _TWICE)
-    return [Disagreement(codes, text, len(rows), probability, 1.0, *moment(rows[0]))]
-
-
-def vanished_movements(attempt: Attempt) -> list[Disagreement]:
-    """The explanation of a program that continues as if after movements that are not in the log; none where
-    it keeps its rhythm."""
-    rows, names = attempt.within(attempt.history.commands), attempt.history.code_names
-    moves = attempt.within(attempt.history.movements)
-    numbers = _numbers_of(attempt)
-    drives = [numbers[each.code] for each in attempt.spec.drives if each.code in numbers]
-    # A command to drive that was refused has come; one that came too early asks for the end of another.
-    counts = ~rows["refused"] | (np.isin(rows["code"], drives) & ~rows["early"])
-    rows = rows[counts & ~np.isin(rows["number"], moves["number"][attempt.asks_end])]
-    ends = {
-        number: int(places[-1]) for number in drives if len(places := np.flatnonzero(rows["code"] == number))
-    }
-    rhythm = _Rhythm(rows["code"].astype(np.int64), np.isin(rows["code"], list(ends)))
-    found: list[Disagreement] = []
-    for end in ends.values():
-        gaps, count, probability = rhythm.broken_after(end)
-        if len(gaps) < _FEWEST:
-            continue
-        first = int(gaps[0])
-        gone = [names[number] for number, place in ends.items() if place < first]
-        # Others may be missing because the program did not need them.
-        of = tuple(gone) if len(gone) == 1 else ()
-        text = (
-            f"no {of[0] if of else 'movement'} reached the robot any more; {len(gaps)} of {count} times the "
-            "program continued as after a movement that is not in the log"
-        )
-        # The end of each drive's commands was tried.
-        probability = min(probability * len(ends), 1.0)
-        found.append(
-            Disagreement(of, text, len(gaps), probability, 1.0, *moment(rows[first]), command_lost=True)
-        )
-    return sorted(found, key=lambda each: each.probability)[:1]
-
-
-class _Rhythm:
-    """Readings in threes: the first two follow one another with or without a movement between."""
-
-    def __init__(self, codes: IntArray, moves: BoolArray) -> None:
-        """`codes` are those of commands in order, `moves` is true for those that move the robot; (n,)
-        each."""
-        places, base = np.flatnonzero(~moves), int(codes.max(initial=0)) + 1
-        first, second, third = (codes[places[begin : len(places) - 2 + begin]] for begin in range(3))
-        self._threes = (first * base + second) * base + third
-        self._moved = np.diff(places)[:-1] > 1
-        self._places = places[1:-1]
-        # One sensor read repeatedly does not show whether a movement came between.
-        self._varied = (first != second) | (second != third)
-
-    def broken_after(self, end: int) -> tuple[IntArray, int, float]:
-        """The places after `end` at which a movement was left out, of how many, and the probability of that.
-
-        Counted are threes of readings in which there had nearly always been a movement before.
-        """
-        is_later = self._places > end
-        kept = Counter(self._threes[~is_later & self._varied & self._moved].tolist())
-        left_out = Counter(self._threes[~is_later & ~self._moved].tolist())
-        rhythmic = [
-            three
-            for three, count in kept.items()
-            if count >= _RHYTHM and left_out[three] <= _OUT_OF_RHYTHM * count
-        ]
-        missed, whole = sum(left_out[three] for three in rhythmic), sum(kept[three] for three in rhythmic)
-        if whole < _FEWEST:
-            return np.empty(0, np.int64), 0, 1.0
-        counts = is_later & np.isin(self._threes, rhythmic)
-        gaps = self._places[counts & ~self._moved]
-        # Laplace's rule of succession, for an event that was never seen before.
-        usual = max((missed + 1) / (whole + missed + 2), _LEFT_OUT)
-        return gaps, int(counts.sum()), binomial_tail(len(gaps), int(counts.sum()), usual)
 
 
 def _numbers_of(attempt: Attempt) -> dict[str, int]:

@@ -36,9 +36,11 @@ from simmer_tui.document.model import (
     data_table,
 )
 from simmer_tui.report.bent_scans import SCANS, scans_table
+from simmer_tui.report.fact_tables import BELIEF_FACTS, COMMAND_FACTS, DEVICE_FACTS, fact_tables
 from simmer_tui.report.figure import maze_figure
 from simmer_tui.report.finding import FINDINGS, findings_table
 from simmer_tui.report.findings import EPISODES, episodes_table, findings
+from simmer_tui.report.moments import MOMENTS, moments_table
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.report.traces import traces
 from simmer_tui.report.verdict import Verdict
@@ -170,6 +172,10 @@ _OUTPUT = data_table(
 )
 
 TABLES = (
+    MOMENTS,
+    COMMAND_FACTS,
+    DEVICE_FACTS,
+    BELIEF_FACTS,
     RUN,
     _MISSION,
     TIME_SPENT,
@@ -195,8 +201,9 @@ def report_document(run: RunStatistics, name: str, path: str | None = None) -> D
     failed = run.verdict.outcome.is_failure
     parts: list[DocumentPart] = [
         *_verdict(run.verdict),
+        *fact_tables(run.evidence),
         *((output(run.verdict),) if failed else ()),
-        Bullets("What happened", findings(run), "findings"),
+        Bullets("Besides", findings(run), "besides"),
         Bullets("Notes", run.notes, "notes"),
         *report_tables(run, name),
         *(() if failed else (output(run.verdict),)),
@@ -228,7 +235,8 @@ def _verdict(verdict: Verdict) -> list[DocumentPart]:
     """The verdict: its sentence, and its reasons."""
     return [
         Paragraph(verdict.text, "verdict", "strong"),
-        Bullets("Why", verdict.lines[1:], "why"),
+        moments_table(verdict.moments),
+        Bullets("Why", [*verdict.reasons, *filter(None, (verdict.advice,))], "why"),
         NestedValue("verdict", verdict.plain()),
         _output_table(verdict),
     ]

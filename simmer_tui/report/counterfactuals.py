@@ -2,16 +2,12 @@
 
 Runs repeat exactly, so the deciding movement, and those before it, can be repeated with one change.
 
-P are the errors, B the bias, d the distance asked for on all axes together, e the draws. A movement leads on
-axis a by a + d B + d (1 + B) P e (`sim.motion.Planner.plan`). Total, a, d and B are known, so the part of the
-noise follows.
-
 Of a velocity the legs of its last inches are repeated, each at the commanded velocity of its wheels and for
 as long. Only movements are repeated, never the program: its other decisions are in no log.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
@@ -34,10 +30,6 @@ from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import Axes, DriveKind, SimulationSpec
 from simmer_tui.sim.trajectory import Trajectory
 
-INCH = 1.0
-"""A step to the side that a careful program could have kept, inches: judged."""
-FURTHER = 3.0
-"""Room that a robot 6 in wide has on either side in the middle of a cell of 12 in: more could not be had."""
 NARROW = 0.5
 """Room to the walls, inches, that no program should count on being enough."""
 _AROUND = tuple((math.cos(turn * math.pi / 4), math.sin(turn * math.pi / 4)) for turn in range(8))
@@ -46,15 +38,11 @@ _AROUND = tuple((math.cos(turn * math.pi / 4), math.sin(turn * math.pi / 4)) for
 class Change(StrEnum):
     """Changes of a movement, or of the last ones."""
 
-    NO_NOISE = "without noise"
-    NO_BIAS = "without bias"
     EXACT = "without noise and bias"
     UNSEEN = "without drive errors since the last reading"
     LAST = "without drive errors in the last movements"
     BELIEVED = "from where the program believed to be"
     NO_BLOCK = "without the block in the gripper"
-    ASIDE = "an inch to the side"
-    FURTHER_OFF = f"from {FURTHER:g} in further away"
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,30 +71,15 @@ class CounterfactualWorld:
         self._drives = {drive.code: drive for drive in spec.drives}
         self._by_kind = {drive.kind: drive for drive in spec.drives if drive.enabled}
 
-    def asked(self, ended: MovementEnded, bias: Mapping[DriveKind, Axes], change: Change) -> Axes | None:
-        """Distance of a movement on each axis after a change of its errors; None if its command's value is
-        not known."""
+    def asked(self, ended: MovementEnded) -> Axes | None:
+        """Distance of a movement on each axis without its errors; None if its command's value is not
+        known."""
         trajectory = ended.trajectory
         drive = self._drives.get(ended.command.code)
         value = parse_value(ended.command.argument)
         if drive is None or trajectory.kind is None or isinstance(value, str):
             return None
-        # The formula of the module's docstring, solved for the noise.
-        asked = value * drive.gain
-        direction, biases = astuple(drive.kind.direction), astuple(bias.get(drive.kind, Axes()))
-        whole: float = asked * sum(direction)
-
-        def part(commanded: float, bias: float, total: float) -> float:
-            commanded *= asked
-            noise = total - commanded - whole * bias
-            if change is Change.NO_NOISE:
-                return commanded + whole * bias
-            if change is Change.NO_BIAS:
-                # The noise was drawn on the biased distance: without the bias it is smaller by that factor.
-                return commanded + (noise / (1.0 + bias) if bias != -1.0 else 0.0)
-            return commanded
-
-        return Axes(*map(part, direction, biases, astuple(trajectory.totals)))
+        return Axes(*(value * drive.gain * each for each in astuple(drive.kind.direction)))
 
     def tried(self, met: Collision, believed: Pose | None) -> list[Counterfactual]:
         """All changes that apply to a movement with a contact.
@@ -141,41 +114,12 @@ class CounterfactualWorld:
                     return None
                 nothing = Block(0.0, 0.0, 0.0)
                 return self._cleared(replace(met, held=None, lying=nothing), change, start, went)
-            case Change.ASIDE:
-                if not isinstance(went, Axes):
-                    went = self._further(went)
-                return self._from(met, change, _aside(ended, INCH, start), went)
             case _ if isinstance(went, Axes):
-                return self._tried_movement(met, change, went)
-        # A velocity from further away would last longer, and each leg has errors of its own.
+                asked = self.asked(ended)
+                unchanged = asked is None or asked == went
+                return None if asked is None or unchanged else self._cleared(met, change, start, asked)
+        # Each leg of a velocity has errors of its own: `UNSEEN` and `LAST` have them.
         return None
-
-    def _tried_movement(self, met: Collision, change: Change, totals: Axes) -> Counterfactual | None:
-        """A change of one movement alone."""
-        ended = met.ended
-        if change is Change.FURTHER_OFF:
-            places = _aside(ended, FURTHER, ended.before)
-            # A movement with a course may begin further back on its path, too.
-            if not ended.trajectory.turning:
-                places.append(_moved(ended.before, _course(ended) + math.pi, FURTHER))
-            return self._from(met, change, places, totals)
-        asked = self.asked(ended, met.bias, change)
-        if asked is None or asked == totals:
-            return None
-        return self._cleared(met, change, ended.before, asked)
-
-    def _further(self, driven: Sequence[_Driven]) -> Sequence[_Driven]:
-        """The same velocities, half an inch longer. Those of the log end at the contact, and must not stop
-        just short of it from another place."""
-        last, seconds = driven[-1]
-        fastest = last.speed + math.radians(abs(last.r)) * self._footprint.reach
-        return [*driven[:-1], (last, seconds + (NARROW / fastest if fastest else 0.0))]
-
-    def _from(self, met: Collision, change: Change, places: Sequence[Pose], moved: _Motion) -> Counterfactual:
-        """The same motion from other places; one place without a contact is enough."""
-        touched = [self._meets(met, place, moved) for place in places]
-        possible = [each for each in touched if each is not None]
-        return Counterfactual(change, not all(possible) if possible else None)
 
     def _without_errors(self, met: Collision, change: Change, count: int) -> Counterfactual | None:
         """The last `count` legs at their commanded velocities; or the movement after `count` others, all as
@@ -187,12 +131,12 @@ class CounterfactualWorld:
                 return None
             return self._cleared(met, change, legs[0].before, exact)
         before = met.before[len(met.before) - count :]
-        asked = self.asked(met.ended, met.bias, Change.EXACT)
+        asked = self.asked(met.ended)
         if not before or asked is None:
             return None
         pose = before[0].before
         for ended in before:
-            kind, totals = ended.trajectory.kind, self.asked(ended, met.bias, Change.EXACT)
+            kind, totals = ended.trajectory.kind, self.asked(ended)
             if kind is None or totals is None or self._walls.overlap(self._body(met), pose):
                 return Counterfactual(change, None)
             planned = self._trajectory(met, pose, kind, totals)
@@ -259,23 +203,3 @@ def _driven(leg: Leg) -> _Driven:
     """The true velocity of a leg in the robot's frame, and its duration, seconds."""
     ahead, aside = leg.arc.own_velocity
     return Twist(ahead, aside, leg.arc.rate), leg.duration
-
-
-def _aside(ended: MovementEnded, distance: float, start: Pose) -> list[Pose]:
-    """The beginning of a movement or of the legs before it, moved to either side of its path; of a turn, away
-    from the contact."""
-    contact = ended.contact
-    if ended.trajectory.turning and contact is not None:
-        away = math.atan2(contact.pose.y - contact.point[1], contact.pose.x - contact.point[0])
-        return [_moved(start, away, distance)]
-    course = _course(ended)
-    return [_moved(start, course + math.pi / 2, distance), _moved(start, course - math.pi / 2, distance)]
-
-
-def _course(ended: MovementEnded) -> float:
-    x, y = ended.trajectory.move
-    return math.radians(ended.before.heading) + math.atan2(y, x)
-
-
-def _moved(pose: Pose, course: float, distance: float) -> Pose:
-    return Pose(pose.x + distance * math.cos(course), pose.y + distance * math.sin(course), pose.heading)

@@ -2,12 +2,6 @@
 
 A finding has its figure with an interval, the number of readings or movements behind it, and a sentence. The
 findings of a run have a familywise error of 1 %: a test gives a `Claim`, and `kept` decides.
-
-A disagreement is about a sensor's replies or a drive's commands by which a program and its log differ. The
-log has replies as they were sent and commands as the robot got them. The program's use of them shows in its
-beliefs, and in the commands that followed. Where the two do not fit, either a message was changed on the
-link, or the program misunderstands that sensor or drive. A log cannot distinguish these, but it can name the
-device.
 """
 
 from __future__ import annotations
@@ -193,17 +187,17 @@ def plain_findings(found: Iterable[Finding]) -> tuple[dict[str, object], ...]:
     return tuple(findings_table(found).objects())
 
 
-# -- disagreements of program and log ------------------------------------------------------------------
+# -- explanations of beliefs ------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)
 class Disagreement:
-    """One explanation of why program and log differ: `of` are the codes of the sensors or drives, none where
-    it may be any. `text` says what was different, `count` is the number of readings or movements behind it.
+    """One explanation of beliefs that differ from the truth: `of` are the codes of the sensors or drives.
+    `text` says what the beliefs fit, `count` is the number of readings or movements behind it.
 
     `probability` is that of evidence as strong without a disagreement, corrected for all tests of its kind.
     `scatter` is the residual scatter, in a unit of the evidence. `elapsed` (seconds) and `line` (of the log)
-    are where it began. With `command_lost`, a command never reached the robot.
+    are where it began.
     """
 
     of: tuple[str, ...]
@@ -213,7 +207,6 @@ class Disagreement:
     scatter: float
     elapsed: float
     line: int
-    command_lost: bool = False
 
 
 def moment(row: Columns) -> tuple[float, int]:

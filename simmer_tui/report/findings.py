@@ -12,7 +12,7 @@ from simmer_tui.run.events import ActionName
 from simmer_tui.run.history_rows import ContactRow
 from simmer_tui.run.phrases import WEDGED_TEXT, contact_ending, obstacles_text, pose_text, times_text
 from simmer_tui.run.run_history import RunHistory
-from simmer_tui.sim.command import counted, escape_passage, escape_word, first_of
+from simmer_tui.sim.command import counted, escape_word, first_of
 
 # Readings named in a sentence; it says how many more there are.
 _READINGS = 6
@@ -39,8 +39,7 @@ def findings(run: RunStatistics) -> list[str]:
 
 def _sentences(run: RunStatistics) -> Iterator[str]:
     history, totals, origin = run.history, run.totals, run.header.taken_over
-    wedged, refusals, faults = history.wedged.first, history.refusals.first, history.faults.first
-    yield from (f"{each.text}." for each in run.findings)
+    wedged = history.wedged.first
     if origin is not None:
         yield f"Taken over {origin}: until then the two runs are the same."
     yield from _end(run)
@@ -50,22 +49,10 @@ def _sentences(run: RunStatistics) -> Iterator[str]:
         since, place = wedged.items[0].elapsed, pose_text(wedged.items[0].pose)
         yield f"From {since:.1f} s on it was {WEDGED_TEXT}. It stood at {place}."
     yield from belief_sentences(history, ended_badly=run.cause is not None)
-    if refusals.given:
-        refused, first = counted(totals.commands, "command"), refusals.items[0]
-        why = f"'{first.result.command.shown}' (line {first.line}): {escape_passage(first.result.reason)}"
-        yield f"{refusals.given} of {refused} did nothing. The first: {why}."
-    if faults.given:
-        line, text = faults.items[0].line, escape_passage(faults.items[0].text)
-        end = "" if text.endswith("?") else "."
-        yield f"{counted(faults.given, 'fault')}. The first (line {line}): {text}{end}"
     if totals.actions:
         listed = ", ".join(f"{name} {count}x" for name, count in totals.actions.most_common(8))
         yield f"Actions by a person: {listed}."
     yield from _other_seed(run)
-    if not totals.commands:
-        yield "No command was logged."
-    elif not totals.contacts and not refusals.given and run.cause is None:
-        yield "No contact with a wall and no refused command."
 
 
 def _other_seed(run: RunStatistics) -> Iterator[str]:

@@ -59,6 +59,7 @@ def _page(run: RunStatistics, name: str, *, commands: bool) -> Document:
         _about(run, name),
         verdict_box(verdict, is_mission=attempt.task is not None),
         *((_last_lines(verdict),) if crashed else ()),
+        _moments(verdict),
         _figures(run, attempt, crashed=crashed),
         SideBySide(tuple(_picture(run)), tuple(_cards(run, attempt, name if commands else ""))),
         Folded("All that happened", (Bullets("", findings(run)), Bullets("Notes", run.notes))),
@@ -91,6 +92,16 @@ def verdict_box(verdict: Verdict, *, is_mission: bool) -> VerdictBox:
         tone=_TONES.get(verdict.outcome, Tone.PLAIN),
         sign=_CRASH_SIGN if crashed else "",
     )
+
+
+def _moments(verdict: Verdict) -> Bullets:
+    """The moments, each with a link that moves the player there."""
+    lines: list[tuple[Prose, ...]] = []
+    for each in verdict.moments:
+        link = TextLink(f"{each.elapsed:.1f} s", f"#t={each.elapsed:.2f}")
+        mark: tuple[Prose, ...] = (" ", Chip("cause", Tone.BAD)) if each.is_cause else ()
+        lines.append((link, f" {each.text}", *mark))
+    return Bullets("What happened", lines, kind="card")
 
 
 def _last_lines(verdict: Verdict) -> Bullets:

@@ -20,6 +20,7 @@ from simmer_tui.report.causes import Cause
 from simmer_tui.report.finding import Finding
 from simmer_tui.report.mission_gate import Analysis
 from simmer_tui.report.recording import Recording
+from simmer_tui.report.run_evidence import RunEvidence
 from simmer_tui.report.verdict import Verdict, findings_of, verdict_of
 from simmer_tui.run.attempt import Attempt, Task, task_of
 from simmer_tui.run.events import CommandResult, EventHandler, MovementEnded
@@ -120,6 +121,11 @@ class RunStatistics:
     def attempt(self) -> Attempt:
         """The run since its last restart, after the last event."""
         return Attempt(self.history, task_of(self.configuration, self.header.seed))
+
+    @cached_property
+    def evidence(self) -> RunEvidence:
+        """Facts about the run, for its tables; after `finish`."""
+        return RunEvidence(self.attempt, self.verdict.program, findings=self.findings)
 
     @cached_property
     def verdict(self) -> Verdict:

@@ -11,11 +11,13 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from simmer_tui.report.audit import audit
-from simmer_tui.report.cause_search import causes_of
-from simmer_tui.report.causes import Cause, Kind, Sureness
+from simmer_tui.report.cause_order import cause_of
+from simmer_tui.report.causes import Cause, Kind
 from simmer_tui.report.finding import Finding
+from simmer_tui.report.moments import Moment, moments_of
+from simmer_tui.report.run_evidence import RunEvidence
 from simmer_tui.run.attempt import Attempt, Task
-from simmer_tui.run.events import NOT_CONNECTED, Goal, NoticeKind, ProgramEnded, Result
+from simmer_tui.run.events import Goal, NoticeKind, ProgramEnded, Result
 from simmer_tui.run.history_rows import NoticeRow, ProgramRow
 from simmer_tui.run.phrases import (
     capitalized,
@@ -57,8 +59,8 @@ class Verdict:
     goal: Goal | None = None
     """The goal reached last."""
     cause: Cause | None = None
-    second_cause: Cause | None = None
-    """Another cause that holds as well."""
+    moments: tuple[Moment, ...] = ()
+    """Facts of the run, in order."""
     evidence: tuple[str, ...] = ()
     advice: str = ""
     """The next thing to try."""
@@ -71,13 +73,18 @@ class Verdict:
     @property
     def reasons(self) -> list[str]:
         """Sentences that support it."""
-        second = "" if self.second_cause is None else f"Second cause: {self.second_cause.text}"
-        return [each for each in (*self.notes, *self.evidence, second) if each]
+        return [each for each in (*self.notes, *self.evidence) if each]
+
+    @property
+    def last_moments(self) -> str:
+        """The last two moments, in a line."""
+        return "; ".join(each.sentence for each in self.moments[-2:])
 
     @property
     def lines(self) -> list[str]:
         """All of it but the program's output: the sentence first, then its reasons."""
-        return [each for each in (self.text, *self.reasons, self.advice) if each]
+        moments = [each.sentence for each in self.moments]
+        return [each for each in (self.text, *moments, *self.reasons, self.advice) if each]
 
     def plain(self) -> dict[str, object]:
         """The verdict for programs, without the program's output, whose times depend on the machine."""
@@ -88,7 +95,6 @@ class Verdict:
             "time_s": self.elapsed,
             "line": self.line,
             "cause": _plain_cause(self.cause),
-            "second_cause": _plain_cause(self.second_cause),
             "evidence": list(self.evidence),
             "next": self.advice or None,
             "notes": list(self.notes),
@@ -174,7 +180,14 @@ class _Judge:
 
     def verdict(self) -> Verdict:
         outcome, over = self._outcome(), self._attempt.over
-        cause, second = (*self._causes(outcome), None, None)[:2]
+        # Actions of the program after its mission's end did not decide it.
+        program = None if self._is_after_mission else self._program
+        needs_cause = self._needs_cause(outcome)
+        found = self._findings
+        if found is None:
+            found = findings_of(self._history, self._attempt.task) if needs_cause else ()
+        run = RunEvidence(self._attempt, program, cut_off=self._cut_off, findings=found)
+        cause = cause_of(run) if needs_cause else None
         if cause is not None and cause.kind is Kind.CRASHED and outcome is Outcome.FAILED:
             outcome = Outcome.CRASHED
         late = self._crash if self._is_after_mission else None
@@ -186,7 +199,7 @@ class _Judge:
             line=moment.line,
             goal=self._goal,
             cause=cause,
-            second_cause=second,
+            moments=moments_of(run, cause),
             evidence=() if cause is None else cause.evidence,
             advice=self._advice(cause),
             notes=() if late is None else (f"After that the program crashed: {crash_text(late)}.",),
@@ -231,15 +244,15 @@ class _Judge:
         silent = not self._program.stopped and self._attempt.is_silent
         return Outcome.FAILED if silent else Outcome.ENDED
 
-    def _causes(self, outcome: Outcome) -> list[Cause]:
+    def _needs_cause(self, outcome: Outcome) -> bool:
         if outcome in (Outcome.SUCCEEDED, Outcome.STILL_GOING):
-            return []
-        if not self._is_mission and not outcome.is_failure:
-            return []
-        # Actions of the program after its mission's end did not decide it.
-        event = None if self._is_after_mission else self._program
-        found = findings_of(self._history, self._attempt.task) if self._findings is None else self._findings
-        return causes_of(self._attempt, event, cut_off=self._cut_off, findings=found)
+            return False
+        if not self._is_mission:
+            return outcome.is_failure
+        over = self._attempt.over
+        has_ended = self._cut_off or (self._program is not None and not self._program.stopped)
+        # A mission may go on after its program's connection has ended.
+        return self._attempt.failed if over is not None else has_ended
 
     # -- text ------------------------------------------------------------------------------------
 
@@ -254,10 +267,11 @@ class _Judge:
         if outcome is Outcome.CRASHED and self._crash is not None:
             if not self._crash.started:
                 return f"{capitalized(program_end_text(self._crash))}."
+            if cause is not None and cause.kind is not Kind.CRASHED:
+                return f"Crashed {when}{reached}: {cause.text} Then: {crash_text(self._crash)}."
             return f"Crashed {when}{reached}: {crash_text(self._crash)}."
         if cause is not None:
-            likely = "probably because" if cause.sure is Sureness.LIKELY else "because"
-            return f"{outcome.value.capitalize()} {when}{reached}, {likely} {_within(cause.text)}"
+            return f"{outcome.value.capitalize()} {when}{reached}: {cause.text}"
         if outcome is Outcome.FAILED:
             reason = "real time was up" if over is None else escape_passage(over.event.reason)
             return f"Failed {when}{reached}: {reason}."
@@ -269,18 +283,17 @@ class _Judge:
         if cause is None:
             return ""
         program = self._program
-        if program is None or not program.exit_code or cause.kind not in _OF_THE_PROGRAM:
-            return f"Fix first: {cause.kind.advice}."
+        own = program is not None and program.exit_code and not program.stopped
+        if program is None or not own or cause.kind not in _OF_THE_PROGRAM:
+            return f"Try: {cause.advice}" if cause.advice else ""
         if not program.started:
-            return "Fix first: the command after --run. Try it alone in a terminal."
-        not_connected = any(row.text.startswith(NOT_CONNECTED) for row in self._history.faults.items)
-        if self._attempt.is_silent and not_connected:
-            return "Fix first: how the program is started; it was not connected to the robot's serial port."
+            return "Try: the command after --run alone in a terminal."
         if program.error.startswith(_NO_PACKAGE):
-            return f"Fix first: {_OTHER_PYTHON}."
+            return f"Try: {_OTHER_PYTHON}."
         if program.crashed:
-            return f"Fix first: {escape_passage(program.place) or cause.kind.advice}."
-        return f"Fix first: why the program ends with exit code {program.exit_code}."
+            place = escape_passage(program.place)
+            return f"Try: mend the error in {place}." if place else ""
+        return f"Try: find out why the program ends with exit code {program.exit_code}."
 
     def _end(self) -> str:
         """Words for the end of the program or of its connection; empty without one."""
@@ -322,21 +335,14 @@ class _Judge:
         return "nothing went wrong" if is_counted else f"{done}, nothing went wrong"
 
 
-_OF_THE_PROGRAM = (Kind.CRASHED, Kind.NOTHING_SENT)
+_OF_THE_PROGRAM = (Kind.CRASHED, Kind.SILENCE)
 _NO_PACKAGE = "ModuleNotFoundError: No module named 'simmer_tui'"
 # Editors and older systems have Pythons of their own.
 _OTHER_PYTHON = (
-    "the Python that runs the program has no simmer_tui. Take the one that has, or write "
-    "'from client import Robot' and copy client.py beside it (simmer-tui examples samples)"
+    "the Python that has simmer_tui, or write 'from client import Robot' and copy client.py beside it "
+    "(simmer-tui examples samples)"
 )
 """Advice for a program that another Python runs."""
 # A run that was taken over goes on, whatever had ended in the logged one.
 _GOES_ON = (NoticeKind.CONNECTED, NoticeKind.TAKEN_OVER)
 _CONNECTIONS = (*_GOES_ON, NoticeKind.LEFT)
-
-
-def _within(sentence: str) -> str:
-    """A sentence as a clause of another."""
-    first, _, _ = sentence.partition(" ")
-    # The name of a sensor or drive is written as it is.
-    return sentence if not first.isalpha() else f"{sentence[0].lower()}{sentence[1:]}"

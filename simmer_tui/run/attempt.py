@@ -341,33 +341,10 @@ class Attempt:
         return found
 
     @cached_property
-    def blind_for(self) -> tuple[float, float]:
-        """Distance (inches) and turning (degrees) since a range sensor was read."""
-        ranges = {each.code for each in self.spec.sensors if each.kind.is_range}
-        # Sums grow all the time, so the newest reading is the one with the largest sums.
-        last = [each for code, each in self._last_readings(self._until + 1).items() if code in ranges]
-        gone, turned = _sums(self._last_movement)
-        if not last:
-            before = _sums(self.history.movements.before(self._began))
-            return gone - before[0], turned - before[1]
-        return gone - max(each.gone for each in last), turned - max(each.turned for each in last)
-
-    @cached_property
     def stuck(self) -> Stuck | None:
         """Stretch at the end in which a wall held the robot; None if it was not stuck."""
         limit = self.elapsed if self.task is None else self.task.time_limit
         return self.history.stuck(limit, self.placed, self._until)
-
-    @cached_property
-    def hardly_localized(self) -> bool:
-        """True if less than half of its beliefs since the robot was placed were right and sure. A program
-        that localized itself, and was never wrong before, has only searched."""
-        beliefs = self.history.beliefs
-        rows = beliefs[beliefs.place_of(self.placed + 1) : beliefs.place_of(self._until + 1)]
-        right = [row.is_right for row in rows]
-        if right and right[-1] and not any(row.lost for row in rows):
-            return False
-        return 2 * sum(right) < len(rows)
 
     # -- actions of people -----------------------------------------------------------------------
 

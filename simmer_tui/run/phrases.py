@@ -32,6 +32,8 @@ SHOWN_OUTPUT = 5
 """Last lines of a program's output that a page shows: an error and where it is. The log has more."""
 NOTHING_SENT = "nothing was sent"
 """Reason for the failure of a run in which no command came from a program that ended with exit code 0."""
+REAL_TIME_LIMIT = "the real time limit"
+"""Beginning of the reason for the failure of a run that was ended because real time was up."""
 WEDGED_TEXT = "wedged: back off before turning"
 """Advice to a robot that touches something in one place again and again."""
 

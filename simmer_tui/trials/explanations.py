@@ -267,9 +267,7 @@ _SENSORS = frozenset((ChangedPart.SENSOR, ChangedPart.SENSORS, ChangedPart.SENSO
 _DRIVES = frozenset((ChangedPart.NOISE, ChangedPart.BIAS, ChangedPart.DRIVES))
 _BY_KIND: Mapping[str, frozenset[ChangedPart]] = {
     Kind.SENSOR_WRONG: _SENSORS,
-    Kind.MISREAD: _SENSORS,
     Kind.DRIVE_WRONG: _DRIVES,
-    Kind.DRIVE_ERROR: _DRIVES,
     Kind.TOO_SLOW: frozenset((ChangedPart.TIME, ChangedPart.LINK, ChangedPart.TIME_LIMIT)),
 }
 """Changes that would save a run which failed by such a cause. Other causes are decisions of the program."""

@@ -1,4 +1,4 @@
-"""Causes of failed runs, and the one to fix first; and the findings about sensors and drives.
+"""Causes of failed runs, and the most frequent one; and the findings about sensors and drives.
 
 A successful run has its findings too: its program may only just tolerate a wrong sensor.
 """
@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 
 from simmer_tui.document.formats import COUNT, ESTIMATE, NUMBERS, SHARE, Format, number
 from simmer_tui.document.model import DataColumn, DataTable, data_table
+from simmer_tui.report.cause_order import advice_on
 from simmer_tui.report.causes import Kind
 from simmer_tui.report.finding import FINDINGS
 from simmer_tui.trials.intervals import IntervalEstimate, wilson
@@ -22,26 +23,23 @@ UNKNOWN = "not known"
 _Item = TypeVar("_Item")
 _Key = TypeVar("_Key")
 COLORS: Mapping[str, str] = {
-    Kind.LOST: "#8a2be2",
-    Kind.UNSURE: "#b58be0",
-    Kind.CLEARANCE: "#d00000",
-    Kind.DRIVE_ERROR: "#f5a500",
-    Kind.HELD_BLOCK: "#8b4513",
-    Kind.MISSED_GRIP: "#1f69c8",
-    Kind.DROPPED_OUTSIDE: "#0a968c",
-    Kind.MISREAD: "#e377c2",
+    Kind.WIRE: "#ffffff",
+    Kind.REFUSED: "#12507f",
+    Kind.CRASHED: "#17becf",
+    Kind.MOVED: "#5a3e1b",
+    Kind.SILENCE: "#e377c2",
     Kind.UNREAD: "#ff6f61",
-    Kind.STUCK: "#6b6b00",
-    Kind.TOO_SLOW: "#2f4f4f",
-    Kind.GOT_NOWHERE: "#a8a800",
+    Kind.KNOWN_WALL: "#8b4513",
     Kind.SENSOR_WRONG: "#c2187a",
     Kind.DRIVE_WRONG: "#b36b00",
-    Kind.NOT_CARRIED_OUT: "#12507f",
-    Kind.CRASHED: "#17becf",
+    Kind.MISSED_GRIP: "#1f69c8",
+    Kind.DROPPED_OUTSIDE: "#0a968c",
+    Kind.LOST: "#8a2be2",
+    Kind.TOO_CLOSE: "#d00000",
+    Kind.GOT_NOWHERE: "#a8a800",
+    Kind.TOO_SLOW: "#2f4f4f",
     Kind.ENDED: "#aec7e8",
-    Kind.NOTHING_SENT: "#ffffff",
-    Kind.UNDECIDED: "#7f7f7f",
-    Kind.MOVED: "#5a3e1b",
+    Kind.UNKNOWN: "#7f7f7f",
 }
 _OTHER = "#999999"
 _CHANGED = Format(lambda runs: f"{len(runs)}: {NUMBERS.text(runs)}" if runs else "")
@@ -54,7 +52,7 @@ CAUSES = data_table(
     DataColumn("runs", COUNT),
     DataColumn("share", ESTIMATE, "share of all"),
     DataColumn("which", NUMBERS, wraps=True),
-    DataColumn("text", heading="fix", wraps=True),
+    DataColumn("text", heading="try", wraps=True),
 )
 CHANGED_CAUSES = data_table(
     "causes",
@@ -129,15 +127,16 @@ def failures_in_turn(results: Sequence[TrialResult]) -> list[int]:
 
 
 def failure_summary(results: Sequence[TrialResult]) -> str:
-    """Cause to fix first, and the success rate without it at most; empty if no run failed."""
+    """Most frequent cause, and the success rate without it at most; empty if no run failed."""
     for name, group in counted_causes(results):
         kind = cause_kind(name)
         if kind is None:
             continue
         whole, failed = len(results), sum(not result.success for result in results)
         best = (whole - failed + len(group)) / whole
+        told = f" Try: {advice}" if (advice := advice_on(kind)) else ""
         return (
-            f"Fix first: {kind.advice}. {len(group)} of {failed} failed runs: {name}. Without it "
+            f"Most frequent cause: {name}, {len(group)} of {failed} failed runs.{told} Without it "
             f"up to {round(best * whole)} of {whole} runs could have succeeded, not {whole - failed}. "
             f"Example, run {group[0].number}: {group[0].why or name}"
         )
@@ -151,7 +150,7 @@ def causes_table(results: Sequence[TrialResult]) -> DataTable:
         kind = cause_kind(name)
         share = wilson(len(group), len(results))
         listed = [result.number for result in group]
-        rows.append((name, len(group), share, listed, None if kind is None else kind.advice))
+        rows.append((name, len(group), share, listed, None if kind is None else advice_on(kind)))
     return CAUSES.filled(rows)
 
 

@@ -28,7 +28,7 @@ from simmer_tui.report.finding import plain_findings
 from simmer_tui.report.verdict import findings_of, verdict_of
 from simmer_tui.run.events import Event, MissionEnd, Result
 from simmer_tui.run.mission import MissionState
-from simmer_tui.run.phrases import exit_text, last_output
+from simmer_tui.run.phrases import REAL_TIME_LIMIT, exit_text, last_output
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.runlog.writer import LOG, PACKED
 from simmer_tui.sim.command import escape, escape_passage
@@ -159,7 +159,7 @@ class TrialRun:
             drop_zone=None if plan is None else (plan.drop_zone.x, plan.drop_zone.y),
             last_output=words,
             cause="" if cause is None else cause.kind.value,
-            why="" if cause is None else cause.text,
+            why="" if cause is None else verdict.last_moments,
             verdict=verdict.plain(),
             clock=_clock(server),
             clock_note="" if server.clock is None else escape_passage(server.clock.unfit),
@@ -299,7 +299,7 @@ def _reason(end: _End, time_limit: float) -> str:
     if end.ending is Ending.SUCCESS:
         return ""
     if end.ending is Ending.REAL_TIME_LIMIT:
-        return f"the real time limit of {time_limit:g} s"
+        return f"{REAL_TIME_LIMIT} of {time_limit:g} s"
     if end.ending is Ending.SILENCE:
         return Ending.SILENCE.value
     return exit_text(end.exit_code)

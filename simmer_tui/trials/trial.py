@@ -180,7 +180,7 @@ class TrialResult(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     `time` is simulated seconds, `distance` inches, `start` and `end` are the robot's x, y and
     heading, `block` and `drop_zone` are x, y. `reached`, `taken` and `delivered` are when the
     mission's goals were met. `exit_code` is None if the program did not end by itself. `cause` is the
-    cause of a failure (`report.causes.Kind`), `why` the same in a sentence; both are empty for a success.
+    cause of a failure (`report.causes.Kind`), `why` its last two moments; both are empty for a success.
     `verdict` is all of it, as `report --json` has it, without the program's output; `findings` are the
     sensors and drives that were not as they should be, as it has them too, also for a success. `clock` is the
     source of simulated time: `program`, `real`, or `instant` for commands alone. `clock_note` is the reason

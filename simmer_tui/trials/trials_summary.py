@@ -133,7 +133,7 @@ TABLES = (
     *(DEVICES, RUN_FINDINGS, RUNS_TABLE, WHY_FAILED, CONTROL, CHANGED_RUNS),
 )
 """All tables of a set of trials."""
-_OF_THE_PROGRAM = (Kind.CRASHED.value, Kind.ENDED.value, Kind.NOTHING_SENT.value)
+_OF_THE_PROGRAM = (Kind.CRASHED.value, Kind.ENDED.value, Kind.SILENCE.value)
 _PORTS_ADVICE = (
     "No program sent a command. Connect to the address in SIMMER_HOST and SIMMER_PORT; simmer_tui.client "
     "does so by itself. For a program with port 9000 built in, add --fixed-ports."

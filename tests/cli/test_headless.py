@@ -423,7 +423,7 @@ def test_a_program_that_cannot_be_started_has_a_verdict_and_127(tmp_path: Path, 
     code, out, err = ended("--run", command, "--log", str(log))
     assert (code, out) == (127, "")
     *_, advice, last = err.splitlines()
-    assert advice == "  Fix first: the command after --run. Try it alone in a terminal."
+    assert advice == "  Try: the command after --run alone in a terminal."
     assert last.startswith("verdict: The program could not start: --run")
     found = build_report(log).verdict
     assert (found.outcome, last) == (Outcome.CRASHED, f"verdict: {found.text}")
@@ -582,9 +582,11 @@ def test_a_mission_that_failed_says_why_and_its_log_says_the_same(tmp_path: Path
     code, _, err = ended("--mission", "--seed", "5", "--log", str(log), "--run", driver)
     assert code == 1
     told = err.splitlines()[-1]
-    assert re.match("verdict: Failed after .* because it drove without looking: w1-200.* led the", told), err
-    assert "No beliefs were sent" in err
-    assert "It would have" in err
+    assert re.match(
+        "verdict: Failed after .*: u2, which looks at the wall, was not read; then w1-200 was", told
+    ), err
+    assert "The program sent no belief." in err
+    assert re.search(r"^  \d+\.\d s: w1-200 was sent$", err, re.MULTILINE)
     assert f"verdict: {build_report(log).verdict.text}" == told
 
 
@@ -686,4 +688,4 @@ def test_a_log_deleted_in_a_short_run_is_told_at_the_end(tmp_path: Path) -> None
 def test_a_program_that_sends_nothing_has_not_succeeded() -> None:
     code, _, err = ended("--run", shlex.join([sys.executable, "-c", ""]))
     assert (code, "simmer-tui: nothing was sent" in err.splitlines()) == (1, True)
-    assert err.splitlines()[-1].endswith("because the program sent no command at all.")
+    assert err.splitlines()[-1].endswith("The program sent no command at all.")

@@ -459,8 +459,8 @@ def test_a_program_that_was_not_led_is_not_told_of_its_own_line(tmp_path: Path) 
     program = "import serial\nrobot = serial.Serial('/nowhere/COM6')\n"
     (tmp_path / "isolated.sh").write_text("exec python -I program.py\n", "utf-8")
     ended = run(tmp_path, program, command="sh isolated.sh")
-    assert "Fix first: how the program is started; it was not connected" in ended.stderr, ended.stderr
-    assert "Fix first: program.py" not in ended.stderr
+    assert "s: The program was not connected to the robot's serial port: " in ended.stderr, ended.stderr
+    assert "mend the error in program.py" not in ended.stderr
 
 
 @pytest.mark.slow

@@ -19,7 +19,7 @@ from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.sets import bundled_sets
 from simmer_tui.errors import RunLogError
 from simmer_tui.live.server import Server, link_delay
-from simmer_tui.live.takeover import Moment, TakeOver, moment_at, moment_of
+from simmer_tui.live.takeover import LogPoint, TakeOver, moment_at, moment_of
 from simmer_tui.report.findings import findings
 from simmer_tui.robot.engine import Engine
 from simmer_tui.run.events import Action, ActionName, Belief, Notice, NoticeKind
@@ -72,7 +72,7 @@ def mission_log(path: Path) -> list[CommandResult]:
 
 
 @contextmanager
-def taken_over(path: Path, moment: Moment, log: Path | None = None) -> Iterator[Server]:
+def taken_over(path: Path, moment: LogPoint, log: Path | None = None) -> Iterator[Server]:
     """A server that stands at a moment; nobody has started it."""
     chosen = TakeOver(path, moment)
     chosen.check()
@@ -87,7 +87,7 @@ def taken_over(path: Path, moment: Moment, log: Path | None = None) -> Iterator[
         server.stop()
 
 
-def after(index: RunLogIndex, entry: int) -> Moment:
+def after(index: RunLogIndex, entry: int) -> LogPoint:
     return moment_of(index, entry, index.over_of(entry))
 
 
@@ -230,7 +230,7 @@ def velocity_log(tmp_path: Path) -> Path:
     return path
 
 
-def velocity_taken_over(path: Path, log: Path, moment: Moment, state: State) -> None:
+def velocity_taken_over(path: Path, log: Path, moment: LogPoint, state: State) -> None:
     """A velocity in force ends as if its program had left: it has."""
     with taken_over(path, moment, log) as server:
         shown = server.recorder.snapshot().state
@@ -291,12 +291,12 @@ def test_continuous_motion_is_taken_over_at_every_command(velocity_log: Path, tm
 def test_ports_that_are_taken_are_others(tmp_path: Path) -> None:
     path = tmp_path / "run.jsonl"
     mission_log(path)
-    with taken_over(path, Moment(1, 0.0, 0.0)) as first:
+    with taken_over(path, LogPoint(1, 0.0, 0.0)) as first:
         header, *lines = path.read_text().splitlines(keepends=True)
         fields = json.loads(header)
         fields["settings"]["server"] |= {"port": first.ports["commands"], "host": "0.0.0.0", "any_user": True}
         path.write_text(json.dumps(fields, separators=(",", ":")) + "\n" + "".join(lines))
-        with taken_over(path, Moment(1, 0.0, 0.0)) as second:
+        with taken_over(path, LogPoint(1, 0.0, 0.0)) as second:
             assert first.ports["commands"] != second.ports["commands"]
             assert any("other ports are used" in each for each in second.warnings)
             assert second.host == "127.0.0.1", "a log opens nothing to others"

@@ -21,8 +21,9 @@ import numpy as np
 from msgspec.structs import replace
 
 from simmer_tui.config.loader import Configuration, find_set, load
-from simmer_tui.report.cause_search import causes_of
+from simmer_tui.report.cause_order import cause_of
 from simmer_tui.report.causes import Cause, Kind
+from simmer_tui.report.run_evidence import RunEvidence
 from simmer_tui.robot.engine import Engine
 from simmer_tui.run.attempt import Attempt, task_of
 from simmer_tui.run.events import Belief, OutputLine, ProgramEnded
@@ -212,10 +213,10 @@ class Fault:
 
 FAULTS = {
     "clean": Fault(nothing, frozenset()),
-    "heading offset": Fault(turned_heading, frozenset({Kind.LOST, Kind.UNDECIDED})),
+    "heading offset": Fault(turned_heading, frozenset({Kind.LOST})),
     "closed early": Fault(closed_early, frozenset({Kind.MISSED_GRIP})),
     "no slowing": Fault(closed_late, frozenset({Kind.MISSED_GRIP})),
-    "clearance": Fault(small_robot, frozenset({Kind.CLEARANCE, Kind.HELD_BLOCK}), small=True),
+    "clearance": Fault(small_robot, frozenset({Kind.TOO_CLOSE, Kind.KNOWN_WALL}), small=True),
     "frozen belief": Fault(frozen, frozenset({Kind.LOST})),
     "ignored sensors": Fault(ignoring, frozenset({Kind.UNREAD})),
     "other drop zone": Fault(other_zone, frozenset({Kind.DROPPED_OUTSIDE})),
@@ -250,10 +251,10 @@ def fly(parts: dict[str, ModuleType], fault: Fault, seed: int) -> tuple[bool, Ca
         reason = f"the program ended with exit code {code}" if code is not None else "the wall limit"
         robot.referee.end(reason)
     program = None if code is None else ProgramEnded(0.0, code, stdout=(OutputLine(0.0, words),))
-    causes = causes_of(
-        Attempt(robot.history, robot.task), program, cut_off=code is None and robot.drives > MOST_DRIVES
-    )
-    return robot.referee.state().result.value == "success", causes[0] if causes else None
+    if robot.referee.state().result.value == "success":
+        return True, None
+    cut_off = code is None and robot.drives > MOST_DRIVES
+    return False, cause_of(RunEvidence(Attempt(robot.history, robot.task), program, cut_off=cut_off))
 
 
 def _halved(robot: RobotSpec) -> RobotSpec:

@@ -159,7 +159,7 @@ def renamed(spec: SimulationSpec, codes: dict[str, str]) -> SimulationSpec:
     return replace(spec, sensors=change(spec.sensors), drives=change(spec.drives))
 
 
-@pytest.mark.quick_cases(11)
+@pytest.mark.quick_cases(12)
 @pytest.mark.parametrize(
     ("variant", "expected"),
     [
@@ -168,6 +168,7 @@ def renamed(spec: SimulationSpec, codes: dict[str, str]) -> SimulationSpec:
         (lambda spec: sensor(spec, "u1", error=0.4), {("u1", "noise")}),
         (lambda spec: sensor(spec, "u1", dropout=0.4), {("u1", "missed")}),
         (lambda spec: sensor(spec, "u1", rotation=15.0), {("u1", "mounting")}),
+        (lambda spec: sensor(spec, "u5", z=4.0), {("u5", "mounting")}),
         (lambda spec: sensor(spec, "g1", drift=0.5), {("g1", "drift")}),
         (lambda spec: sensor(spec, "u1", read_time=1.0), {("u1", "late")}),
         (lambda spec: renamed(spec, {"u2": "u4", "u4": "u2"}), {("u2", "swapped"), ("u4", "swapped")}),

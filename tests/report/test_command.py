@@ -62,7 +62,7 @@ def test_a_fault_that_ends_in_a_question_has_no_full_stop(
     run.send("u1")
     run.engine.tell(Notice(NoticeKind.FAULT, "dialect: 'gett' is no message; did you mean \"get\"?"))
     assert run_report([str(run.path)]) == 0
-    assert 'did you mean "get"?\n' in capsys.readouterr().out
+    assert 'did you mean "get"?' in capsys.readouterr().out
 
 
 def test_another_seed_since_a_restart_is_named(start_run: Callable[..., Any]) -> None:

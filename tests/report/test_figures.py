@@ -213,7 +213,7 @@ def test_one_report_has_one_word_for_being_lost(start_run: Any) -> None:
     said = findings(report)
     assert report.cause is not None
     assert report.cause.kind is Kind.LOST
-    assert "its belief was off by 4.0 in; its spread was 0.3 in" in report.verdict.text
+    assert "It never found its place: from 0." in report.verdict.text
     assert "Belief: never localized. At the end the belief was off by 4.0 in" in " ".join(said)
 
 
@@ -255,7 +255,7 @@ def test_a_velocity_pressed_against_a_wall_is_stuck(start_run: Any) -> None:
     free.send("vv-6;0;0", f"wt-{shorter / 5:g}", "vv--6;0;0;1", "wt-1", "vv-6;0;0", f"wt-{shorter / 5:g}")
     free.engine.tell(MissionEvent(free.simulator.time, Result.FAILED, "mission: failed", "gave up"))
     backed_off = build_report(free.path)
-    assert backed_off.cause is None or backed_off.cause.kind is not Kind.STUCK  # it backed off in between
+    assert backed_off.cause is None or backed_off.cause.kind is not Kind.GOT_NOWHERE
     assert "Stuck at the end" not in " ".join(findings(backed_off))
 
     run = start_run("stuck.jsonl", files=files)
@@ -264,7 +264,7 @@ def test_a_velocity_pressed_against_a_wall_is_stuck(start_run: Any) -> None:
     run.engine.tell(MissionEvent(run.simulator.time, Result.FAILED, "mission: failed", "gave up"))
     report = build_report(run.path)
     assert report.cause is not None
-    assert report.cause.kind is Kind.STUCK
+    assert report.cause.kind is Kind.GOT_NOWHERE
     assert "s on, it pressed against a wall for 1" in report.cause.text
     assert "Stuck at the end: from" in findings(report)[0]
 
@@ -297,7 +297,7 @@ def test_a_program_that_does_not_look_is_told_so(start_run: Any) -> None:
 def test_a_quiet_run_is_called_so(start_run: Any) -> None:
     run = start_run()
     run.send("u1", "d1-1")
-    assert findings(build_report(run.path)) == ["No contact with a wall and no refused command."]
+    assert not findings(build_report(run.path))
 
 
 def test_accepted_movements_count_as_far_as_they_went(packets_run: Any) -> None:
@@ -418,7 +418,7 @@ def test_broken_lines_are_skipped_and_noted(eventful_log: Path) -> None:
 
 def test_a_log_of_a_header_alone_makes_a_report(start_run: Callable[..., Any]) -> None:
     report = build_report(start_run().path)
-    assert findings(report) == ["No command was logged."]
+    assert not findings(report)
     # The findings have a key in every answer, with or without rows.
     assert [table.title for table in report_tables(report) if table.rows] == ["Run"]
 

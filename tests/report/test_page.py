@@ -62,6 +62,8 @@ def test_the_page_of_a_mission_has_its_goals_and_begins_at_the_cause(tmp_path: P
     assert "0 of 3</strong>" in text
     assert "✗ block taken" in text
     assert f'"moment":{round(1000 * run.verdict.elapsed)}' in text
+    for each in run.verdict.moments:
+        assert f"href='#t={each.elapsed:.2f}'" in text or f'href="#t={each.elapsed:.2f}"' in text
     assert "simmer-tui replay" not in report_page(run, "a team, run 3", commands=False)
 
 

@@ -316,7 +316,8 @@ def test_a_run_that_was_too_slow_after_a_restart_has_its_own_seconds(mission_run
     mission_run.send("u1", "d1-3")
     history = build_report(mission_run.path).history
     found = verdict_of(history, task_of(load(find_set("mission")), 7), cut_off=True)
-    assert f"Most of the {mission_run.simulator.time:.1f} simulated seconds" in " ".join(found.evidence)
+    assert found.text.startswith("Failed 0.")
+    assert "after the restart at " in found.text
 
 
 def test_the_verdict_on_screen_sees_what_the_report_sees(tmp_path: Path) -> None:
@@ -394,7 +395,7 @@ def test_contacts_after_the_mission_change_no_verdict_of_a_run(commands: int) ->
     assert Attempt(history, task).commands == 1, "its answer came after the mission's end"
     found = verdict_of(history, task)
     assert found.cause is not None
-    assert "d1-60 led the robot into the wall" in found.text
+    assert "then d1-60 was sent" in found.text
 
 
 @pytest.mark.slow

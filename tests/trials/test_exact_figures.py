@@ -93,7 +93,7 @@ ORIGIN_X, ORIGIN_Y = 34 + 216, 8 + 240
 
 @pytest.fixture
 def results(made_result: Make) -> list[TrialResult]:
-    cause = Kind.CLEARANCE.value
+    cause = Kind.LOST.value
     return [
         made_result(1, 1, start=(5.0, 6.0, 0.0)),
         made_result(2, 2, start=(11.9, 0.1, 0.0)),
@@ -144,7 +144,7 @@ def test_ends_and_contacts_stand_where_they_were(results: list[TrialResult]) -> 
     root = drawn(figure)
     groups = [each for each in root.iter("g") if "fill-opacity" in each.attrib]
     assert [(each.get("fill"), each.get("stroke")) for each in groups] == [
-        ("#d00000", "#222222"), ("#999999", "#222222"),
+        ("#8a2be2", "#222222"), ("#999999", "#222222"),
     ]  # fmt: skip
     assert 0 < min(float(each.get("stroke-width", "")) for each in groups) <= 1
     ends = [numbers(of(each, "circle", "cx", "cy", "r")) for each in groups]
@@ -158,7 +158,7 @@ def test_ends_and_contacts_stand_where_they_were(results: list[TrialResult]) -> 
     # Legend and key stand below the axis, 26 points apart.
     marks = {words: (x, y) for words, x, y in texts(root)}
     assert marks["contact"] == (34 + 26, ORIGIN_Y + 24 + 13 + 4)
-    assert marks[f"{Kind.CLEARANCE.value} 1"] == (34 + 26, ORIGIN_Y + 24 + 26 + 13 + 4)
+    assert marks[f"{Kind.LOST.value} 1"] == (34 + 26, ORIGIN_Y + 24 + 26 + 13 + 4)
     assert figure.height == ORIGIN_Y + 24 + 26 + 26
     assert map_figure(MAZE, results[:2]).height == ORIGIN_Y + 24 + 26
 

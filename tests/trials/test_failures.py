@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from simmer_tui.report.cause_order import advice_on
 from simmer_tui.report.causes import Kind
 from simmer_tui.trials.failures import causes_table, changed_causes, color_of, failure_summary
 from simmer_tui.trials.trial import TrialResult
@@ -18,14 +19,14 @@ def failed(make: Make, number: int, kind: Kind) -> TrialResult:
 def test_what_to_mend_first_and_how_much_it_would_bring(made_result: Make) -> None:
     results = [made_result(1, 1), made_result(2, 2)]
     results += [failed(made_result, number, Kind.LOST) for number in (3, 4)]
-    results.append(failed(made_result, 5, Kind.HELD_BLOCK))
+    results.append(failed(made_result, 5, Kind.TOO_CLOSE))
     told = failure_summary(results)
-    assert told.startswith(f"Fix first: {Kind.LOST.advice}. 2 of 3 failed runs: lost.")
+    assert told.startswith(f"Most frequent cause: lost, 2 of 3 failed runs. Try: {advice_on(Kind.LOST)} ")
     assert "up to 4 of 5 runs could have succeeded, not 2" in told
     assert told.endswith("run 3: It was lost.")
     assert failure_summary(results[:2]) == ""
     rows = list(causes_table(results).texts())
-    assert [row[:2] for row in rows] == [["lost", "2"], ["held block", "1"]]
+    assert [row[:2] for row in rows] == [["lost", "2"], ["too close", "1"]]
     assert rows[0][2].startswith("0.400 (0.")
     assert rows[0][3] == "3, 4"
 

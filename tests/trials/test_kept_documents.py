@@ -89,7 +89,7 @@ def words(page: str) -> list[str]:
 
 def failing(number: int) -> dict[str, object]:
     """Fields of a failed run: causes, endings and outputs of all kinds, more of some than of others."""
-    kinds = [Kind.LOST, Kind.CLEARANCE, Kind.LOST, Kind.SENSOR_WRONG, Kind.CRASHED, None]
+    kinds = [Kind.LOST, Kind.TOO_CLOSE, Kind.LOST, Kind.SENSOR_WRONG, Kind.CRASHED, None]
     kind = kinds[number % 6]
     endings = [each for each in Ending if each is not Ending.SUCCESS]
     fields: dict[str, object] = {
@@ -201,7 +201,7 @@ def test_trials_whose_devices_are_wrong(make: Make, made_result: Result) -> None
 
 def test_the_map_links_to_pages_and_says_why(make: Make, made_result: Result) -> None:
     """In a maze of other cells, with ends of several causes and runs without a sentence."""
-    folder = fill(make("map", runs=12), made_result, "fsffssfffssf", cause=Kind.CLEARANCE.value)
+    folder = fill(make("map", runs=12), made_result, "fsffssfffssf", cause=Kind.TOO_CLOSE.value)
     more = [made_result(20, 1, success=False, why="", cause="odd", reason="a <b>"), *folder.done]
     figure = map_figure(folder.maze(1), more, {20: "a.html", 3: "b.html"}, "A title")
     assert_kept((figure.title, figure.width, figure.height, figure.content), KEPT, "map")

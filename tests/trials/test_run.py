@@ -145,7 +145,7 @@ def test_program_that_sends_nothing_is_no_success(
     assert (result.success, result.ending, result.exit_code) == (False, Ending.SILENCE, 0)
     assert result.reason == "nothing was sent"
     assert result.sent_nothing
-    assert failure_text(result) == "Failed after 0.0 s, because the program sent no command at all."
+    assert failure_text(result) == "Failed after 0.0 s: The program sent no command at all."
     assert result.verdict["evidence"] == ["Last output: all is well."]
     assert written_and_read(result) == result
 

@@ -1,0 +1,167 @@
+"""Beliefs beside the truth: the share of sure ones, constant offsets, and what explains them."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from simmer_tui.report.belief_audit import BeliefMotion
+from simmer_tui.report.finding import FEWEST, Disagreement, kept_disagreements
+from simmer_tui.run.attempt import Attempt
+from simmer_tui.run.facts import SLIGHT_TURN, UNSURE, UNSURE_TURN
+from simmer_tui.run.table import Columns
+from simmer_tui.sim.angles import cos_sin_array, half_turn
+from simmer_tui.sim.arrays import FloatArray
+from simmer_tui.sim.sensors import ObservingSensor, modelled_sensor
+from simmer_tui.sim.specs import CELL_SIZE
+
+_NEAR = 1.5
+"""Inches around a constant offset within which a belief has it: half of a robot's width; judged."""
+_CONSTANT = 0.75
+"""Least share of sure beliefs with one error that make it constant. Judged."""
+_MOST_NAMED = 4
+_ASSUMED = 1.0
+"""Spread, inches, of a first belief that no reading can have led to. Judged."""
+_LEAST = 2.0
+"""Least constant offset, inches, that matters: a sixth of a cell."""
+_ON_GRID = 1.0
+"""Inches to a whole number of cells within which an offset is that of a map. Judged."""
+
+
+@dataclass(frozen=True, slots=True)
+class ConstantError:
+    """One error that most sure beliefs have: `text` says it, `share` is their share; `of` are the codes of
+    the sensors that it may be from."""
+
+    text: str
+    share: float
+    of: tuple[str, ...] = ()
+
+
+class BeliefFacts:
+    """The beliefs of an attempt. A real robot has no truth: then only the share of sure ones is known."""
+
+    def __init__(self, seen: Attempt, known: Collection[str] = ()) -> None:
+        """`known` are codes of sensors and drives that are not as their set says: the stronger
+        explanation."""
+        self._seen = seen
+        self._known = known
+        rows = seen.within(seen.history.beliefs, max(seen.placed, seen.history.began))
+        self.rows: Columns = rows[np.isfinite(rows["distance"]) & np.isfinite(rows["turn"])]
+        unsure = (self.rows["spread"] > UNSURE) | (self.rows["allowed_turn"] > 3.0 * UNSURE_TURN)
+        self.sure: Columns = self.rows[~unsure]
+        self.has_truth = not seen.history.is_twin
+
+    @cached_property
+    def constant(self) -> ConstantError | None:
+        """The one error that most sure beliefs have; None where they are right, or differ."""
+        rows = self.sure
+        if not self.has_truth or len(rows) < FEWEST["set"]:
+            return None
+        x, y = rows["x"] - rows["true_x"], rows["y"] - rows["true_y"]
+        cos, sin = cos_sin_array(-rows["true_heading"])
+        ahead, left = cos * x - sin * y, sin * x + cos * y
+        # Of equal shares the first is kept: a shape explains place and heading.
+        found = [
+            *self._of_maze(),
+            self._offset(x, y, "beside the truth"),
+            self._offset(ahead, left, "(ahead, left) beside the truth in the robot's frame"),
+            self._turned(),
+        ]
+        kept = [each for each in found if each is not None and each.share >= _CONSTANT]
+        return max(kept, key=lambda each: each.share, default=None)
+
+    def _offset(self, x: FloatArray, y: FloatArray, where: str) -> ConstantError | None:
+        across, up = float(np.median(x)), float(np.median(y))
+        if np.hypot(across, up) < _LEAST:
+            return None
+        share = float((np.hypot(x - across, y - up) <= _NEAR).mean())
+        text = f"({across:+z.1f}, {up:+z.1f}) in {where} in {100 * share:.0f} % of the sure beliefs"
+        cells = np.array((across, up)) / CELL_SIZE
+        is_map = bool((np.abs(cells - np.round(cells)) * CELL_SIZE <= _ON_GRID).all())
+        if is_map and "frame" not in where:
+            text += ", as with a map or a start that is whole cells off"
+        return ConstantError(text, share)
+
+    def _turned(self) -> ConstantError | None:
+        turns = self.sure["turn"].astype(np.float64)
+        # Half a turn to either side is one: the mean direction first.
+        value = float(np.degrees(np.angle(np.exp(1j * np.radians(turns)).mean())))
+        if abs(value) < SLIGHT_TURN:
+            return None
+        share = float((np.abs(half_turn(turns - value)) <= SLIGHT_TURN).mean())
+        text = f"turned by {value:+.0f} deg in {100 * share:.0f} % of the sure beliefs"
+        # Sure of a far place from the first belief on: the program assumed a start, without its compass.
+        first = self.rows[0]
+        is_assumed = first["distance"] > CELL_SIZE and first["spread"] < _ASSUMED
+        return ConstantError(text, share, () if is_assumed else self._compasses)
+
+    def _of_maze(self) -> list[ConstantError]:
+        """Beliefs in a maze that is mirrored, or turned as a whole."""
+        rows, maze = self.sure, self._seen.spec.maze
+        wide, high = maze.columns * CELL_SIZE, maze.rows * CELL_SIZE
+        x, y, heading = (rows[name].astype(np.float64) for name in ("true_x", "true_y", "true_heading"))
+        shapes = {
+            "mirrored left to right": (wide - x, y, 180.0 - heading),
+            "mirrored top to bottom": (x, high - y, -heading),
+            "in a maze turned by half a turn": (wide - x, high - y, heading + 180.0),
+            "with x and y exchanged": (y, x, 90.0 - heading),
+        }
+        found = []
+        for name, (there_x, there_y, there) in shapes.items():
+            near = np.hypot(rows["x"] - there_x, rows["y"] - there_y) <= _NEAR
+            # In the middle of a symmetric maze the place alone tells nothing.
+            fits = near & (np.abs(half_turn(rows["heading"] - there)) <= SLIGHT_TURN)
+            text = f"{name} in {100 * fits.mean():.0f} % of the sure beliefs"
+            found.append(ConstantError(text, float(fits.mean())))
+        return found
+
+    @property
+    def _compasses(self) -> tuple[str, ...]:
+        """Codes of the compasses that were read."""
+        read = set(self._seen.history.sensor_codes)
+        made = ((each, modelled_sensor(each)) for each in self._seen.spec.sensors if each.code in read)
+        return tuple(each.code for each, it in made if isinstance(it, ObservingSensor) and it.period)
+
+    @cached_property
+    def steps(self) -> list[Disagreement]:
+        """The devices that explain believed steps best; none where these are right."""
+        if not self.has_truth:
+            return []
+        tests = [test for since in self._stretches for test in BeliefMotion(self._seen, since).explanations()]
+        kept = kept_disagreements(tests)
+        free = [each for each in kept if not any(code in self._known for one in each for code in one.of)]
+        # More explanations than can be named name none.
+        return free[0] if free and len(free[0]) <= _MOST_NAMED else []
+
+    @property
+    def text(self) -> str:
+        """Sentences about what stands behind a wrong belief; empty if nothing is known."""
+        parts = []
+        if self.constant is not None:
+            parts.append(f"Its belief was {self.constant.text}.")
+        if self.steps:
+            parts.append(f"Its steps fit {'; or '.join(each.text for each in self.steps)}.")
+        return " ".join(parts)
+
+    @property
+    def culprits(self) -> tuple[str, ...]:
+        """Codes of the devices behind it."""
+        codes = [code for each in self.steps for code in each.of]
+        if not codes and self.constant is not None:
+            codes = list(self.constant.of)
+        return tuple(dict.fromkeys(codes))
+
+    @property
+    def _stretches(self) -> list[int]:
+        """The events after which beliefs are audited: the robot's last placement, and the moment when the
+        belief became wrong for good, if enough beliefs had been right."""
+        seen, lost = self._seen, self._seen.beliefs[1]
+        if lost is None:
+            return [seen.placed]
+        beliefs = seen.history.beliefs
+        before = beliefs.place_of(lost.order) - beliefs.place_of(seen.placed)
+        return [seen.placed, lost.order - 1] if before >= FEWEST["set"] else [seen.placed]

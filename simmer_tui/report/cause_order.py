@@ -1,0 +1,729 @@
+"""The order of causes: the first rule that holds names the cause of a failed run.
+
+`ORDER` is the one place of their precedence. docs/causes.md is made from it (scripts/make_reference.py).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from simmer_tui.report.causes import Cause, Kind, MomentKind, Sureness
+from simmer_tui.report.contact_evidence import BLIND, BLIND_TURN, belief_text, movements_text
+from simmer_tui.report.finding import FEWEST, Finding
+from simmer_tui.report.run_evidence import RunEvidence
+from simmer_tui.report.typical_runs import most_different
+from simmer_tui.report.why import shown_range
+from simmer_tui.run.attempt import Attempt
+from simmer_tui.run.facts import displacement, missed_zone
+from simmer_tui.run.history_rows import BeliefRow
+from simmer_tui.run.phrases import (
+    body_text,
+    capitalized,
+    exit_text,
+    miss_text,
+    obstacle_place,
+    obstacle_text,
+    outside_text,
+    place_text,
+    program_end_text,
+    side_text,
+    times_text,
+)
+from simmer_tui.run.progress import HUNDRED
+from simmer_tui.run.run_history import CHAIN
+from simmer_tui.run.table import Timed
+from simmer_tui.sim.command import counted, escape_passage
+
+# Judged: a good program crosses the maze with fewer movements.
+STAYED, MOVES = 0.25, 20
+"""Share of the time limit, and number of movements (or none), without progress that count as a cause."""
+_NAMED = 4
+"""Findings named in a sentence; the table of devices has all."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fact:
+    """A fact that decided a run: a sentence, its moment (elapsed seconds) with its line and place, by default
+    the run's end, and the codes of the devices that it is about. `advice` replaces that of its rule.
+    `has_behind` is true if wrong devices or beliefs may explain it."""
+
+    text: str
+    at: Timed | None = None
+    since: float | None = None
+    place: tuple[float, float] | None = None
+    culprits: tuple[str, ...] = ()
+    advice: str | None = None
+    has_behind: bool = False
+    sure: Sureness = Sureness.CERTAIN
+
+
+@dataclass(frozen=True, slots=True)
+class CauseRule:
+    """A rule: it holds where `find` gives a fact. `when` is its condition for the page, `excludes` what it
+    rules out, `advice` one line to follow (empty for none), `moment` the kind of moment that is marked."""
+
+    kind: Kind
+    find: Callable[[RunEvidence], Fact | None]
+    moment: MomentKind
+    when: str
+    excludes: str
+    advice: str = ""
+
+
+def cause_of(run: RunEvidence) -> Cause:
+    """The cause of a failed run: the first rule of `ORDER` that holds, else the unknown one."""
+    for rule in ORDER:
+        fact = rule.find(run)
+        if fact is not None:
+            return _made(run, rule, fact)
+    return _made(run, NO_RULE, Fact(f"Unknown. {most_different(run.seen)}"))
+
+
+def advice_on(kind: Kind) -> str:
+    """One line to follow for a kind of cause; empty for none."""
+    return next((rule.advice for rule in ORDER if rule.kind is kind), "")
+
+
+def _made(run: RunEvidence, rule: CauseRule, fact: Fact) -> Cause:
+    seen, text, culprits = run.seen, fact.text, fact.culprits
+    if fact.has_behind or rule is NO_RULE:
+        behind, codes = _behind(run)
+        text = f"{text} {behind}".rstrip()
+        culprits = tuple(dict.fromkeys((*culprits, *codes)))
+    met = run.contact if run.has_contact else None
+    evidence: tuple[str, ...] = (belief_text(seen.beliefs[0]), _goals(seen))
+    if met is not None:
+        evidence = met.sentences
+    elif seen.is_silent:
+        evidence = (f"Last output: {run.last_words}." if run.last_words else "",)
+    at = fact.at
+    elapsed = fact.since if fact.since is not None else seen.elapsed if at is None else at.elapsed
+    return Cause(
+        kind=rule.kind,
+        text=text,
+        evidence=tuple(filter(None, evidence)),
+        elapsed=elapsed,
+        line=getattr(at, "line", seen.line),
+        place=fact.place or (seen.pose.x, seen.pose.y),
+        moment=rule.moment,
+        tried=met.tried if met is not None else (),
+        sure=fact.sure,
+        culprits=culprits,
+        advice=rule.advice if fact.advice is None else fact.advice,
+    )
+
+
+def _behind(run: RunEvidence) -> tuple[str, tuple[str, ...]]:
+    """Sentences of the tables that stand behind a fact: wrong devices, else beliefs or corrections. And the
+    codes of the devices."""
+    if run.findings and run.seen.task is not None:
+        told, codes = _told(run.findings)
+        return told, codes
+    text, codes = run.belief.text, run.belief.culprits
+    if codes or not run.corrections:
+        return text, codes
+    told = "; or ".join(each.text for each in run.corrections)
+    of = tuple(dict.fromkeys(code for each in run.corrections for code in each.of))
+    return f"{text} {told}.".strip(), of
+
+
+# -- commands ----------------------------------------------------------------------------------------------
+
+
+def _wire(run: RunEvidence) -> Fact | None:
+    fault = run.deciding_fault
+    if fault is None:
+        return None
+    refused, of = run.refused_share
+    text = escape_passage(fault.text)
+    if refused and 2 * refused > of:
+        text = f"{refused} of {counted(of, 'command')} were refused: {text}"
+    # The fault itself says what to do.
+    return Fact(f"{capitalized(text)}.", fault)
+
+
+def _refused(run: RunEvidence) -> Fact | None:
+    seen, found = run.seen, run.mostly_refused
+    if found is not None:
+        codes, count, of, since, last = found
+        command, reason = last.result.command.shown, escape_passage(last.result.reason)
+        begin = f"{count} of {of} commands to drive were refused from {since:.1f} s on"
+        return Fact(f"{begin}. The last was {command}: {reason}.", last, culprits=tuple(codes))
+    refused, of = run.refused_share
+    if 2 * refused > of and seen.refusals:
+        first = seen.refusals[0]
+        command, reason = first.result.command.shown, escape_passage(first.result.reason)
+        return Fact(
+            f"{refused} of {counted(of, 'command')} were refused. The first was {command}: {reason}.", first
+        )
+    row = None if run.has_contact else run.refused_action
+    if row is None or seen.task is None:
+        return None
+    reason, code = escape_passage(row.result.reason), row.result.command.code
+    return Fact(f"{row.result.command.shown} was refused: {reason}.", row, culprits=(code,))
+
+
+def _crashed(run: RunEvidence) -> Fact | None:
+    program = run.program
+    if program is None or not program.crashed or program.stopped or run.has_contact:
+        return None
+    led = _moved(run) or _stalled(run)
+    text = f"{capitalized(program_end_text(program))}. {'' if led is None else led.text}".rstrip()
+    return Fact(text, culprits=() if led is None else led.culprits, has_behind=led is None)
+
+
+def _moved(run: RunEvidence) -> Fact | None:
+    seen = run.seen
+    row = seen.moved
+    if row is not None:
+        way, turn = displacement(row.before, row.done.pose)
+        text = f"A person moved the robot at {row.elapsed:.1f} s, by {way:.0f} in and {abs(turn):.0f} deg."
+        no_belief = "" if seen.beliefs[0] is None else " No belief was right after that."
+        return Fact(f"{text}{no_belief}", row, place=(row.before.x, row.before.y))
+    drove, met = seen.driven_by_hand, seen.collision
+    if seen.task is not None and drove is not None:
+        value = f"-{drove.asked:g}" if math.isfinite(drove.asked) else ""
+        text = f"A person drove the robot: {seen.history.code_names[drove.code]}{value}"
+        if met is not None and met.row.order == drove.order:
+            into = f"{text} led {body_text(met.contact)} into {obstacle_place(met.contact, seen.spec)}."
+            return Fact(into, drove, place=met.contact.point)
+        if seen.is_connected(drove.order):
+            return Fact(f"{text} at {drove.begin:.1f} s, beside its program.", drove, since=drove.begin)
+    block = seen.block_moved
+    if block is None or (run.has_contact and not _is_long_after(seen, block.order)):
+        return None
+    to = place_text(*block.done.action.arguments[:2])
+    text = (
+        f"A person moved the block at {block.elapsed:.1f} s, to {to}. The robot did not take it after that."
+    )
+    return Fact(text, block, place=(block.before.x, block.before.y))
+
+
+def _is_long_after(seen: Attempt, order: int) -> bool:
+    """True if more movements than counterfactuals repeat came after an event."""
+    return int((seen.within(seen.history.movements)["order"] > order).sum()) >= CHAIN
+
+
+def _silence(run: RunEvidence) -> Fact | None:
+    seen, quiet = run.seen, run.silence
+    if quiet is None or (seen.task is None and run.exit_code is None and not run.cut_off):
+        return None
+    if seen.is_silent:
+        text = "The program sent no command at all."
+        if run.exit_code:
+            text = f"{capitalized(exit_text(run.exit_code))} before it sent a command."
+        advice = "Connect to the address in SIMMER_HOST and SIMMER_PORT, and send a first command."
+        return Fact(text, since=seen.elapsed, advice=advice)
+    end = "the real time limit" if run.cut_off else "the time limit"
+    return Fact(f"No command came after {quiet.since:.1f} s. The run was ended at {end}.", since=quiet.since)
+
+
+# -- sensors and drives ------------------------------------------------------------------------------------
+
+
+def _unread(run: RunEvidence) -> Fact | None:
+    met = run.contact
+    if run.has_contact:
+        if met is None or not met.is_blind:
+            return None
+        codes = () if met.looks is None else met.looks.codes
+        last = None if met.belief is not None or met.looks is None else met.looks.last
+        ago = f"{met.met.row.gone_before - last.gone:.0f} in of path" if last is not None else ""
+        who = f"{codes[0]}, which looks at the wall," if met.belief is None and codes else "No range sensor"
+        verb = "was not read" if codes and met.belief is None else "was read"
+        since = f" for {ago}" if ago else f" for more than {BLIND:g} in or {BLIND_TURN:g} deg of path"
+        if met.belief is None and last is None:
+            since = ""
+        text = f"{who} {verb}{since}; then {met.met.row.shown} was sent. {_contact(run)}"
+        advice = f"Read {codes[0] if codes else 'a range sensor'} before each movement."
+        return Fact(
+            text, met.met.row, since=met.sent, place=met.met.contact.point, advice=advice, has_behind=True
+        )
+    unseen = run.unseen_block
+    if unseen is None or run.seen.stuck is not None or run.lost is not None:
+        return None
+    # A robot that had stopped making progress before saw the block by chance.
+    stalled = _stalled(run)
+    if stalled is not None and stalled.since is not None and stalled.since < unseen.since:
+        return None
+    names, first = " and ".join(unseen.codes), unseen.codes[0]
+    alone = "was never read, and it alone sees" if names == first else "were never read, and they alone see"
+    return Fact(
+        f"{names} {alone} the block. It was in sight at {unseen.since:.1f} s.",
+        since=unseen.since,
+        culprits=unseen.codes,
+        advice=f"Read {first} before you drive to the block.",
+    )
+
+
+def _known_wall(run: RunEvidence) -> Fact | None:
+    met = run.contact
+    if not run.has_contact or met is None:
+        return None
+    row, point = met.met.row, met.met.contact.point
+    shown = met.ignored
+    # A wrong sensor shows the program something else than its set says.
+    if shown is not None and all(each.of != shown.code for each in run.findings):
+        read = f"{shown.code} read {shown_range(shown.value)} at {shown.elapsed:.1f} s"
+        text = f"{read}; then {row.shown} was sent. {_contact(run)}"
+        advice = f"Compare each movement with {shown.code} before you send it."
+        return Fact(text, row, since=met.sent, place=point, advice=advice, has_behind=True)
+    if not met.is_into_known or met.belief is None:
+        return None
+    wall = obstacle_text(met.met.contact)
+    into = f"{row.shown} led {met.beyond:.1f} in into {wall}"
+    text = f"Its belief was right, off by {met.belief.error_text}; {into}. {_contact(run)}"
+    return Fact(text, row, since=met.sent, place=point, has_behind=True)
+
+
+def _sensor_wrong(run: RunEvidence) -> Fact | None:
+    found = run.findings_about(drives=False)
+    if found and run.seen.task is not None:
+        return _devices(run, found)
+    met = run.contact if run.has_contact else None
+    last = None if met is None or met.is_blind else met.misread
+    if met is None or last is None:
+        return None
+    there = f"the wall was {shown_range(last.true)} away"
+    read = f"{last.code} read {shown_range(last.value)} at {last.time:.1f} s, and {there}"
+    return Fact(
+        f"{read}. {_contact(run)}",
+        met.met.row,
+        since=last.time,
+        place=met.met.contact.point,
+        culprits=(last.code,),
+    )
+
+
+def _drive_wrong(run: RunEvidence) -> Fact | None:
+    found = run.findings_about(drives=True)
+    if found and run.seen.task is not None:
+        return _devices(run, found)
+    met = run.contact if run.has_contact else None
+    errors = None if met is None or met.is_blind else met.drive_errors
+    if met is None or errors is None:
+        return None
+    text = (
+        f"Without drive errors in {movements_text(errors)}, nothing would have been touched. {_contact(run)}"
+    )
+    sure = Sureness.CERTAIN if errors.certain else Sureness.LIKELY
+    return Fact(
+        text, met.met.row, since=met.sent, place=met.met.contact.point, culprits=errors.codes, sure=sure
+    )
+
+
+def _devices(run: RunEvidence, found: Sequence[Finding]) -> Fact:
+    told, codes = _told(found)
+    others = [each for each in run.findings if each not in found]
+    besides = f" Also {others[0].text}." if others else ""
+    return Fact(
+        f"{told}{besides}", since=_first_use(run.seen, codes[0]), culprits=codes, sure=Sureness.LIKELY
+    )
+
+
+def _told(found: Sequence[Finding]) -> tuple[str, tuple[str, ...]]:
+    """Findings as sentences, and the codes of their devices."""
+    told = ". ".join(each.text for each in found[:_NAMED])
+    more = f". Besides: {counted(len(found) - _NAMED, 'other finding')}" if len(found) > _NAMED else ""
+    return f"{told}{more}.", tuple(dict.fromkeys(each.of for each in found))
+
+
+def _first_use(seen: Attempt, code: str) -> float:
+    """The time of the first reading of a sensor, or of the first movement of a drive."""
+    history = seen.history
+    if code in history.sensor_codes:
+        rows = seen.within(history.readings)
+        rows = rows[rows["sensor"] == history.sensor_codes.index(code)]
+    else:
+        rows = seen.within(history.movements)
+        rows = rows[[history.code_names[number] == code for number in rows["code"]]]
+    if len(rows):
+        return float(rows["elapsed"][0])
+    return seen.begun
+
+
+# -- the gripper -------------------------------------------------------------------------------------------
+
+
+def _missed_grip(run: RunEvidence) -> Fact | None:
+    seen = run.seen
+    if seen.task is None or run.has_contact:
+        return None
+    if seen.misses and not seen.taken:
+        done = seen.misses[-1]
+        missed = done.grip.missed
+        often = f" {times_text(len(seen.misses))}" if len(seen.misses) > 1 else ""
+        last = (
+            ""
+            if missed is None
+            else f": {miss_text(missed)}"
+            if not often
+            else f". The last time, {miss_text(missed)}"
+        )
+        text = f"The gripper closed on nothing{often}{last}.{_was_lost(run, done.order)}"
+        return Fact(text, done, place=(done.grip.block.x, done.grip.block.y), has_behind=True)
+    gripper = seen.spec.gripper
+    if gripper is None:
+        return None
+    # A program that stays may be about to close it; one that reads the load sensor believes it closed.
+    passed = seen.stuck is None and (seen.left_block or seen.asked_after_grip)
+    if not seen.taken and not seen.closed and seen.graspable and passed:
+        first, times = seen.graspable[0], counted(len(seen.graspable), "movement")
+        what, advice = (
+            f"closed: {times} ended with the block between its jaws",
+            f"Send {gripper.code}-1 there.",
+        )
+    elif seen.holding and seen.arrivals:
+        first, what, advice = (
+            seen.arrivals[0],
+            "opened: the block was in the drop zone",
+            f"Send {gripper.code}-0 there.",
+        )
+    else:
+        return None
+    text = f"The gripper was never {what}, first at {first.elapsed:.1f} s."
+    return Fact(text, first, place=(first.x, first.y), culprits=(gripper.code,), advice=advice)
+
+
+def _dropped(run: RunEvidence) -> Fact | None:
+    seen, done = run.seen, run.seen.put_down
+    if seen.task is None or done is None or run.has_contact:
+        return None
+    block, zone = done.grip.block, seen.task.zone
+    where = place_text(block.x, block.y)
+    text = f"It set the block down at {where}, which is not in the drop zone."
+    if zone is not None:
+        off = outside_text(missed_zone(zone, block.x, block.y))
+        cell = f"{off} the cell around {place_text(zone.x, zone.y)}"
+        text = f"It set the block down outside the drop zone: at {where}, {cell}."
+    return Fact(f"{text}{_was_lost(run, done.order)}", done, place=(block.x, block.y), has_behind=True)
+
+
+def _was_lost(run: RunEvidence, order: int) -> str:
+    lost = run.seen.belief_before(order)[1]
+    return "" if lost is None else f" It was lost: {wrong_text(lost)}."
+
+
+# -- beliefs and paths -------------------------------------------------------------------------------------
+
+
+def _lost(run: RunEvidence) -> Fact | None:
+    seen, met = run.seen, run.contact if run.has_contact else None
+    if met is not None:
+        if not met.is_elsewhere or met.belief is None:
+            return None
+        if met.lost is not None:
+            text = f"{_never(run)}: {wrong_text(met.lost)}. {_contact(run)}"
+            return Fact(text, met.lost, has_behind=True)
+        off = met.belief
+        spread = "" if math.isnan(off.spread) else f", with a spread of {off.spread:.1f} in"
+        text = f"It drove on with a belief off by {off.error_text}{spread}. {_contact(run)}"
+        return Fact(text, off, has_behind=True)
+    belief, lost = seen.beliefs
+    if seen.task is None or belief is None:
+        return None
+    if lost is not None:
+        return Fact(f"{_never(run)}: {wrong_text(lost)}. {_end(run)}.", lost, has_behind=True)
+    if _stalled(run) is None and (belief.unsure or run.localized is None):
+        ever = "never found out" if run.localized is None else "no longer knew"
+        return Fact(f"It {ever} where it was. {_end(run)}.", belief, has_behind=True)
+    return None
+
+
+def _too_close(run: RunEvidence) -> Fact | None:
+    met = run.contact if run.has_contact else None
+    if met is None or _stalled(run) is not None:
+        return None
+    contact, row = met.met.contact, met.met.row
+    side = side_text(contact)
+    is_straight = not met.met.ended.trajectory.turning and side == "ahead"
+    if contact.held_block:
+        wall = obstacle_place(contact, run.seen.spec)
+        text = f"{capitalized(body_text(contact))} hit {wall} during {row.shown}."
+    elif is_straight and not met.knew:
+        return None
+    else:
+        text = f"{row.shown} passed {obstacle_place(contact, run.seen.spec)} too close. {_contact(run)}"
+    return Fact(text, row, since=met.sent, place=contact.point, has_behind=True)
+
+
+def _nowhere(run: RunEvidence) -> Fact | None:
+    seen, stuck = run.seen, run.seen.stuck
+    if seen.task is None:
+        return None
+    if stuck is not None and seen.collision is not None and not run.has_contact:
+        pose = seen.collision.row.pose
+        return Fact(
+            f"It was stuck at {place_text(pose.x, pose.y)}: {stuck.text}.", since=stuck.since, has_behind=True
+        )
+    return _stalled(run)
+
+
+def _stalled(run: RunEvidence) -> Fact | None:
+    """It continued to move, or only to read, and reached no goal and no new place."""
+    seen, task = run.seen, run.seen.task
+    if task is None:
+        return None
+    stalled, dwell, loop = seen.stalled, seen.dwell, seen.loop
+    long = STAYED * task.time_limit
+    if dwell is not None and dwell.readings >= HUNDRED and seen.elapsed - dwell.since >= long:
+        text = f"From {dwell.since:.1f} s on no movement came, and {counted(dwell.readings, 'reading')} did."
+        return Fact(text, since=dwell.since, culprits=_no_longer_sent(seen, dwell.since), has_behind=True)
+    # A robot that stands and reads is slow, not without progress: half of the time must have been driving.
+    lasted = seen.elapsed - stalled.since
+    idle = lasted < long or stalled.driving < lasted / 2
+    drives, count = seen.asked_for_nothing
+    in_vain = count >= MOVES and 2 * count > stalled.movements
+    if stalled.movements >= (HUNDRED if idle or not seen.out_of_time else MOVES) or in_vain:
+        turned = f", {stalled.turned:.0f} deg" if stalled.turned >= 1.0 else ""
+        moved = f"{stalled.movements} movements ({stalled.driven:.0f} in{turned})"
+        text = f"From {stalled.since:.1f} s on, {moved} reached no goal and no new place"
+        culprits: tuple[str, ...] = ()
+        if in_vain:
+            text, culprits = f"{text}: {count} of them asked for 0 ({', '.join(drives)})", tuple(drives)
+            if seen.whole_numbers:
+                text += ". All commands to drive were whole numbers"
+        place = (stalled.place.x, stalled.place.y)
+        return Fact(f"{text}.", since=stalled.since, place=place, culprits=culprits, has_behind=True)
+    if loop is not None:
+        text = (
+            f"From {loop.since:.1f} s on it repeated the same {loop.commands} movements {loop.rounds} times."
+        )
+        return Fact(text, since=loop.since, place=(loop.place.x, loop.place.y), has_behind=True)
+    return _stays(seen)
+
+
+def _stays(seen: Attempt) -> Fact | None:
+    """It turned and read on, and drove no more."""
+    history = seen.history
+    moves, readings = seen.within(history.movements), seen.within(history.readings)
+    drives = {each.code for each in seen.spec.drives if not each.kind.turns}
+    drove = moves[np.isin(moves["code"], [n for n, code in enumerate(history.code_names) if code in drives])]
+    # With its time up, it may only have been slow.
+    if len(drove) < FEWEST["set"] or seen.out_of_time:
+        return None
+    since = float(drove["elapsed"][-1])
+    later = int((readings["elapsed"] > since).sum())
+    if later < HUNDRED or seen.elapsed - since < STAYED * (seen.elapsed - seen.begun):
+        return None
+    codes = tuple(history.code_names[number] for number in dict.fromkeys(drove["code"].tolist()))
+    text = f"From {since:.1f} s on no {' or '.join(codes)} came, and {counted(later, 'reading')} did."
+    return Fact(text, since=since, culprits=codes if len(codes) == 1 else (), has_behind=True)
+
+
+def _no_longer_sent(seen: Attempt, since: float) -> tuple[str, ...]:
+    """The one drive that was commanded before a moment; none if there were several."""
+    rows = seen.within(seen.history.movements)
+    rows = rows[(rows["elapsed"] <= since) & ~rows["grips"]]
+    codes = {seen.history.code_names[number] for number in set(rows["code"].tolist())}
+    return tuple(codes) if len(codes) == 1 else ()
+
+
+# -- time, and the program's end ---------------------------------------------------------------------------
+
+
+def _slow(run: RunEvidence) -> Fact | None:
+    seen, spent = run.seen, run.seen.spent
+    if run.has_contact or not (seen.out_of_time or run.cut_off):
+        return None
+    if run.cut_off and not seen.out_of_time:
+        return Fact(f"At the real time limit the program was still running. {_goals(seen)}".rstrip())
+    rest = max(seen.elapsed - seen.begun - spent.driving - spent.reading - spent.link, 0.0)
+    parts = {"driving": spent.driving, "reading": spent.reading, "the link": spent.link, "waiting": rest}
+    most = max(parts, key=lambda name: parts[name])
+    listed = ", ".join(f"{name} {time:.1f} s" for name, time in parts.items() if time >= 0.05)
+    code, often = next(iter(spent.readings.most_common(1)), ("", 0))
+    read = (
+        f" It read sensors {times_text(spent.readings.total())} ({code} {times_text(often)})." if code else ""
+    )
+    return Fact(f"Most of its time went to {most} ({listed}).{read}", has_behind=True)
+
+
+def _ended(run: RunEvidence) -> Fact | None:
+    seen = run.seen
+    if run.has_contact or run.program is None or run.exit_code is None:
+        return None
+    if seen.task is None and not run.exit_code:
+        return None
+    words = f" Its last output: {run.last_words}." if run.last_words else ""
+    text = f"{capitalized(exit_text(run.exit_code))} before it was done.{words} {_goals(seen)}"
+    return Fact(text.rstrip(), has_behind=True)
+
+
+# -- text --------------------------------------------------------------------------------------------------
+
+
+def wrong_text(lost: BeliefRow) -> str:
+    """The first of an unbroken row of wrong beliefs, in words."""
+    off = lost.deviation
+    if off.rejects_truth:
+        said = f"it gave the true cell {100 * lost.true_probability:.0f} %"
+    elif off.off_place:
+        believed, true = place_text(lost.x, lost.y), place_text(lost.true_x, lost.true_y)
+        said = f"it believed to be at {believed} and was at {true}"
+    else:
+        said = f"its believed heading was off by {abs(off.turn):.0f} deg"
+    return f"from {lost.elapsed:.1f} s on {said}"
+
+
+def _never(run: RunEvidence) -> str:
+    return "It never found its place" if run.localized is None else "It was lost"
+
+
+def _contact(run: RunEvidence) -> str:
+    met = run.contact
+    return "" if met is None else f"Contact at {met.met.row.elapsed:.2f} s, after {met.met.row.went:.1f} in."
+
+
+def _end(run: RunEvidence) -> str:
+    if run.seen.out_of_time or run.cut_off:
+        return "Then its time was up"
+    return "Then the program ended by itself"
+
+
+def _goals(seen: Attempt) -> str:
+    if seen.task is None:
+        return ""
+    if seen.holding:
+        return "The robot held the block."
+    return "" if seen.taken else "The robot had not taken the block yet."
+
+
+ORDER: tuple[CauseRule, ...] = (
+    CauseRule(
+        Kind.WIRE,
+        _wire,
+        MomentKind.FAULT,
+        "the simulator reported a mistake of the connection or a line, and no goal was met after it",
+        "all others",
+    ),
+    CauseRule(
+        Kind.REFUSED,
+        _refused,
+        MomentKind.FAULT,
+        "most commands were refused, or the last one for a drive or the gripper",
+        "what followed",
+        "Print the reply to the refused command: its reason says what to change.",
+    ),
+    CauseRule(
+        Kind.CRASHED,
+        _crashed,
+        MomentKind.PROGRAM,
+        "an exception or a signal ended the program",
+        "what led there",
+    ),
+    CauseRule(
+        Kind.MOVED,
+        _moved,
+        MomentKind.PERSON,
+        "a person moved the robot or the block, and the program did not recover",
+        "what followed",
+        "Compare each reading with the belief, and search again when they no longer fit.",
+    ),
+    CauseRule(
+        Kind.SILENCE,
+        _silence,
+        MomentKind.END,
+        "no command came in the last quarter of the time, or none at all",
+        "a program that is slow",
+        "Print a line before each command: the last line shows where the program waits.",
+    ),
+    CauseRule(
+        Kind.SENSOR_WRONG,
+        _sensor_wrong,
+        MomentKind.DEVICE,
+        "a sensor differs from its set; or the last reading of the wall was wrong",
+        "what followed",
+        "Calibrate the sensor, or give the program the numbers of this set.",
+    ),
+    CauseRule(
+        Kind.DRIVE_WRONG,
+        _drive_wrong,
+        MomentKind.DEVICE,
+        "a drive differs from its set; or without drive errors nothing would have been touched",
+        "what followed",
+        "Measure after each movement, and correct for the drive's error.",
+    ),
+    CauseRule(
+        Kind.UNREAD,
+        _unread,
+        MomentKind.SIGHT,
+        "no range was read on the last 4 in or 45 deg; or the only sensor that sees the block never was",
+        "wrong readings",
+    ),
+    CauseRule(
+        Kind.KNOWN_WALL,
+        _known_wall,
+        MomentKind.COMMAND,
+        "a right reading or belief showed the wall, and the command led an inch or more into it",
+        "wrong readings, drive errors",
+        "Compare each movement with the distance to the wall before you send it.",
+    ),
+    CauseRule(
+        Kind.MISSED_GRIP,
+        _missed_grip,
+        MomentKind.COMMAND,
+        "the gripper closed on nothing, or was not used where the block was right for it",
+        "a wrong belief",
+        "Measure the distance to the block once more before you close the gripper.",
+    ),
+    CauseRule(
+        Kind.DROPPED_OUTSIDE,
+        _dropped,
+        MomentKind.COMMAND,
+        "the block was set down outside the drop zone",
+        "a wrong belief",
+        "Check the block's place, not the robot's, before you open the gripper.",
+    ),
+    CauseRule(
+        Kind.LOST,
+        _lost,
+        MomentKind.LOST,
+        "the belief was wrong or unsure at the contact or at the end",
+        "the path",
+        "Turn on the spot and read all sensors until the belief is sure, before you drive on.",
+    ),
+    CauseRule(
+        Kind.TOO_CLOSE,
+        _too_close,
+        MomentKind.COMMAND,
+        "the robot or its block touched a wall beside its path",
+        "wrong beliefs",
+        "Plan with an inch more on each side, and with the held block.",
+    ),
+    CauseRule(
+        Kind.GOT_NOWHERE,
+        _nowhere,
+        MomentKind.COMMAND,
+        "100 movements, or a quarter of the time, led to no goal and no new place",
+        "lack of time",
+        "Count movements without a new place, and try another way after ten.",
+    ),
+    CauseRule(
+        Kind.TOO_SLOW,
+        _slow,
+        MomentKind.END,
+        "the time limit was reached",
+        "a program that ended by itself",
+        "Save time where most of it goes.",
+    ),
+    CauseRule(
+        Kind.ENDED,
+        _ended,
+        MomentKind.PROGRAM,
+        "the program ended by itself",
+        "",
+    ),
+)
+"""The rules, the first first."""
+NO_RULE = CauseRule(
+    Kind.UNKNOWN,
+    lambda run: None,
+    MomentKind.END,
+    "none holds: the three figures that differ most from runs that succeed are named",
+    "",
+)

@@ -1,0 +1,307 @@
+"""The facts about a contact: its readings, its belief, and its movement planned again with one change."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from simmer_tui.report.counterfactuals import Change, Counterfactual, CounterfactualWorld
+from simmer_tui.report.why import facing_sensor_text, looks_there
+from simmer_tui.run.attempt import Attempt, Collision
+from simmer_tui.run.facts import ALIKE, COVERED, SLIGHT, LastReading, carried_over, facing_sensor
+from simmer_tui.run.history_rows import BeliefRow
+from simmer_tui.run.phrases import capitalized, contact_text, drift_text, side_text
+from simmer_tui.run.table import Columns
+from simmer_tui.sim.angles import half_turn
+from simmer_tui.sim.arrays import BoolArray
+from simmer_tui.sim.command import counted, parse_value
+from simmer_tui.sim.specs import CELL_SIZE, SensorSpec
+
+# Judged: after a third of a cell, or half a quarter turn, a sensor sees other obstacles.
+BLIND, BLIND_TURN = 4.0, 45.0
+"""Inches or degrees of path after which the last reading of a sensor counts as unread."""
+# Judged: an inch alone is a usual error of a long range; four standard deviations happen once in 16,000.
+MISREAD, SIGMAS = 1.0, 4.0
+"""A reading with an error above both, inches and standard deviations, is a misreading."""
+# Judged: errors of a drive and of a range are a few percent of a cell.
+_INTO = 1.0
+"""Inches asked for beyond a contact, from which the command led into the wall, not past it."""
+_STOOD = 0.01
+"""Inches and degrees below which the robot has not moved: corrections are larger."""
+_ALONG, _ACROSS = CELL_SIZE / 2, 1.0
+"""Distances between the end of a ray and a place touched, inches along a wall and across it, within which it
+showed that place. Beside it the wall of the next cell begins, and errors of short ranges are smaller.
+Judged."""
+_SHOWN = {
+    Change.EXACT: "without errors of its drive",
+    Change.BELIEVED: "from the pose that the program believed",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class ShownPlace:
+    """A reading that was right and showed the place of a contact before it. It is by the sensor `code`, with
+    `value` in inches, at `elapsed` seconds, `ago` inches of path before the movement that touched."""
+
+    code: str
+    value: float
+    elapsed: float
+    ago: float
+
+
+@dataclass(frozen=True, slots=True)
+class DriveErrors:
+    """Errors of drives without which nothing would have been touched: those of the last `count` movements by
+    the drives with these codes. They are `certain` where nothing was read in between."""
+
+    codes: tuple[str, ...]
+    count: int
+    certain: bool
+
+
+class ContactEvidence:
+    """The facts about one contact. A belief that is older than a cell of path does not count."""
+
+    def __init__(self, seen: Attempt, met: Collision) -> None:
+        self._seen = seen
+        self.met = met
+        self.belief = met.belief
+        if met.belief is not None and met.row.gone_before - met.belief.gone > CELL_SIZE:
+            self.belief = None
+        self.lost = None if self.belief is None else met.lost
+        self.looks = facing_sensor(met.contact, seen.spec.sensors, met.readings)
+        moved = seen.history.movements.before(met.row.order + 1)
+        self.sent = met.row.elapsed if moved is None else moved.begin
+        """Elapsed seconds at which its movement began."""
+
+    @cached_property
+    def tried(self) -> tuple[Counterfactual, ...]:
+        """Its movement planned again, each time with one change."""
+        met, belief, believed = self.met, self.belief, None
+        if belief is not None:
+            # Of a velocity the last inches are repeated, of a movement the whole of it.
+            start = met.legs[0].before if met.legs else met.ended.before
+            believed = carried_over(belief.true, belief.believed, start)
+        return tuple(CounterfactualWorld(self._seen.spec).tried(met, believed))
+
+    def saved_by(self, change: Change) -> bool | None:
+        """True if a change would have avoided the contact; None if that is not known."""
+        return next((each.saved for each in self.tried if each.change is change), None)
+
+    @property
+    def knew(self) -> bool:
+        """True if the belief was right and sure."""
+        return self.belief is not None and self.lost is None and not self.belief.unsure
+
+    @property
+    def beyond(self) -> float:
+        """Distance that the movement was to go into the wall, inches."""
+        totals = self.met.ended.trajectory.totals
+        return math.hypot(totals.x, totals.y) - self.met.row.went
+
+    @property
+    def facing(self) -> LastReading | None:
+        """The last reading of a sensor that looks at the place touched."""
+        return None if self.looks is None or not looks_there(self.looks) else self.looks.last
+
+    # -- did it look? --------------------------------------------------------------------------------------
+
+    @cached_property
+    def is_blind(self) -> bool:
+        """True if no range sensor had been read shortly before. A program that sends beliefs may have used
+        any of them; for one that does not, only the sensor that looks at the wall counts."""
+        met, looks = self.met, self.looks
+        shown = self.shown
+        if met.contact.drift or (shown is not None and shown.ago <= BLIND) or self.saved_by(Change.EXACT):
+            return False
+        # No sensor looks at the room that a held block needs in a turn.
+        turned = met.contact.held_block and met.ended.trajectory.turning
+        if turned and (self.belief is None or self.knew):
+            return False
+        if self.belief is None:
+            words = [] if looks is None or looks.last is None else [looks.last]
+            return looks_there(looks) and self._since(words) > 1.0
+        ranges = [each.code for each in self._seen.spec.sensors if each.kind.is_range]
+        words = [met.readings[code] for code in ranges if code in met.readings]
+        return bool(ranges) and self._since(words) > 1.0
+
+    def _since(self, words: Sequence[LastReading]) -> float:
+        """Path between the latest of some readings and a movement, as a share of the largest path that is not
+        blind."""
+        gone, turned = self.met.row.gone_before, self.met.row.turned_before
+        shares = (max((gone - each.gone) / BLIND, (turned - each.turned) / BLIND_TURN) for each in words)
+        return min(shares, default=math.inf)
+
+    # -- did it know the wall? -----------------------------------------------------------------------------
+
+    @cached_property
+    def shown(self) -> ShownPlace | None:
+        """The last right reading that showed the place of the contact, within a cell's length of path."""
+        met, history = self.met, self._seen.history
+        rows = self._seen.within(history.readings, self._seen.placed)
+        rows = rows[(rows["order"] < met.row.order) & (rows["gone"] >= met.row.gone_before - CELL_SIZE)]
+        found: list[ShownPlace] = []
+        for sensor, mine in self._by_range(rows):
+            mine = mine[_right(mine, sensor) & np.isfinite(mine["value"])]
+            heading, ray = np.radians(mine["heading"].astype(np.float64)), np.radians(sensor.rotation)
+            cos, sin = np.cos(heading), np.sin(heading)
+            ahead = sensor.x + mine["value"] * np.cos(ray)
+            aside = sensor.y + mine["value"] * np.sin(ray)
+            x = np.abs(mine["x"] + cos * ahead - sin * aside - met.contact.point[0])
+            y = np.abs(mine["y"] + sin * ahead + cos * aside - met.contact.point[1])
+            # Walls run along the axes.
+            places = np.flatnonzero((np.maximum(x, y) <= _ALONG) & (np.minimum(x, y) <= _ACROSS))
+            if len(places):
+                last = mine[int(places[-1])]
+                ago = met.row.gone_before - float(last["gone"])
+                found.append(ShownPlace(sensor.code, float(last["value"]), float(last["elapsed"]), ago))
+        return max(found, key=lambda each: each.elapsed, default=None)
+
+    @cached_property
+    def ignored(self) -> ShownPlace | None:
+        """The right reading of the wall that its command led into; None if there is none, or if a wrong
+        belief or errors of the drives explain the movement."""
+        shown, far = self.shown, self.beyond > _INTO
+        # With a right belief a program needs no readings to keep off a wall; only a wall straight ahead
+        # counts.
+        against = (far and self._asked_for_more) if self.knew else (far or self._asked_for_more)
+        misled = self.lost is not None and self.saved_by(Change.BELIEVED) is not False
+        if misled or not against or self.saved_by(Change.UNSEEN) or self.saved_by(Change.EXACT):
+            return None
+        return shown
+
+    @property
+    def is_into_known(self) -> bool:
+        """True if a right belief knew the wall, and the command led into it all the same."""
+        is_straight = not self.met.ended.trajectory.turning and not self.met.contact.held_block
+        saved = self.saved_by(Change.EXACT) or self.saved_by(Change.BELIEVED)
+        return self.knew and is_straight and self.beyond > _INTO and not saved
+
+    @property
+    def _asked_for_more(self) -> bool:
+        """True if the command was to go further than a sensor had just read straight ahead of it."""
+        met, last = self.met, self.facing
+        kind, value = met.ended.trajectory.kind, parse_value(met.ended.command.argument)
+        if last is None or kind is None or kind.turns or isinstance(value, str):
+            return False
+        # Readings keep their sums in single precision.
+        gone, turned = met.row.gone_before - last.gone, met.row.turned_before - last.turned
+        if max(gone, turned) > _STOOD:
+            return False
+        sensor = self._sensor(last.code)
+        towards = kind.bearing if value > 0 else kind.bearing + 180.0
+        return abs(half_turn(sensor.rotation - towards)) <= ALIKE and abs(value) > last.value
+
+    # -- was it misled? ------------------------------------------------------------------------------------
+
+    @property
+    def misread(self) -> LastReading | None:
+        """The last reading of the wall, if it showed it much further away than it was."""
+        last = self.facing
+        if last is None:
+            return None
+        sensor = self._sensor(last.code)
+        usual = sensor.error * last.true + sensor.absolute_error
+        return last if last.value - last.true > max(MISREAD, SIGMAS * usual) else None
+
+    @property
+    def is_elsewhere(self) -> bool:
+        """True if the belief was wrong or unsure, and its movement would have touched nothing there."""
+        unsure = self.belief is not None and (self.lost is not None or self.belief.unsure)
+        believed = self.saved_by(Change.BELIEVED)
+        return (unsure and believed is not False) or bool(believed)
+
+    @cached_property
+    def drive_errors(self) -> DriveErrors | None:
+        """Errors of drives without which nothing would have been touched."""
+        met = self.met
+        if self.saved_by(Change.EXACT) and not (self.lost is not None and self.saved_by(Change.BELIEVED)):
+            return DriveErrors((met.ended.command.code,), 1, certain=True)
+        # A program that sends beliefs has taken earlier errors into account, rightly or wrongly.
+        if self.belief is not None and not self.belief.unsure:
+            return None
+        # A program that reads after each movement sees the effect of its errors, and uses that.
+        last = () if self._looked_at_each_movement else ((Change.LAST, len(met.before)),)
+        for change, count in ((Change.UNSEEN, met.unseen), *last):
+            if self.saved_by(change):
+                moved = [*met.before[len(met.before) - count :], met.ended]
+                codes = tuple(dict.fromkeys(each.command.code for each in moved))
+                return DriveErrors(codes, len(moved), certain=change is Change.UNSEEN)
+        return None
+
+    @property
+    def _looked_at_each_movement(self) -> bool:
+        met, movements = self.met, self._seen.history.movements
+        count = max(len(met.before), len(met.legs) - 1)
+        first = max(movements.place_of(met.row.order) - count, 0)
+        rows = self._seen.within(self._seen.history.readings, self._seen.placed)
+        rows = rows[(rows["order"] > movements[first].order) & (rows["order"] < met.row.order)]
+        return sum(len(mine) for _, mine in self._by_range(rows)) >= max(count, 1)
+
+    def _sensor(self, code: str) -> SensorSpec:
+        return next(each for each in self._seen.spec.sensors if each.code == code)
+
+    def _by_range(self, rows: Columns) -> Iterator[tuple[SensorSpec, Columns]]:
+        """The range sensors that were read, each with its rows."""
+        codes = self._seen.history.sensor_codes
+        for each in self._seen.spec.sensors:
+            if each.kind.is_range and each.code in codes:
+                yield each, rows[rows["sensor"] == codes.index(each.code)]
+
+    # -- text ----------------------------------------------------------------------------------------------
+
+    @property
+    def text(self) -> str:
+        """The contact, its time and its place in the movement."""
+        row = self.met.row
+        turned = f" and {abs(row.turned):.0f} deg" if abs(row.turned) >= 2 else ""
+        place = contact_text(self.met.contact, self._seen.spec)
+        return f"{place}, {side_text(self.met.contact)}, after {row.went:.1f} in{turned} of {row.shown}"
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """The sentences about it."""
+        row, contact = self.met.row, self.met.contact
+        touched = capitalized(contact_text(contact, self._seen.spec))
+        return (
+            f"{touched} at {row.elapsed:.2f} s, {drift_text(contact)}.",
+            belief_text(self.met.belief),
+            facing_sensor_text(self.looks, row.elapsed),
+            shown_tried(self.tried),
+        )
+
+
+def belief_text(belief: BeliefRow | None) -> str:
+    """Error of a belief, and its spread as the program sent it."""
+    if belief is None:
+        return "The program sent no belief."
+    spread = belief.spread
+    said = "no spread was sent" if math.isnan(spread) else f"its spread was {spread:.1f} in"
+    return f"The belief sent at {belief.elapsed:.1f} s was off by {belief.error_text}; {said}."
+
+
+def shown_tried(tried: Iterable[Counterfactual]) -> str:
+    """Changes that would have avoided a contact, and those that would not."""
+    parts = []
+    for saved, touched in ((True, "nothing"), (False, "something even")):
+        changes = [_SHOWN.get(each.change, each.change.value) for each in tried if each.saved is saved]
+        if changes:
+            listed = " or ".join(filter(None, (", ".join(changes[:-1]), changes[-1])))
+            parts.append(f"It would have touched {touched} {listed}.")
+    return " ".join(parts)
+
+
+def movements_text(errors: DriveErrors) -> str:
+    """The movements that drive errors belong to."""
+    return "the movement" if errors.count == 1 else f"the last {counted(errors.count, 'movement')}"
+
+
+def _right(rows: Columns, sensor: SensorSpec) -> BoolArray:
+    # No echo has the noise of distance 0: a share of infinity would allow any reading, or be NaN.
+    true = np.where(np.isfinite(rows["true"]), np.abs(rows["true"]), 0.0)
+    usual = sensor.error * true + sensor.absolute_error
+    return np.asarray(np.abs(rows["error"]) <= np.maximum(SLIGHT, COVERED * usual))

@@ -1,0 +1,262 @@
+"""The facts about a run that moments and causes are made of, each computed when it is first asked for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from simmer_tui.report.belief_facts import BeliefFacts
+from simmer_tui.report.command_audit import multiplied_corrections
+from simmer_tui.report.contact_evidence import ContactEvidence
+from simmer_tui.report.finding import FEWEST, Basis, Disagreement, Finding, kept_disagreements
+from simmer_tui.report.sensor_sample import world_without_block
+from simmer_tui.run.attempt import Attempt
+from simmer_tui.run.episodes import Episode, EpisodeKind
+from simmer_tui.run.events import Goal, ProgramEnded
+from simmer_tui.run.history_rows import BeliefRow, GripRow, MissionRow, NoticeRow, RefusalRow
+from simmer_tui.run.phrases import REAL_TIME_LIMIT, last_output
+from simmer_tui.sim.arrays import FloatArray
+from simmer_tui.sim.block import Block
+from simmer_tui.sim.sensors import ObservingSensor, modelled_sensor
+from simmer_tui.sim.sensors.base import World
+from simmer_tui.sim.specs import SensorSpec
+
+# Judged: a program that computes for so long between two commands has stopped.
+_QUIET, _QUIET_SHARE = 5.0, 0.25
+"""Seconds, real or simulated, and share of the run without a command at its end that count as silence."""
+_SEEN = 1.0
+"""Least change of a reading by the block, inches, with which a sensor sees it."""
+_POSES = 400
+"""Most poses from which it is computed who sees the block: the strip between two is then an inch or two."""
+
+
+@dataclass(frozen=True, slots=True)
+class Silence:
+    """Time without a command at the end of a run, from `since` on (elapsed seconds); `seconds` are simulated
+    ones, `real_seconds` real ones."""
+
+    since: float
+    seconds: float
+    real_seconds: float
+
+
+@dataclass(frozen=True, slots=True)
+class Unseen:
+    """Sensors that were never read and that alone see the block, and the first moment at which they would
+    have seen it (elapsed seconds)."""
+
+    codes: tuple[str, ...]
+    since: float
+
+
+class RunEvidence:
+    """The facts about one attempt.
+
+    Args:
+        seen: The attempt.
+        program: End of its program, where it is known and came before the end of the mission.
+        cut_off: True if it was ended because real time was up.
+        findings: Sensors and drives that are not as they should be.
+    """
+
+    def __init__(
+        self,
+        seen: Attempt,
+        program: ProgramEnded | None = None,
+        *,
+        cut_off: bool = False,
+        findings: Sequence[Finding] = (),
+    ) -> None:
+        self.seen = seen
+        self.program = program
+        over = seen.over
+        self.cut_off = cut_off or (over is not None and over.event.reason.startswith(REAL_TIME_LIMIT))
+        self.findings = _one_each(findings)
+        # The exit code of a program that the simulator ended is not the program's own.
+        self.exit_code = None if program is None or program.stopped else program.exit_code
+        self.last_words = "" if program is None else last_output(program)
+        self.has_contact = seen.too_many_contacts
+        """True if contacts ended the mission."""
+
+    # -- commands ------------------------------------------------------------------------------------------
+
+    @cached_property
+    def faults(self) -> list[NoticeRow]:
+        """Faults that were reported since the last restart."""
+        rows = self.seen.history.faults.first.items
+        return [row for row in rows if row.order > self.seen.history.began]
+
+    @cached_property
+    def goals(self) -> list[MissionRow]:
+        """Goals met, in order."""
+        rows = self.seen.history.missions.items
+        kept = (row for row in rows if row.order > self.seen.history.began)
+        return [row for row in kept if isinstance(row.event.subject, Goal)]
+
+    @property
+    def deciding_fault(self) -> NoticeRow | None:
+        """The first fault of the program's connection or its lines, unless a goal was met after it."""
+        last = self.goals[-1].order if self.goals else 0
+        silent = self.seen.is_silent
+        rows = (row for row in self.faults if row.order > last)
+        return next((row for row in rows if row.notice.advice or silent), None)
+
+    @cached_property
+    def refused_share(self) -> tuple[int, int]:
+        """Number of the program's refused commands, and of all its commands."""
+        rows = self.seen.within(self.seen.history.commands)
+        rows = rows[~rows["early"] & ~np.isin(rows["number"], self.seen.typed)]
+        return int(rows["refused"].sum()), len(rows)
+
+    @cached_property
+    def mostly_refused(self) -> tuple[list[str], int, int, float, RefusalRow] | None:
+        """Codes of refused commands to drive, how many there were, of how many, since when, and the last one.
+        None unless they are more than were carried out, since the last progress or in the whole run."""
+        seen = self.seen
+        for since in (seen.stalled.since, seen.begun):
+            codes, count, of = seen.refused_drives(since)
+            # Only the newest refusals are kept with their reasons.
+            rows = [each for each in seen.refusals if each.result.command.code in codes]
+            rows = [each for each in rows if not each.result.is_early]
+            if count >= FEWEST["set"] and 2 * count > of and rows:
+                return codes, count, of, since, rows[-1]
+        return None
+
+    @property
+    def refused_action(self) -> RefusalRow | None:
+        """The last command of the run for a drive or the gripper, if it was refused."""
+        seen = self.seen
+        codes = {row.code for row in seen.spec.drive_rows}
+        rows = [row for row in seen.refusals if row.result.command.code in codes]
+        if not rows:
+            return None
+        moves = seen.within(seen.history.movements)
+        return None if (moves["order"] > rows[-1].order).any() else rows[-1]
+
+    @cached_property
+    def silence(self) -> Silence | None:
+        """The time without a command at the end; None if it was short, or if the program ended by itself."""
+        seen = self.seen
+        if self.has_contact or (self.exit_code is not None and not seen.is_silent):
+            return None
+        if seen.is_silent:
+            return Silence(seen.begun, seen.elapsed - seen.begun, seen.history.real_time)
+        rows, moves = seen.within(seen.history.commands), seen.within(seen.history.movements)
+        if not len(rows) or not (self.cut_off or seen.out_of_time):
+            return None
+        end = max(float(rows["elapsed"][-1]), float(moves["elapsed"][-1]) if len(moves) else 0.0)
+        quiet = seen.elapsed - end
+        times = rows["real_time"][np.isfinite(rows["real_time"])]
+        real = seen.history.real_time - float(times.max(initial=0.0))
+        whole = seen.history.real_time or math.inf
+        by_clock = quiet >= max(_QUIET, _QUIET_SHARE * (seen.elapsed - seen.begun))
+        if by_clock or (self.cut_off and real >= max(_QUIET, _QUIET_SHARE * whole)):
+            return Silence(end, quiet, real)
+        return None
+
+    @cached_property
+    def corrections(self) -> list[Disagreement]:
+        """The drives, and what measures them, by which corrections did not shrink; none where they did."""
+        if self.seen.history.is_twin:
+            return []
+        known = {each.of for each in self.findings}
+        drives = [each for each in self.seen.spec.drives if each.code not in known]
+        kept = kept_disagreements(
+            each for row in drives for each in multiplied_corrections(self.seen, row) if each
+        )
+        return kept[0] if kept else []
+
+    # -- devices -------------------------------------------------------------------------------------------
+
+    def findings_about(self, *, drives: bool) -> list[Finding]:
+        """The findings about drives, or about sensors."""
+        codes = {each.code for each in self.seen.spec.drives}
+        return [each for each in self.findings if (each.of in codes) is drives]
+
+    @cached_property
+    def never_read(self) -> list[SensorSpec]:
+        """The enabled sensors of the set that were never read."""
+        read = set(self.seen.history.sensor_codes)
+        return [each for each in self.seen.spec.sensors if each.enabled and each.code not in read]
+
+    @cached_property
+    def unseen_block(self) -> Unseen | None:
+        """The sensors that alone see the block, if none of them was read and the robot came within their
+        sight."""
+        seen, spec = self.seen, self.seen.spec
+        lying = next((row for row in seen.history.blocks.items if not row.held), None)
+        if seen.task is None or seen.closed or lying is None or not spec.block_size:
+            return None
+        made = [(each, modelled_sensor(each)) for each in spec.sensors if each.enabled and each.kind.is_range]
+        sees = [
+            (each, it)
+            for each, it in made
+            if isinstance(it, ObservingSensor) and it.sees_block(spec.block_size)
+        ]
+        unread = {each.code for each in self.never_read}
+        if not sees or any(each.code not in unread for each, _ in sees):
+            return None
+        moves = seen.within(seen.history.movements)
+        moves = moves[:: max(len(moves) // _POSES, 1)]
+        if not len(moves):
+            return None
+        poses = np.column_stack([moves[name] for name in ("x", "y", "heading")]).astype(np.float64)
+        without, world = world_without_block(spec), None
+        world = World(without.maze, Block(lying.block.x, lying.block.y, spec.block_size), False)
+        first = [self._first_seen(sensor, world, without, poses) for _, sensor in sees]
+        place = min((each for each in first if each is not None), default=None)
+        if place is None:
+            return None
+        return Unseen(tuple(each.code for each, _ in sees), float(moves["elapsed"][place]))
+
+    @staticmethod
+    def _first_seen(sensor: ObservingSensor, world: World, without: World, poses: FloatArray) -> int | None:
+        with np.errstate(invalid="ignore"):
+            off = np.abs(sensor.true_values(without, poses) - sensor.true_values(world, poses))
+        places = np.flatnonzero(off > _SEEN)
+        return int(places[0]) if len(places) else None
+
+    # -- beliefs -------------------------------------------------------------------------------------------
+
+    @cached_property
+    def belief(self) -> BeliefFacts:
+        """The beliefs beside the truth."""
+        return BeliefFacts(self.seen, {each.of for each in self.findings})
+
+    @cached_property
+    def localized(self) -> Episode | None:
+        """The first time that the program knew its place."""
+        return next((each for each in self.seen.episodes if each.kind is EpisodeKind.LOCALIZED), None)
+
+    # -- the contact, and the gripper ----------------------------------------------------------------------
+
+    @cached_property
+    def contact(self) -> ContactEvidence | None:
+        """The last contact."""
+        met = self.seen.collision
+        return None if met is None else ContactEvidence(self.seen, met)
+
+    @property
+    def last_grip(self) -> GripRow | None:
+        """The grip that decided: the block was let go and not taken again, or never taken."""
+        seen = self.seen
+        if seen.put_down is not None:
+            return seen.put_down
+        return seen.misses[-1] if seen.misses and not seen.taken else None
+
+    @property
+    def lost(self) -> BeliefRow | None:
+        """The first of the unbroken row of wrong beliefs at the end."""
+        return self.seen.beliefs[1]
+
+
+def _one_each(findings: Sequence[Finding]) -> list[Finding]:
+    """The findings, one for each fault of a device: against its own set where both sets show it."""
+    found: dict[tuple[str, str], Finding] = {}
+    for each in sorted(findings, key=lambda one: one.basis is not Basis.SET):
+        found.setdefault((each.of, each.kind), each)
+    return [each for each in findings if each in found.values()]

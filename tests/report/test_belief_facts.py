@@ -1,0 +1,164 @@
+"""Beliefs beside the truth: what explains them, and the sensors and drives that are named."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import pytest
+
+from simmer_tui.report.belief_facts import BeliefFacts
+from simmer_tui.report.fact_tables import NO_TRUTH, fact_tables
+from simmer_tui.report.finding import Disagreement, kept_disagreements
+from simmer_tui.run.events import Belief
+from simmer_tui.sim import Pose, parse_command
+from tests.report.test_causes import Mission, begin
+
+# -- of several ---------------------------------------------------------------------------------------
+
+
+def made(code: str, probability: float, scatter: float = 1.0) -> Disagreement:
+    return Disagreement((code,), f"{code} is off", 20, probability, scatter, 1.0, 1)
+
+
+def test_of_explanations_of_the_same_those_as_good_as_the_best_are_kept() -> None:
+    [found] = kept_disagreements([[made("g1", 1e-9, 1.0), made("r1", 1e-9, 1.2), made("o3", 1e-9, 2.0)]])
+    assert [each.of for each in found] == [("g1",), ("r1",)]
+
+
+def test_all_together_hold_an_error_of_one_in_a_hundred() -> None:
+    assert kept_disagreements([[made("u1", 0.004)], [made("u2", 0.5)]])
+    assert not kept_disagreements([[made("u1", 0.006)], [made("u2", 0.5)]])
+
+
+# -- beliefs ------------------------------------------------------------------------------------------
+
+
+class DeadReckoner:
+    """A program that adds up what its gyro and a wheel say, and tells the pose; what it gets of a reply is
+    `heard`. With `by_commands` it takes what it asked for."""
+
+    def __init__(
+        self,
+        mission: Mission,
+        heard: Callable[[str, float], float] = lambda code, reply: reply,
+        by_commands: Callable[[str, float], float] | None = None,
+    ) -> None:
+        self.mission, self.heard, self.by_commands = mission, heard, by_commands
+        self.spread = 0.3
+        self.pose = mission.simulator.pose
+        self.counted = self.counters()
+
+    def ask(self, command: str) -> float:
+        replies: list[float] = []
+        self.mission.engine.session().submit(
+            parse_command(command), lambda outcome: replies.append(outcome.reply)
+        )
+        return self.heard(command[:2], replies[0])
+
+    def counters(self) -> tuple[float, float]:
+        return (self.ask("o3") + self.ask("o4")) / 2, self.ask("g1")
+
+    def move(self, code: str, value: float) -> None:
+        self.mission.give(f"{code}-{value}")
+        if self.by_commands is None:
+            now = self.counters()
+            gone, turned = now[0] - self.counted[0], now[1] - self.counted[1]
+            self.counted = now
+        else:
+            taken = self.by_commands(code, value)
+            gone, turned = (taken, 0.0) if code == "d1" else (0.0, taken)
+        middle = math.radians(self.pose.heading + turned / 2)
+        x, y = self.pose.x + gone * math.cos(middle), self.pose.y + gone * math.sin(middle)
+        self.pose = Pose(x, y, self.pose.heading + turned)
+        self.tell()
+
+    def tell(self) -> None:
+        simulator = self.mission.simulator
+        self.mission.engine.tell(Belief(simulator.time, self.pose, simulator.pose, self.spread))
+
+    def wander(self, rounds: int = 12) -> None:
+        for step in range(rounds):
+            self.move("r1", 20.0 + step if step % 2 else -19.0 - step)
+            self.move("d1", 2.0 if step % 4 < 2 else -2.0)
+
+
+def facts(mission: Mission) -> BeliefFacts:
+    return BeliefFacts(mission.attempt)
+
+
+def test_counters_that_are_believed_as_they_were_read_name_nobody() -> None:
+    mission = begin(noise=True)
+    DeadReckoner(mission).wander()
+    assert not facts(mission).steps
+
+
+@pytest.mark.parametrize("gain", [0.8, -1.0])
+def test_a_gyro_whose_replies_are_taken_as_something_else_is_named(gain: float) -> None:
+    mission = begin(noise=True)
+    DeadReckoner(mission, lambda code, reply: gain * reply if code == "g1" else reply).wander()
+    cause = mission.why(1)
+    assert cause.culprits[0] == "g1"
+    assert f"Its steps fit {gain:.2f} times g1's replies (" in cause.text
+
+
+def test_wheels_whose_replies_are_taken_for_less_are_named() -> None:
+    mission = begin(noise=True)
+    DeadReckoner(mission, lambda code, reply: 0.6 * reply if code in ("o3", "o4") else reply).wander(24)
+    assert set(facts(mission).culprits) <= {"o3", "o4"}
+
+
+def test_a_program_that_goes_by_its_commands_names_the_drive() -> None:
+    mission = begin(noise=True)
+    DeadReckoner(mission, by_commands=lambda code, value: -value if code == "r1" else value).wander()
+    assert facts(mission).culprits == ("r1",)
+    assert "-1.0" in facts(mission).text
+
+
+# -- constant errors, and the tables ----------------------------------------------------------------
+
+
+def look_along(mission: Mission, back: float, codes: tuple[str, ...] = ("u1",)) -> None:
+    """Go along a corridor, read, and believe to be so far behind the true place."""
+    for step in range(30):
+        mission.give(f"d1-{0.4 if step % 10 < 6 else -0.5}", *codes)
+        mission.believe(ahead=-back)
+
+
+def test_ranges_that_fit_the_beliefs_name_nobody() -> None:
+    mission = begin(noise=True)
+    look_along(mission, 0.0, ("u1", "u2", "u3", "u4"))
+    assert not facts(mission).text
+
+
+def test_a_mirrored_maze_is_told() -> None:
+    mission = begin()
+    for step in range(12):
+        mission.give("u5", f"d1-{2.5 * (-1) ** step}")
+        pose = mission.simulator.pose
+        there = Pose(96.0 - pose.x, pose.y, 180.0 - pose.heading)
+        mission.engine.tell(Belief(mission.simulator.time, there, pose, 0.3))
+    assert "mirrored left to right in 100 % of the sure beliefs" in facts(mission).text
+
+
+def test_the_tables_have_the_same_rows_with_and_without_a_truth() -> None:
+    mission = begin(noise=True)
+    look_along(mission, 3.0)
+    tables = fact_tables(mission.evidence(1))
+    mission.history.is_twin = True
+    real = fact_tables(mission.evidence(1))
+    assert not facts(mission).steps
+    for table, other in zip(tables, real, strict=True):
+        assert [row[0] for row in table.rows] == [row[0] for row in other.rows]
+    _, devices, beliefs = real
+    assert all(row[-1] == NO_TRUTH for row in (*devices.rows, *beliefs.rows[1:]))
+
+
+def test_the_table_of_commands_names_what_was_never_read_and_repeated() -> None:
+    mission = begin((42.0, 42.0, 180.0))
+    mission.give("u1", "d1-1", "d1-1", "d1-x")
+    rows = {row[0]: row[1:] for row in fact_tables(mission.evidence(1))[0].rows}
+    assert rows["sent"] == (4, "d1 3, u1 1")
+    assert rows["refused"] == (1, "d1 1")
+    assert "u5" in str(rows["sensors never read"][1])
+    assert rows["repeated movements"] == (1, "of 2, such as d1-1")
