@@ -17,6 +17,7 @@ TEMPORARY = {
     "grade/submission_copy.py": "a copy that is removed if it fails",
     "runlog/header.py": "a temporary folder",
     "trials/cluster.py": "a temporary folder on another machine",
+    "trials/logged_trial.py": "a temporary folder",
     "links/serial_link.py": "a record that grows line by line",
 }
 """Modules that write files on their own, and the reason."""

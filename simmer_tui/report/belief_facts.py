@@ -32,7 +32,7 @@ _ON_GRID = 1.0
 
 
 @dataclass(frozen=True, slots=True)
-class ConstantError:
+class ConstantOffset:
     """One error that most sure beliefs have: `text` says it, `share` is their share; `of` are the codes of
     the sensors that it may be from."""
 
@@ -56,7 +56,7 @@ class BeliefFacts:
         self.has_truth = not seen.history.is_twin
 
     @cached_property
-    def constant(self) -> ConstantError | None:
+    def constant(self) -> ConstantOffset | None:
         """The one error that most sure beliefs have; None where they are right, or differ."""
         rows = self.sure
         if not self.has_truth or len(rows) < FEWEST["set"]:
@@ -74,7 +74,7 @@ class BeliefFacts:
         kept = [each for each in found if each is not None and each.share >= _CONSTANT]
         return max(kept, key=lambda each: each.share, default=None)
 
-    def _offset(self, x: FloatArray, y: FloatArray, where: str) -> ConstantError | None:
+    def _offset(self, x: FloatArray, y: FloatArray, where: str) -> ConstantOffset | None:
         across, up = float(np.median(x)), float(np.median(y))
         if np.hypot(across, up) < _LEAST:
             return None
@@ -84,9 +84,9 @@ class BeliefFacts:
         is_map = bool((np.abs(cells - np.round(cells)) * CELL_SIZE <= _ON_GRID).all())
         if is_map and "frame" not in where:
             text += ", as with a map or a start that is whole cells off"
-        return ConstantError(text, share)
+        return ConstantOffset(text, share)
 
-    def _turned(self) -> ConstantError | None:
+    def _turned(self) -> ConstantOffset | None:
         turns = self.sure["turn"].astype(np.float64)
         # Half a turn to either side is one: the mean direction first.
         value = float(np.degrees(np.angle(np.exp(1j * np.radians(turns)).mean())))
@@ -97,9 +97,9 @@ class BeliefFacts:
         # Sure of a far place from the first belief on: the program assumed a start, without its compass.
         first = self.rows[0]
         is_assumed = first["distance"] > CELL_SIZE and first["spread"] < _ASSUMED
-        return ConstantError(text, share, () if is_assumed else self._compasses)
+        return ConstantOffset(text, share, () if is_assumed else self._compasses)
 
-    def _of_maze(self) -> list[ConstantError]:
+    def _of_maze(self) -> list[ConstantOffset]:
         """Beliefs in a maze that is mirrored, or turned as a whole."""
         rows, maze = self.sure, self._seen.spec.maze
         wide, high = maze.columns * CELL_SIZE, maze.rows * CELL_SIZE
@@ -116,7 +116,7 @@ class BeliefFacts:
             # In the middle of a symmetric maze the place alone tells nothing.
             fits = near & (np.abs(half_turn(rows["heading"] - there)) <= SLIGHT_TURN)
             text = f"{name} in {100 * fits.mean():.0f} % of the sure beliefs"
-            found.append(ConstantError(text, float(fits.mean())))
+            found.append(ConstantOffset(text, float(fits.mean())))
         return found
 
     @property

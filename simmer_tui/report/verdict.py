@@ -83,7 +83,8 @@ class Verdict:
     @property
     def lines(self) -> list[str]:
         """All of it but the program's output: the sentence first, then its reasons."""
-        moments = [each.sentence for each in self.moments]
+        # What the first sentence says is not said again.
+        moments = [each.sentence for each in self.moments if each.text not in self.text]
         return [each for each in (self.text, *moments, *self.reasons, self.advice) if each]
 
     def plain(self) -> dict[str, object]:

@@ -424,7 +424,7 @@ def test_report_as_json_has_the_figures(tmp_path: Path, capsys: Capture) -> None
     run = found["run"]
     assert (run["commands"], run["contacts"], run["seed"], run["distance_in"]) == (1, 0, 7, 0.0)
     assert run["end_x_in"] == simulator.pose.x
-    assert found["text"]["findings"] == ["No contact with a wall and no refused command."]
+    assert [each["kind"] for each in found["moments"]] == ["began", "end"]
     [row] = found["commands"]
     assert row == {"code": "u1", "meaning": "ultra1", "sent": 1, "contacts": 0, "refused": 0}
 

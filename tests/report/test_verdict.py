@@ -67,7 +67,7 @@ def test_a_python_without_the_package_is_told_what_to_take(start_run: Callable[.
     run.engine.tell(
         ProgramEnded(0.0, 1, error="ModuleNotFoundError: No module named 'simmer_tui'", place="a.py:3")
     )
-    assert verdict(run).advice.startswith("Fix first: the Python that runs the program has no simmer_tui.")
+    assert verdict(run).advice.startswith("Try: the Python that has simmer_tui")
 
 
 @pytest.mark.parametrize(
