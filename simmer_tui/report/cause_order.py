@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from simmer_tui.report.causes import Cause, Kind, MomentKind, Sureness
-from simmer_tui.report.contact_evidence import BLIND, BLIND_TURN, belief_text, movements_text
+from simmer_tui.report.contact_evidence import BLIND, BLIND_TURN, ContactEvidence, belief_text, movements_text
 from simmer_tui.report.finding import FEWEST, Finding
 from simmer_tui.report.run_evidence import RunEvidence
 from simmer_tui.report.typical_runs import most_different
-from simmer_tui.report.why import shown_range
+from simmer_tui.report.why import looking_text, shown_range
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.facts import displacement, missed_zone
 from simmer_tui.run.history_rows import BeliefRow
@@ -26,11 +26,9 @@ from simmer_tui.run.phrases import (
     exit_text,
     miss_text,
     obstacle_place,
-    obstacle_text,
     outside_text,
     place_text,
     program_end_text,
-    side_text,
     times_text,
 )
 from simmer_tui.run.progress import HUNDRED
@@ -233,12 +231,16 @@ def _unread(run: RunEvidence) -> Fact | None:
         codes = () if met.looks is None else met.looks.codes
         last = None if met.belief is not None or met.looks is None else met.looks.last
         ago = f"{met.met.row.gone_before - last.gone:.0f} in of path" if last is not None else ""
-        who = f"{codes[0]}, which looks at the wall," if met.belief is None and codes else "No range sensor"
+        looks = met.looks
+        told = looks is not None and met.belief is None
+        who = (
+            looking_text(looks, codes[0], "at the wall") if looks is not None and told else "No range sensor"
+        )
         verb = "was not read" if codes and met.belief is None else "was read"
         since = f" for {ago}" if ago else f" for more than {BLIND:g} in or {BLIND_TURN:g} deg of path"
         if met.belief is None and last is None:
             since = ""
-        text = f"{who} {verb}{since}; then {met.met.row.shown} was sent. {_contact(run)}"
+        text = f"{who} {verb}{since}; then {_sent(run)}. {_contact(run)}"
         advice = f"Read {codes[0] if codes else 'a range sensor'} before each movement."
         return Fact(
             text, met.met.row, since=met.sent, place=met.met.contact.point, advice=advice, has_behind=True
@@ -269,15 +271,15 @@ def _known_wall(run: RunEvidence) -> Fact | None:
     # A wrong sensor shows the program something else than its set says.
     if shown is not None and all(each.of != shown.code for each in run.findings):
         read = f"{shown.code} read {shown_range(shown.value)} at {shown.elapsed:.1f} s"
-        text = f"{read}; then {row.shown} was sent. {_contact(run)}"
+        text = f"{read}; then {_sent(run)}. {_contact(run)}"
         advice = f"Compare each movement with {shown.code} before you send it."
         return Fact(text, row, since=met.sent, place=point, advice=advice, has_behind=True)
     if not met.is_into_known or met.belief is None:
         return None
-    wall = obstacle_text(met.met.contact)
-    into = f"{row.shown} led {met.beyond:.1f} in into {wall}"
-    text = f"Its belief was right, off by {met.belief.error_text}; {into}. {_contact(run)}"
-    return Fact(text, row, since=met.sent, place=point, has_behind=True)
+    text = f"Its belief was right, off by {met.belief.error_text}; {_free(run)}"
+    wall = obstacle_place(met.met.contact, run.seen.spec)
+    advice = f"Look whether your program's map has {wall}, and compare each movement with the distance to it."
+    return Fact(text, row, since=met.sent, place=point, has_behind=True, advice=advice)
 
 
 def _sensor_wrong(run: RunEvidence) -> Fact | None:
@@ -287,7 +289,7 @@ def _sensor_wrong(run: RunEvidence) -> Fact | None:
     met = run.contact if run.has_contact else None
     last = None if met is None or met.is_blind else met.misread
     if met is None or last is None:
-        return None
+        return None if met is None else _no_echo(run, met)
     there = f"the wall was {shown_range(last.true)} away"
     read = f"{last.code} read {shown_range(last.value)} at {last.time:.1f} s, and {there}"
     return Fact(
@@ -297,6 +299,17 @@ def _sensor_wrong(run: RunEvidence) -> Fact | None:
         place=met.met.contact.point,
         culprits=(last.code,),
     )
+
+
+def _no_echo(run: RunEvidence, met: ContactEvidence) -> Fact | None:
+    """A sensor had no echo from the wall that it looked at."""
+    last = met.no_echo
+    later = met.ignored
+    if last is None or met.knew or (later is not None and later.elapsed >= last.time):
+        return None
+    text = f"{last.code} read nothing in range at {last.time:.1f} s; then {_sent(run)}. {_contact(run)}"
+    place = met.met.contact.point
+    return Fact(text, met.met.row, since=last.time, place=place, culprits=(last.code,), sure=Sureness.LIKELY)
 
 
 def _drive_wrong(run: RunEvidence) -> Fact | None:
@@ -439,13 +452,14 @@ def _too_close(run: RunEvidence) -> Fact | None:
     if met is None or _stalled(run) is not None:
         return None
     contact, row = met.met.contact, met.met.row
-    side = side_text(contact)
-    is_straight = not met.met.ended.trajectory.turning and side == "ahead"
     if contact.held_block:
         wall = obstacle_place(contact, run.seen.spec)
         text = f"{capitalized(body_text(contact))} hit {wall} during {row.shown}."
-    elif is_straight and not met.knew:
-        return None
+    elif met.leads_into:
+        seen = [each.reading for each in row.seen if each.reading.sensor.kind.is_range]
+        silent = " and ".join(each.sensor.code for each in seen if math.isinf(each.value))
+        before = f" Before it {silent} read nothing in range." if silent else ""
+        text = f"{_free(run)}{before}"
     else:
         text = f"{row.shown} passed {obstacle_place(contact, run.seen.spec)} too close. {_contact(run)}"
     return Fact(text, row, since=met.sent, place=contact.point, has_behind=True)
@@ -576,7 +590,37 @@ def _never(run: RunEvidence) -> str:
 
 def _contact(run: RunEvidence) -> str:
     met = run.contact
-    return "" if met is None else f"Contact at {met.met.row.elapsed:.2f} s, after {met.met.row.went:.1f} in."
+    if met is None:
+        return ""
+    return f"Contact at {met.met.row.elapsed:.2f} s, after {met.met.row.went:.1f} in.{_twice(run)}"
+
+
+def _sent(run: RunEvidence) -> str:
+    """The deciding command, and that it came repeatedly."""
+    met = run.contact
+    if met is None:
+        return ""
+    again = run.repeated
+    often = f" {times_text(again[1])} in a row" if again is not None and again[2] else ""
+    return f"{met.met.row.shown} was sent{often}"
+
+
+def _free(run: RunEvidence) -> str:
+    """The deciding command beside the free way that it had, and the obstacle."""
+    met = run.contact
+    if met is None:
+        return ""
+    place, row = obstacle_place(met.met.contact, run.seen.spec), met.met.row
+    return (
+        f"{_sent(run)}; the way was free for {row.went:.1f} in. "
+        f"Contact at {row.elapsed:.2f} s with {place}.{_twice(run)}"
+    )
+
+
+def _twice(run: RunEvidence) -> str:
+    """A movement before the deciding one that came repeatedly, nothing being read since."""
+    again = run.repeated
+    return "" if again is None or again[2] else f" {again[0]} had come {times_text(again[1])} in a row."
 
 
 def _end(run: RunEvidence) -> str:
@@ -691,7 +735,7 @@ ORDER: tuple[CauseRule, ...] = (
         Kind.TOO_CLOSE,
         _too_close,
         MomentKind.COMMAND,
-        "the robot or its block touched a wall beside its path",
+        "the robot or its block touched a wall, beside its path or straight ahead",
         "wrong beliefs",
         "Plan with an inch more on each side, and with the held block.",
     ),

@@ -19,6 +19,7 @@ from simmer_tui.run.episodes import Episode, EpisodeKind
 from simmer_tui.run.events import Goal, ProgramEnded
 from simmer_tui.run.history_rows import BeliefRow, GripRow, MissionRow, NoticeRow, RefusalRow
 from simmer_tui.run.phrases import REAL_TIME_LIMIT, last_output
+from simmer_tui.run.table import Columns
 from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.sensors import ObservingSensor, modelled_sensor
@@ -240,6 +241,30 @@ class RunEvidence:
         met = self.seen.collision
         return None if met is None else ContactEvidence(self.seen, met)
 
+    @cached_property
+    def repeated(self) -> tuple[str, int, bool] | None:
+        """A movement before the contact that came several times in a row, nothing being sent between nor read
+        since: its command, how often, and True if it is the one with the contact."""
+        met = self.seen.collision
+        if met is None:
+            return None
+        rows, readings = (
+            self.seen.within(self.seen.history.movements),
+            self.seen.within(self.seen.history.readings),
+        )
+        rows = rows[rows["order"] <= met.row.order]
+        last = readings["order"][readings["order"] < met.row.order].max(initial=0)
+        end = len(rows) - 1
+        while end > 0 and rows["order"][end] > last:
+            begin = end
+            while begin > 0 and _is_same(rows[begin - 1], rows[begin]):
+                begin -= 1
+            if begin < end:
+                text = f"{self.seen.history.code_names[rows['code'][end]]}-{rows['asked'][end]:g}"
+                return text, end - begin + 1, end == len(rows) - 1
+            end -= 1
+        return None
+
     @property
     def last_grip(self) -> GripRow | None:
         """The grip that decided: the block was let go and not taken again, or never taken."""
@@ -252,6 +277,12 @@ class RunEvidence:
     def lost(self) -> BeliefRow | None:
         """The first of the unbroken row of wrong beliefs at the end."""
         return self.seen.beliefs[1]
+
+
+def _is_same(first: Columns, second: Columns) -> bool:
+    """True if a movement repeats the one before, with no command between."""
+    same = first["code"] == second["code"] and first["asked"] == second["asked"] != 0.0
+    return bool(same and second["number"] - first["number"] == 1 and not second["grips"])
 
 
 def _one_each(findings: Sequence[Finding]) -> list[Finding]:
