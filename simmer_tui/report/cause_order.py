@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -19,7 +20,7 @@ from simmer_tui.report.typical_runs import most_different
 from simmer_tui.report.why import looking_text, shown_range
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.facts import displacement, missed_zone
-from simmer_tui.run.history_rows import BeliefRow
+from simmer_tui.run.history_rows import BeliefRow, RefusalRow
 from simmer_tui.run.phrases import (
     body_text,
     capitalized,
@@ -37,8 +38,14 @@ from simmer_tui.run.table import Timed
 from simmer_tui.sim.command import counted, escape_passage
 
 # Judged: a good program crosses the maze with fewer movements.
+REFUSED_SHARE = 0.05
+"""Share of movements that were refused, and never carried out, from which they changed the path. Judged."""
 STAYED, MOVES = 0.25, 20
 """Share of the time limit, and number of movements (or none), without progress that count as a cause."""
+_NO_REPLY = re.compile(r"no reply to '([^']+)'")
+"""A program's own message that it waited in vain, as the client of this project writes it."""
+_WAITED = 2.0
+"""Real seconds without a command until the program's end from which it waited for something. Judged."""
 _NAMED = 4
 """Findings named in a sentence; the table of devices has all."""
 
@@ -133,7 +140,11 @@ def _behind(run: RunEvidence) -> tuple[str, tuple[str, ...]]:
 
 
 def _wire(run: RunEvidence) -> Fact | None:
-    fault = run.deciding_fault
+    away, fault = run.turned_away, run.deciding_fault
+    if away is not None:
+        why = escape_passage(away.text.partition(": ")[2])
+        text = f"A program was turned away at {away.elapsed:.1f} s: {why}, and another was connected."
+        return Fact(text, away, advice="End the other program, then start this one.")
     if fault is None:
         return None
     refused, of = run.refused_share
@@ -158,6 +169,8 @@ def _refused(run: RunEvidence) -> Fact | None:
         return Fact(
             f"{refused} of {counted(of, 'command')} were refused. The first was {command}: {reason}.", first
         )
+    if run.undone and seen.task is not None:
+        return _undone(run, run.undone)
     row = None if run.has_contact else run.refused_action
     if row is None or seen.task is None:
         return None
@@ -165,12 +178,39 @@ def _refused(run: RunEvidence) -> Fact | None:
     return Fact(f"{row.result.command.shown} was refused: {reason}.", row, culprits=(code,))
 
 
+def _undone(run: RunEvidence, rows: Sequence[RefusalRow]) -> Fact | None:
+    """Movements or grips that were refused and never carried out: before a contact a share of the movements,
+    else the closing of the gripper."""
+    seen, first = run.seen, rows[0]
+    gripper = "" if seen.spec.gripper is None else seen.spec.gripper.code
+    if run.has_contact:
+        of = len(rows) + len(seen.within(seen.history.movements))
+        if len(rows) < REFUSED_SHARE * of:
+            return None
+        then = f" Then {_sent(run)}. {_contact(run)}"
+    else:
+        rows = [each for each in rows if each.result.command.code == gripper]
+        if not rows or seen.taken:
+            return None
+        first, then = rows[0], " It was never closed."
+    command, reason = first.result.command, escape_passage(first.result.reason)
+    often = f" {times_text(len(rows))}" if len(rows) > 1 else ""
+    one = f"{command.shown} was refused at {first.elapsed:.1f} s: {reason}."
+    if often and any(each.result.command.shown != command.shown for each in rows):
+        text = f"{len(rows)} commands were refused and never carried out. The first: {one}"
+    else:
+        text = (
+            f"{command.shown} was refused{often}, first at {first.elapsed:.1f} s: {reason}." if often else one
+        )
+    return Fact(f"{text}{then}", first, culprits=(command.code,))
+
+
 def _crashed(run: RunEvidence) -> Fact | None:
     program = run.program
     if program is None or not program.crashed or program.stopped or run.has_contact:
         return None
     led = _moved(run) or _stalled(run)
-    text = f"{capitalized(program_end_text(program))}. {'' if led is None else led.text}".rstrip()
+    text = f"{capitalized(program_end_text(program))}.{waited_text(run)} {'' if led is None else led.text}".rstrip()
     return Fact(text, culprits=() if led is None else led.culprits, has_behind=led is None)
 
 
@@ -182,7 +222,11 @@ def _moved(run: RunEvidence) -> Fact | None:
         text = f"A person moved the robot at {row.elapsed:.1f} s, by {way:.0f} in and {abs(turn):.0f} deg."
         no_belief = "" if seen.beliefs[0] is None else " No belief was right after that."
         return Fact(f"{text}{no_belief}", row, place=(row.before.x, row.before.y))
-    drove, met = seen.driven_by_hand, seen.collision
+    drove, met, beside = seen.driven_by_hand, seen.collision, run.beside
+    if seen.task is not None and beside is not None and (not run.goals or run.goals[-1].order < beside.order):
+        text = f"A second client connected at {beside.elapsed:.1f} s beside the first ({beside.text})."
+        advice = "Let one program alone drive the robot, and close the ports that it does not use."
+        return Fact(text, beside, advice=advice)
     if seen.task is not None and drove is not None:
         value = f"-{drove.asked:g}" if math.isfinite(drove.asked) else ""
         text = f"A person drove the robot: {seen.history.code_names[drove.code]}{value}"
@@ -564,7 +608,9 @@ def _ended(run: RunEvidence) -> Fact | None:
     if seen.task is None and not run.exit_code:
         return None
     words = f" Its last output: {run.last_words}." if run.last_words else ""
-    text = f"{capitalized(exit_text(run.exit_code))} before it was done.{words} {_goals(seen)}"
+    text = (
+        f"{capitalized(exit_text(run.exit_code))} before it was done.{words}{waited_text(run)} {_goals(seen)}"
+    )
     return Fact(text.rstrip(), has_behind=True)
 
 
@@ -582,6 +628,29 @@ def wrong_text(lost: BeliefRow) -> str:
     else:
         said = f"its believed heading was off by {abs(off.turn):.0f} deg"
     return f"from {lost.elapsed:.1f} s on {said}"
+
+
+def _waited(run: RunEvidence) -> str:
+    """The program's last command and its answer, if it waited for one or sent nothing more for seconds."""
+    last, said = run.last_command, run.last_words
+    if run.program is not None:
+        said = f"{said} {run.program.error}"
+    asked = _NO_REPLY.search(said)
+    if last is None or not (last[2] >= _WAITED or (asked and last[2] >= _WAITED / 2)):
+        return ""
+    name, at, quiet = last
+    text = (
+        f" Its last command to arrive, {name}, was answered at {at:.1f} s; then none came for {quiet:.0f} s."
+    )
+    words = [] if asked is None else asked[1].split()
+    if len(words) > 1:
+        numbers = run.seen.within(run.seen.history.commands)["code"][-len(words) :]
+        came = [run.seen.history.code_names[number] for number in numbers]
+        lacks = [word for word in words if word not in came]
+        # The tail of a message: what stands before it belongs to others.
+        if lacks and words[-1] == came[-1]:
+            text += f" Of {' '.join(words)}, {' '.join(lacks)} did not arrive as a command of its own."
+    return text
 
 
 def _never(run: RunEvidence) -> str:

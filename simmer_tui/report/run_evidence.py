@@ -16,12 +16,13 @@ from simmer_tui.report.finding import FEWEST, Basis, Disagreement, Finding, kept
 from simmer_tui.report.sensor_sample import world_without_block
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.episodes import Episode, EpisodeKind
-from simmer_tui.run.events import Goal, ProgramEnded
+from simmer_tui.run.events import Goal, NoticeKind, ProgramEnded
 from simmer_tui.run.history_rows import BeliefRow, GripRow, MissionRow, NoticeRow, RefusalRow
 from simmer_tui.run.phrases import REAL_TIME_LIMIT, last_output
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.block import Block
+from simmer_tui.sim.command import parse_value
 from simmer_tui.sim.sensors import ObservingSensor, modelled_sensor
 from simmer_tui.sim.sensors.base import World
 from simmer_tui.sim.specs import SensorSpec
@@ -137,6 +138,71 @@ class RunEvidence:
             return None
         moves = seen.within(seen.history.movements)
         return None if (moves["order"] > rows[-1].order).any() else rows[-1]
+
+    @cached_property
+    def undone(self) -> list[RefusalRow]:
+        """Commands for drives and the gripper that were refused after the last goal and never carried out
+        later, the first first. Of the gripper only its closing counts."""
+        seen, last = self.seen, self.goals[-1].order if self.goals else 0
+        spec, names = seen.spec, seen.history.code_names
+        gripper = "" if spec.gripper is None else spec.gripper.code
+        codes = {row.code for row in (*spec.drive_rows, *spec.velocities)}
+        moves, closings = seen.within(seen.history.movements), seen.closings
+        found = []
+        for row in seen.refusals:
+            command = row.result.command
+            if command.code not in codes or row.order < last:
+                continue
+            if command.code == gripper:
+                later = any(order > row.order for order in closings)
+            else:
+                mine = moves[moves["order"] > row.order]
+                mine = mine[[names[number] == command.code for number in mine["code"]]]
+                value = parse_value(command.argument)
+                later = bool(len(mine) if isinstance(value, str) else np.isclose(mine["asked"], value).any())
+            if not later:
+                found.append(row)
+        return found
+
+    @cached_property
+    def last_command(self) -> tuple[str, float, float] | None:
+        """The program's last command, the moment of its answer (elapsed seconds), and the real seconds from
+        then until the end; NaN where these are not known."""
+        seen, history = self.seen, self.seen.history
+        rows, moves = seen.within(history.commands), seen.within(history.movements)
+        if not len(rows):
+            return None
+        last, name = rows[-1], history.code_names[rows["code"][-1]]
+        mine = moves["asked"][moves["number"] == last["number"]]
+        asked = f"-{mine[-1]:g}" if len(mine) and math.isfinite(mine[-1]) else ""
+        quiet = history.real_time - float(last["real_time"])
+        return f"{name}{asked}", float(last["elapsed"]), quiet
+
+    @property
+    def beside(self) -> NoticeRow | None:
+        """The first client that connected while another was connected, since the last restart."""
+        connected = 0
+        for row in self._connections:
+            match row.notice.kind:
+                case NoticeKind.CONNECTED if connected > 0 and row.order > self.seen.history.began:
+                    return row
+                case NoticeKind.CONNECTED:
+                    connected += 1
+                case NoticeKind.LEFT:
+                    connected -= 1
+        return None
+
+    @property
+    def turned_away(self) -> NoticeRow | None:
+        """The first client that was turned away because another was connected, if the program then ended by
+        itself with an exit code."""
+        rows = (row for row in self._connections if row.notice.kind is NoticeKind.TURNED_AWAY)
+        return next(rows, None) if self.exit_code and not self.goals else None
+
+    @property
+    def _connections(self) -> list[NoticeRow]:
+        end = self.seen.history if self.seen.over is None else self.seen.over
+        return [row for row in self.seen.history.notices.items if row.order <= end.order]
 
     @cached_property
     def silence(self) -> Silence | None:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from simmer_tui.report.audit import audit
-from simmer_tui.report.cause_order import cause_of
+from simmer_tui.report.cause_order import cause_of, waited_text
 from simmer_tui.report.causes import Cause, Kind
 from simmer_tui.report.finding import Finding
 from simmer_tui.report.moments import Moment, moments_of
@@ -194,7 +194,7 @@ class _Judge:
         moment = cause or over or self._ended or self._left or self._history
         return Verdict(
             outcome=outcome,
-            text=self._text(outcome, cause),
+            text=self._text(outcome, cause, run),
             elapsed=moment.elapsed,
             line=moment.line,
             goal=self._goal,
@@ -256,7 +256,7 @@ class _Judge:
 
     # -- text ------------------------------------------------------------------------------------
 
-    def _text(self, outcome: Outcome, cause: Cause | None) -> str:
+    def _text(self, outcome: Outcome, cause: Cause | None, run: RunEvidence) -> str:
         attempt, goal = self._attempt, self._goal
         over = attempt.over
         seconds = f"{attempt.seconds:.1f} s"
@@ -267,13 +267,17 @@ class _Judge:
         if outcome is Outcome.CRASHED and self._crash is not None:
             if not self._crash.started:
                 return f"{capitalized(program_end_text(self._crash))}."
-            return f"Crashed {when}{reached}: {crash_text(self._crash)}."
+            return f"Crashed {when}{reached}: {crash_text(self._crash)}.{waited_text(run)}"
         if cause is not None:
             return f"{outcome.value.capitalize()} {when}{reached}: {cause.text}"
         if outcome is Outcome.FAILED:
             reason = "real time was up" if over is None else escape_passage(over.event.reason)
             return f"Failed {when}{reached}: {reason}."
-        end = self._end()
+        end, last = self._end(), run.last_command
+        if outcome is Outcome.STILL_GOING and self._is_mission and last is not None:
+            # Nobody knows yet what the program does; the last thing it did is a fact.
+            done = f"{counted(attempt.commands, 'command')}; the last, {last[0]}, was answered at {last[1]:.1f} s"
+            return f"Still going {when}{reached}: {done}; none has come since."
         how = f"{end}; " if end else ""
         return f"{outcome.value.capitalize()} {when}{reached}: {how}{self._worst()}."
 
