@@ -17,7 +17,7 @@ from simmer_tui.report.contact_evidence import BLIND, BLIND_TURN, ContactEvidenc
 from simmer_tui.report.finding import FEWEST, Finding
 from simmer_tui.report.run_evidence import RunEvidence
 from simmer_tui.report.typical_runs import most_different
-from simmer_tui.report.why import looking_text, shown_range
+from simmer_tui.report.why import shown_range
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.facts import displacement, missed_zone
 from simmer_tui.run.history_rows import BeliefRow, RefusalRow
@@ -36,6 +36,7 @@ from simmer_tui.run.progress import HUNDRED
 from simmer_tui.run.run_history import CHAIN
 from simmer_tui.run.table import Timed
 from simmer_tui.sim.command import counted, escape_passage
+from simmer_tui.sim.specs import CELL_SIZE
 
 # Judged: a good program crosses the maze with fewer movements.
 REFUSED_SHARE = 0.05
@@ -46,6 +47,12 @@ _NO_REPLY = re.compile(r"no reply to '([^']+)'")
 """A program's own message that it waited in vain, as the client of this project writes it."""
 _WAITED = 2.0
 """Real seconds without a command until the program's end from which it waited for something. Judged."""
+_STOPS = 3
+"""Movements that end at the block from which it was no chance, before any goal. Judged."""
+_FAR = CELL_SIZE
+"""Distance to the block, inches, from which a grip was no miss but another place."""
+_SAME_MISS = 0.5
+"""Inches within which misses are one and the same. Judged."""
 _NAMED = 4
 """Findings named in a sentence; the table of devices has all."""
 
@@ -100,6 +107,8 @@ def _made(run: RunEvidence, rule: CauseRule, fact: Fact) -> Cause:
         text = f"{text} {behind}".rstrip()
         culprits = tuple(dict.fromkeys((*culprits, *codes)))
     met = run.contact if run.has_contact else None
+    if run.stray_block is not None and rule.kind in _ABOUT_BLOCK:
+        text = f"{text} The block lay at {place_text(*run.stray_block)}, outside the loading zone."
     evidence: tuple[str, ...] = (belief_text(seen.beliefs[0]), _goals(seen))
     if met is not None:
         evidence = met.sentences
@@ -169,8 +178,9 @@ def _refused(run: RunEvidence) -> Fact | None:
         return Fact(
             f"{refused} of {counted(of, 'command')} were refused. The first was {command}: {reason}.", first
         )
-    if run.undone and seen.task is not None:
-        return _undone(run, run.undone)
+    undone = _undone(run, run.undone) if run.undone and seen.task is not None else None
+    if undone is not None:
+        return undone
     row = None if run.has_contact else run.refused_action
     if row is None or seen.task is None:
         return None
@@ -210,7 +220,8 @@ def _crashed(run: RunEvidence) -> Fact | None:
     if program is None or not program.crashed or program.stopped or run.has_contact:
         return None
     led = _moved(run) or _stalled(run)
-    text = f"{capitalized(program_end_text(program))}.{waited_text(run)} {'' if led is None else led.text}".rstrip()
+    before = "" if led is None else led.text
+    text = f"{capitalized(program_end_text(program))}.{waited_text(run)} {before}".rstrip()
     return Fact(text, culprits=() if led is None else led.culprits, has_behind=led is None)
 
 
@@ -275,11 +286,7 @@ def _unread(run: RunEvidence) -> Fact | None:
         codes = () if met.looks is None else met.looks.codes
         last = None if met.belief is not None or met.looks is None else met.looks.last
         ago = f"{met.met.row.gone_before - last.gone:.0f} in of path" if last is not None else ""
-        looks = met.looks
-        told = looks is not None and met.belief is None
-        who = (
-            looking_text(looks, codes[0], "at the wall") if looks is not None and told else "No range sensor"
-        )
+        who = met.looking(codes[0], "at the wall") if met.belief is None and codes else "No range sensor"
         verb = "was not read" if codes and met.belief is None else "was read"
         since = f" for {ago}" if ago else f" for more than {BLIND:g} in or {BLIND_TURN:g} deg of path"
         if met.belief is None and last is None:
@@ -294,12 +301,18 @@ def _unread(run: RunEvidence) -> Fact | None:
         return None
     # A robot that had stopped making progress before saw the block by chance.
     stalled = _stalled(run)
-    if stalled is not None and stalled.since is not None and stalled.since < unseen.since:
+    is_before = stalled is not None and stalled.since is not None and stalled.since < unseen.since
+    if is_before and not run.goals:
         return None
     names, first = " and ".join(unseen.codes), unseen.codes[0]
-    alone = "was never read, and it alone sees" if names == first else "were never read, and they alone see"
+    was, sees = ("was", "it alone sees") if names == first else ("were", "they alone see")
+    goal = run.goals[-1] if run.goals else None
+    read = f"{was} never read"
+    if goal is not None and any(code in run.seen.history.sensor_codes for code in unseen.codes):
+        often = f"{was} read {times_text(unseen.readings)}" if unseen.readings else f"{was} not read"
+        read = f"{often} after {goal.elapsed:.1f} s ({goal.event.subject.value})"
     return Fact(
-        f"{names} {alone} the block. It was in sight at {unseen.since:.1f} s.",
+        f"{names} {read}, and {sees} the block. The block was in sight at {unseen.since:.1f} s.",
         since=unseen.since,
         culprits=unseen.codes,
         advice=f"Read {first} before you drive to the block.",
@@ -421,13 +434,32 @@ def _missed_grip(run: RunEvidence) -> Fact | None:
             if not often
             else f". The last time, {miss_text(missed)}"
         )
-        text = f"The gripper closed on nothing{often}{last}.{_was_lost(run, done.order)}"
-        return Fact(text, done, place=(done.grip.block.x, done.grip.block.y), has_behind=True)
+        far, codes = "", ()
+        moved = seen.history.movements.before(done.order)
+        if moved is not None and missed is not None and math.hypot(*missed) > _FAR:
+            off = math.hypot(moved.x - done.grip.block.x, moved.y - done.grip.block.y)
+            where = place_text(moved.x, moved.y)
+            far = (
+                f" The robot was at {where}, {off:.0f} in from the block, and had driven {moved.gone:.1f} in."
+            )
+        elif (reach := _short_reach(seen)) and missed is not None and missed[0] > 0.0:
+            far, codes = f" {reach}", (reach.partition(" ")[0],)
+        all_missed = [each.grip.missed for each in seen.misses if each.grip.missed is not None]
+        if len(all_missed) >= FEWEST["nominal"]:
+            spread = np.ptp(np.array(all_missed), axis=0)
+            last = f"{last}, each time within {spread.max():.2f} in" if spread.max() <= _SAME_MISS else last
+        text = f"The gripper closed on nothing{often}{last}.{far}{_was_lost(run, done.order)}"
+        place = (done.grip.block.x, done.grip.block.y)
+        return Fact(text, done, place=place, culprits=codes, has_behind=True)
     gripper = seen.spec.gripper
     if gripper is None:
         return None
     # A program that stays may be about to close it; one that reads the load sensor believes it closed.
     passed = seen.stuck is None and (seen.left_block or seen.asked_after_grip)
+    # A robot on its way elsewhere may pass over the block by chance.
+    if seen.graspable and not seen.asked_after_grip:
+        last = seen.graspable[-1].order
+        passed = passed and (len(seen.graspable) >= _STOPS or any(goal.order <= last for goal in run.goals))
     if not seen.taken and not seen.closed and seen.graspable and passed:
         first, times = seen.graspable[0], counted(len(seen.graspable), "movement")
         what, advice = (
@@ -444,6 +476,15 @@ def _missed_grip(run: RunEvidence) -> Fact | None:
         return None
     text = f"The gripper was never {what}, first at {first.elapsed:.1f} s."
     return Fact(text, first, place=(first.x, first.y), culprits=(gripper.code,), advice=advice)
+
+
+def _short_reach(seen: Attempt) -> str:
+    """The reach of the gripper, where the nominal set has another; empty where it is the same."""
+    nominal = seen.history.nominal
+    own, usual = seen.spec.gripper, None if nominal is None else nominal.spec.gripper
+    if own is None or usual is None or own.reach == usual.reach:
+        return ""
+    return f"{own.code} reaches {own.reach:g} in ahead of the robot, in the nominal set {usual.reach:g} in."
 
 
 def _dropped(run: RunEvidence) -> Fact | None:
@@ -474,7 +515,7 @@ def _lost(run: RunEvidence) -> Fact | None:
         if not met.is_elsewhere or met.belief is None:
             return None
         if met.lost is not None:
-            text = f"{_never(run)}: {wrong_text(met.lost)}. {_contact(run)}"
+            text = f"{_never(run)}: {wrong_text(met.lost)}. {_contact(run)}{run.belief.parted}"
             return Fact(text, met.lost, has_behind=True)
         off = met.belief
         spread = "" if math.isnan(off.spread) else f", with a spread of {off.spread:.1f} in"
@@ -484,7 +525,9 @@ def _lost(run: RunEvidence) -> Fact | None:
     if seen.task is None or belief is None:
         return None
     if lost is not None:
-        return Fact(f"{_never(run)}: {wrong_text(lost)}. {_end(run)}.", lost, has_behind=True)
+        return Fact(
+            f"{_never(run)}: {wrong_text(lost)}. {_end(run)}.{run.belief.parted}", lost, has_behind=True
+        )
     if _stalled(run) is None and (belief.unsure or run.localized is None):
         ever = "never found out" if run.localized is None else "no longer knew"
         return Fact(f"It {ever} where it was. {_end(run)}.", belief, has_behind=True)
@@ -506,6 +549,7 @@ def _too_close(run: RunEvidence) -> Fact | None:
         text = f"{_free(run)}{before}"
     else:
         text = f"{row.shown} passed {obstacle_place(contact, run.seen.spec)} too close. {_contact(run)}"
+        text += _was_lost(run, row.order)
     return Fact(text, row, since=met.sent, place=contact.point, has_behind=True)
 
 
@@ -570,6 +614,7 @@ def _stays(seen: Attempt) -> Fact | None:
         return None
     codes = tuple(history.code_names[number] for number in dict.fromkeys(drove["code"].tolist()))
     text = f"From {since:.1f} s on no {' or '.join(codes)} came, and {counted(later, 'reading')} did."
+    text = f"{text} It stood at {place_text(seen.pose.x, seen.pose.y)}."
     return Fact(text, since=since, culprits=codes if len(codes) == 1 else (), has_behind=True)
 
 
@@ -608,9 +653,8 @@ def _ended(run: RunEvidence) -> Fact | None:
     if seen.task is None and not run.exit_code:
         return None
     words = f" Its last output: {run.last_words}." if run.last_words else ""
-    text = (
-        f"{capitalized(exit_text(run.exit_code))} before it was done.{words}{waited_text(run)} {_goals(seen)}"
-    )
+    text = f"{capitalized(exit_text(run.exit_code))} before it was done.{words}{waited_text(run)}"
+    text = " ".join(filter(None, (text, _stand(run), _goals(seen))))
     return Fact(text.rstrip(), has_behind=True)
 
 
@@ -630,7 +674,20 @@ def wrong_text(lost: BeliefRow) -> str:
     return f"from {lost.elapsed:.1f} s on {said}"
 
 
-def _waited(run: RunEvidence) -> str:
+def _stand(run: RunEvidence) -> str:
+    """The robot's place at the end, and the belief of it."""
+    seen = run.seen
+    if seen.task is None or seen.history.is_twin:
+        return ""
+    belief, where = seen.beliefs[0], f"It stood at {place_text(seen.pose.x, seen.pose.y)}"
+    if belief is None:
+        return f"{where}."
+    if belief.is_right:
+        return f"{where}, and its belief was right, off by {belief.error_text}."
+    return f"{where}, and believed to be at {place_text(belief.x, belief.y)}."
+
+
+def waited_text(run: RunEvidence) -> str:
     """The program's last command and its answer, if it waited for one or sent nothing more for seconds."""
     last, said = run.last_command, run.last_words
     if run.program is not None:
@@ -702,7 +759,13 @@ def _goals(seen: Attempt) -> str:
     if seen.task is None:
         return ""
     if seen.holding:
-        return "The robot held the block."
+        zone = seen.task.zone
+        there = (
+            ""
+            if zone is None
+            else f", and had not set it down in the drop zone at {place_text(zone.x, zone.y)}"
+        )
+        return f"The robot held the block{there}."
     return "" if seen.taken else "The robot had not taken the block yet."
 
 
@@ -833,6 +896,8 @@ ORDER: tuple[CauseRule, ...] = (
     ),
 )
 """The rules, the first first."""
+_ABOUT_BLOCK = (Kind.GOT_NOWHERE, Kind.TOO_SLOW, Kind.ENDED, Kind.UNREAD)
+"""Causes beside which it matters that the block lay outside the loading zone."""
 NO_RULE = CauseRule(
     Kind.UNKNOWN,
     lambda run: None,

@@ -12,7 +12,16 @@ import numpy as np
 from simmer_tui.report.counterfactuals import Change, Counterfactual, CounterfactualWorld
 from simmer_tui.report.why import facing_sensor_text, looks_there
 from simmer_tui.run.attempt import Attempt, Collision
-from simmer_tui.run.facts import ALIKE, BESIDE, COVERED, SLIGHT, LastReading, carried_over, facing_sensor
+from simmer_tui.run.facts import (
+    ALIKE,
+    BESIDE,
+    COVERED,
+    SLIGHT,
+    LastReading,
+    carried_over,
+    degrees_beside,
+    facing_sensor,
+)
 from simmer_tui.run.history_rows import BeliefRow
 from simmer_tui.run.phrases import capitalized, contact_text, drift_text, side_text
 from simmer_tui.run.table import Columns
@@ -36,6 +45,9 @@ _ALONG, _ACROSS = CELL_SIZE / 2, 1.0
 """Distances between the end of a ray and a place touched, inches along a wall and across it, within which it
 showed that place. Beside it the wall of the next cell begins, and errors of short ranges are smaller.
 Judged."""
+# Judged: a third of a right angle; a sensor that looks further aside may see something else.
+_ASIDE = 30.0
+"""Degrees beside a contact from which a sensor is only the nearest one."""
 _SHOWN = {
     Change.EXACT: "without errors of its drive",
     Change.BELIEVED: "from the pose that the program believed",
@@ -139,6 +151,14 @@ class ContactEvidence:
     def facing(self) -> LastReading | None:
         """The last reading of a sensor that looks at the place touched."""
         return None if self.looks is None or not looks_there(self.looks) else self.looks.last
+
+    def looking(self, code: str, place: str = "there") -> str:
+        """A sensor with its direction: `u1, which looks there,`, else `u2, the nearest sensor,`. One along
+        the movement looks at the wall that this leads to, whatever corner touched."""
+        ahead = self._bearing if self.leads_into else None
+        along = ahead is not None and abs(half_turn(self._sensor(code).rotation - ahead)) <= ALIKE
+        looks = along or degrees_beside(self.met.contact, self._sensor(code)) <= _ASIDE
+        return f"{code}, which looks {place}," if looks else f"{code}, the nearest sensor,"
 
     # -- did it look? --------------------------------------------------------------------------------------
 

@@ -11,7 +11,7 @@ from simmer_tui.document.model import DataColumn, DataTable, data_table
 from simmer_tui.report.cause_order import wrong_text
 from simmer_tui.report.causes import Cause, MomentKind
 from simmer_tui.report.run_evidence import RunEvidence
-from simmer_tui.report.why import looking_text, looks_there, shown_range
+from simmer_tui.report.why import looks_there, shown_range
 from simmer_tui.run.events import Result
 from simmer_tui.run.phrases import grip_ending, place_text, pose_text, program_end_text
 from simmer_tui.sim.command import counted, escape_passage
@@ -188,12 +188,12 @@ def _deciding(run: RunEvidence) -> Iterator[Moment]:
             text, code, at = "no sensor looks at the place that was touched", "", met.sent
         elif last is None:
             code, at = met.looks.codes[0], met.sent
-            text = f"{looking_text(met.looks, code)} had never been read"
+            text = f"{met.looking(code)} had never been read"
         else:
             code, at = last.code, last.time
             off = abs(last.value - last.true) > 1.0
             true = f"; the true distance was {shown_range(last.true)}" if off else ""
-            text = f"{looking_text(met.looks, code)} read {shown_range(last.value)}{true}"
+            text = f"{met.looking(code)} read {shown_range(last.value)}{true}"
         yield Moment(MomentKind.SIGHT, at, text, code=code)
     grip = run.last_grip
     if grip is not None:

@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
+from simmer_tui.config.mission_plan import cells_of
 from simmer_tui.report.belief_facts import BeliefFacts
 from simmer_tui.report.command_audit import multiplied_corrections
 from simmer_tui.report.contact_evidence import ContactEvidence
@@ -25,13 +26,15 @@ from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import parse_value
 from simmer_tui.sim.sensors import ObservingSensor, modelled_sensor
 from simmer_tui.sim.sensors.base import World
-from simmer_tui.sim.specs import SensorSpec
+from simmer_tui.sim.specs import BLOCK, SensorSpec
 
 # Judged: a program that computes for so long between two commands has stopped.
 _QUIET, _QUIET_SHARE = 5.0, 0.25
 """Seconds, real or simulated, and share of the run without a command at its end that count as silence."""
 _SEEN = 1.0
 """Least change of a reading by the block, inches, with which a sensor sees it."""
+_HARDLY = 0.01
+"""Share of the ranges read since the last goal below which a sensor was hardly read. Judged."""
 _POSES = 400
 """Most poses from which it is computed who sees the block: the strip between two is then an inch or two."""
 
@@ -48,11 +51,12 @@ class Silence:
 
 @dataclass(frozen=True, slots=True)
 class Unseen:
-    """Sensors that were never read and that alone see the block, and the first moment at which they would
-    have seen it (elapsed seconds)."""
+    """Sensors that alone see the block and were not read, or hardly (`readings`), since the last goal, and the
+    first moment at which they would have seen it (elapsed seconds)."""
 
     codes: tuple[str, ...]
     since: float
+    readings: int = 0
 
 
 class RunEvidence:
@@ -188,6 +192,8 @@ class RunEvidence:
                     return row
                 case NoticeKind.CONNECTED:
                     connected += 1
+                case NoticeKind.TAKEN_OVER:
+                    connected = 0
                 case NoticeKind.LEFT:
                     connected -= 1
         return None
@@ -264,28 +270,48 @@ class RunEvidence:
             for each, it in made
             if isinstance(it, ObservingSensor) and it.sees_block(spec.block_size)
         ]
-        unread = {each.code for each in self.never_read}
-        if not sees or any(each.code not in unread for each, _ in sees):
+        # A reading before the loading zone was reached was about something else.
+        since = self.goals[-1].order if self.goals else seen.history.began
+        codes, numbers = seen.history.sensor_codes, seen.within(seen.history.readings, since)["sensor"]
+        ranges = [place for place, code in enumerate(codes) if code in {each.code for each, _ in made}]
+        mine = [place for place, code in enumerate(codes) if code in {each.code for each, _ in sees}]
+        read = int(np.isin(numbers, mine).sum())
+        if not sees or read > (_HARDLY * np.isin(numbers, ranges).sum() if self.goals else 0):
             return None
-        moves = seen.within(seen.history.movements)
+        moves = seen.within(seen.history.movements, since)
         moves = moves[:: max(len(moves) // _POSES, 1)]
         if not len(moves):
             return None
         poses = np.column_stack([moves[name] for name in ("x", "y", "heading")]).astype(np.float64)
         without, world = world_without_block(spec), None
         world = World(without.maze, Block(lying.block.x, lying.block.y, spec.block_size), False)
-        first = [self._first_seen(sensor, world, without, poses) for _, sensor in sees]
+        first = [
+            self._first_seen(sensor, world, without, poses, 1 if self.goals else FEWEST["set"])
+            for _, sensor in sees
+        ]
         place = min((each for each in first if each is not None), default=None)
         if place is None:
             return None
-        return Unseen(tuple(each.code for each, _ in sees), float(moves["elapsed"][place]))
+        return Unseen(tuple(each.code for each, _ in sees), float(moves["elapsed"][place]), read)
 
     @staticmethod
-    def _first_seen(sensor: ObservingSensor, world: World, without: World, poses: FloatArray) -> int | None:
+    def _first_seen(
+        sensor: ObservingSensor, world: World, without: World, poses: FloatArray, fewest: int
+    ) -> int | None:
         with np.errstate(invalid="ignore"):
             off = np.abs(sensor.true_values(without, poses) - sensor.true_values(world, poses))
         places = np.flatnonzero(off > _SEEN)
-        return int(places[0]) if len(places) else None
+        return int(places[0]) if len(places) >= fewest else None
+
+    @property
+    def stray_block(self) -> tuple[float, float] | None:
+        """The place of the block that was never taken, if it lay outside the loading zone."""
+        zone = cells_of(self.seen.spec.maze, BLOCK)
+        lying = next((row for row in reversed(self.seen.history.blocks.items) if not row.held), None)
+        if self.seen.task is None or self.seen.taken or lying is None or not self.seen.spec.block_size:
+            return None
+        x, y = lying.block.x, lying.block.y
+        return None if not zone or any(cell.holds(x, y) for cell in zone) else (x, y)
 
     # -- beliefs -------------------------------------------------------------------------------------------
 

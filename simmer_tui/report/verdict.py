@@ -276,8 +276,9 @@ class _Judge:
         end, last = self._end(), run.last_command
         if outcome is Outcome.STILL_GOING and self._is_mission and last is not None:
             # Nobody knows yet what the program does; the last thing it did is a fact.
-            done = f"{counted(attempt.commands, 'command')}; the last, {last[0]}, was answered at {last[1]:.1f} s"
-            return f"Still going {when}{reached}: {done}; none has come since."
+            done = counted(attempt.commands, "command")
+            answered = f"the last, {last[0]}, was answered at {last[1]:.1f} s"
+            return f"Still going {when}{reached}: {done}; {answered}, and none has come since."
         how = f"{end}; " if end else ""
         return f"{outcome.value.capitalize()} {when}{reached}: {how}{self._worst()}."
 

@@ -138,11 +138,6 @@ def facing_sensor_text(looks: FacingSensor | None, time: float) -> str:
     return f"{code} {side}. Its last reading was {shown_range(last.value)}, {when}."
 
 
-def looking_text(looks: FacingSensor, code: str, place: str = "there") -> str:
-    """A sensor with its direction: `u1, which looks there,` or `u2, the nearest sensor,`."""
-    return f"{code}, which looks {place}," if looks.beside <= _ASIDE else f"{code}, the nearest sensor,"
-
-
 def looks_there(looks: FacingSensor | None) -> bool:
     """True if a sensor looked at the place at all."""
     return looks is not None and looks.beside <= BESIDE

@@ -146,8 +146,8 @@ def test_a_velocity_straight_at_a_wall_that_was_read_is_told_with_its_reading() 
     mission.give("u1", "u2", "u4", "vv-6;0;0", "wt-10")
     cause = mission.why()
     assert mission.attempt.too_many_contacts
-    assert cause.kind is Kind.UNKNOWN
-    assert cause.text.startswith("Unknown. It differs most from runs that succeed by ")
+    assert cause.kind is Kind.TOO_CLOSE
+    assert cause.text.startswith("vv-6;0;0 was sent; the way was free for 15.0 in. Contact at ")
 
 
 def test_drive_errors_of_a_velocity_are_named_where_it_would_have_passed_without_them() -> None:
@@ -181,7 +181,7 @@ def test_a_wrong_heading_alone_is_being_lost_too() -> None:
 
 
 @pytest.mark.parametrize("spread", [None, 2.0])
-def test_a_contact_beside_the_path_is_too_close(spread: float | None) -> None:
+def test_a_movement_into_a_wall_says_how_far_its_way_was_free(spread: float | None) -> None:
     mission = begin()
     mission.give("u1", "u2", "u4", "u5", "t1")
     if spread is not None:
@@ -189,7 +189,9 @@ def test_a_contact_beside_the_path_is_too_close(spread: float | None) -> None:
     mission.give("w1-3.3")
     cause = mission.why()
     assert cause.kind is Kind.TOO_CLOSE
-    assert re.match(r"w1-3\.3 passed the .*wall .* too close\. Contact at 5\d\.\d\d s, after ", cause.text)
+    assert re.match(
+        r"w1-3\.3 was sent; the way was free for 3\.0 in\. Contact at 5\d\.\d\d s with ", cause.text
+    )
 
 
 def test_a_program_that_says_it_does_not_know_is_lost() -> None:
@@ -277,7 +279,7 @@ def test_a_wall_that_a_right_belief_had_shown_is_known_too() -> None:
     mission.give("u1", "u2", "u4", "u5", "t1", "w1-5.5")
     cause = mission.why()
     assert cause.kind is Kind.KNOWN_WALL
-    assert cause.text.startswith("Its belief was right, off by 0.0 in and 0 deg; w1-5.5 led ")
+    assert cause.text.startswith("Its belief was right, off by 0.0 in and 0 deg; w1-5.5 was sent; the way ")
 
 
 def test_a_wrong_sensor_comes_before_what_follows_from_it_and_is_said_once() -> None:
