@@ -51,8 +51,8 @@ class Silence:
 
 @dataclass(frozen=True, slots=True)
 class Unseen:
-    """Sensors that alone see the block and were not read, or hardly (`readings`), since the last goal, and the
-    first moment at which they would have seen it (elapsed seconds)."""
+    """Sensors that alone see the block and were not read, or hardly (`readings`), since the last goal, and
+    the first moment at which they would have seen it (elapsed seconds)."""
 
     codes: tuple[str, ...]
     since: float
