@@ -47,6 +47,9 @@ _NO_REPLY = re.compile(r"no reply to '([^']+)'")
 """A program's own message that it waited in vain, as the client of this project writes it."""
 _WAITED = 2.0
 """Real seconds without a command until the program's end from which it waited for something. Judged."""
+# Most programs send both signs: a heading is corrected to either side.
+_TURNS = 20
+"""Turns to one side alone from which that is told."""
 _STOPS = 3
 """Movements that end at the block from which it was no chance, before any goal. Judged."""
 _FAR = CELL_SIZE
@@ -109,6 +112,8 @@ def _made(run: RunEvidence, rule: CauseRule, fact: Fact) -> Cause:
     met = run.contact if run.has_contact else None
     if run.stray_block is not None and rule.kind in _ABOUT_BLOCK:
         text = f"{text} The block lay at {place_text(*run.stray_block)}, outside the loading zone."
+    if rule.kind in _ABOUT_TURNS:
+        text += _one_sided(run)
     evidence: tuple[str, ...] = (belief_text(seen.beliefs[0]), _goals(seen))
     if met is not None:
         evidence = met.sentences
@@ -434,7 +439,8 @@ def _missed_grip(run: RunEvidence) -> Fact | None:
             if not often
             else f". The last time, {miss_text(missed)}"
         )
-        far, codes = "", ()
+        far = ""
+        codes: tuple[str, ...] = ()
         moved = seen.history.movements.before(done.order)
         if moved is not None and missed is not None and math.hypot(*missed) > _FAR:
             off = math.hypot(moved.x - done.grip.block.x, moved.y - done.grip.block.y)
@@ -458,8 +464,8 @@ def _missed_grip(run: RunEvidence) -> Fact | None:
     passed = seen.stuck is None and (seen.left_block or seen.asked_after_grip)
     # A robot on its way elsewhere may pass over the block by chance.
     if seen.graspable and not seen.asked_after_grip:
-        last = seen.graspable[-1].order
-        passed = passed and (len(seen.graspable) >= _STOPS or any(goal.order <= last for goal in run.goals))
+        until = seen.graspable[-1].order
+        passed = passed and (len(seen.graspable) >= _STOPS or any(goal.order <= until for goal in run.goals))
     if not seen.taken and not seen.closed and seen.graspable and passed:
         first, times = seen.graspable[0], counted(len(seen.graspable), "movement")
         what, advice = (
@@ -596,12 +602,12 @@ def _stalled(run: RunEvidence) -> Fact | None:
             f"From {loop.since:.1f} s on it repeated the same {loop.commands} movements {loop.rounds} times."
         )
         return Fact(text, since=loop.since, place=(loop.place.x, loop.place.y), has_behind=True)
-    return _stays(seen)
+    return _stays(run)
 
 
-def _stays(seen: Attempt) -> Fact | None:
+def _stays(run: RunEvidence) -> Fact | None:
     """It turned and read on, and drove no more."""
-    history = seen.history
+    seen, history = run.seen, run.seen.history
     moves, readings = seen.within(history.movements), seen.within(history.readings)
     drives = {each.code for each in seen.spec.drives if not each.kind.turns}
     drove = moves[np.isin(moves["code"], [n for n, code in enumerate(history.code_names) if code in drives])]
@@ -614,7 +620,7 @@ def _stays(seen: Attempt) -> Fact | None:
         return None
     codes = tuple(history.code_names[number] for number in dict.fromkeys(drove["code"].tolist()))
     text = f"From {since:.1f} s on no {' or '.join(codes)} came, and {counted(later, 'reading')} did."
-    text = f"{text} It stood at {place_text(seen.pose.x, seen.pose.y)}."
+    text = f"{text} {_stand(run)}".rstrip()
     return Fact(text, since=since, culprits=codes if len(codes) == 1 else (), has_behind=True)
 
 
@@ -672,6 +678,19 @@ def wrong_text(lost: BeliefRow) -> str:
     else:
         said = f"its believed heading was off by {abs(off.turn):.0f} deg"
     return f"from {lost.elapsed:.1f} s on {said}"
+
+
+def _one_sided(run: RunEvidence) -> str:
+    """Turns that all went to one side, with a space before it; empty for few, or for both sides."""
+    seen, names = run.seen, run.seen.history.code_names
+    turns = {each.code for each in seen.spec.drives if each.kind.turns}
+    moves = seen.within(seen.history.movements)
+    asked = moves["asked"][[names[number] in turns for number in moves["code"]]]
+    asked = asked[np.isfinite(asked) & (asked != 0.0)]
+    if len(asked) < _TURNS or abs(int(np.sign(asked).sum())) < len(asked):
+        return ""
+    sign = "positive" if asked[0] > 0.0 else "negative"
+    return f" All its {len(asked)} turns had a {sign} value."
 
 
 def _stand(run: RunEvidence) -> str:
@@ -896,6 +915,8 @@ ORDER: tuple[CauseRule, ...] = (
     ),
 )
 """The rules, the first first."""
+_ABOUT_TURNS = (Kind.KNOWN_WALL, Kind.LOST, Kind.TOO_CLOSE, Kind.GOT_NOWHERE, Kind.TOO_SLOW, Kind.ENDED)
+"""Causes beside which it matters that all turns went to one side."""
 _ABOUT_BLOCK = (Kind.GOT_NOWHERE, Kind.TOO_SLOW, Kind.ENDED, Kind.UNREAD)
 """Causes beside which it matters that the block lay outside the loading zone."""
 NO_RULE = CauseRule(

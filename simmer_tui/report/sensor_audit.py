@@ -34,6 +34,9 @@ _EXPLAINED = 0.8
 _MISSED = 0.001
 # Judged: the residuals of a fit with one coefficient more must be smaller by a tenth.
 _BETTER = 1.1
+_AT_LIMIT = 0.1
+"""Share of readings of something beyond the least or largest one that are near it by chance. They are off by
+more than the tolerance, four standard deviations; judged, for outliers."""
 _ONE_VALUE = 0.1
 """Share of the expected value, or least error, within which eight values in ten are one: there a gain and an
 offset are the same. Judged."""
@@ -137,7 +140,7 @@ def _limits(device: DeviceUnderTest, sample: SensorSample) -> list[Claim]:
         if float((np.abs(values - expected) <= tolerance)[within].mean()) < _EXPLAINED:
             continue
         what = f"reads {limit:.1f} {sample.spec.unit} for all that is {side}"
-        probability = binomial_tail(hits, count, sample.chance)
+        probability = binomial_tail(hits, count, _AT_LIMIT)
         found.append(
             device.claim(probability, FindingKind.LIMIT, float(limit), what, count, unit=sample.spec.unit)
         )

@@ -274,11 +274,15 @@ class _Judge:
             reason = "real time was up" if over is None else escape_passage(over.event.reason)
             return f"Failed {when}{reached}: {reason}."
         end, last = self._end(), run.last_command
-        if outcome is Outcome.STILL_GOING and self._is_mission and last is not None:
-            # Nobody knows yet what the program does; the last thing it did is a fact.
+        is_quiet = outcome is Outcome.STILL_GOING or (last is not None and last[2] >= _QUIET)
+        if self._is_mission and last is not None and is_quiet:
+            # Nobody knows what the program waits for; the last thing it did is a fact.
             done = counted(attempt.commands, "command")
             answered = f"the last, {last[0]}, was answered at {last[1]:.1f} s"
-            return f"Still going {when}{reached}: {done}; {answered}, and none has come since."
+            since = (
+                "none has come since" if outcome is Outcome.STILL_GOING else f"none came for {last[2]:.0f} s"
+            )
+            return f"{outcome.value.capitalize()} {when}{reached}: {done}; {answered}, and {since}."
         how = f"{end}; " if end else ""
         return f"{outcome.value.capitalize()} {when}{reached}: {how}{self._worst()}."
 
@@ -339,6 +343,9 @@ class _Judge:
         return "nothing went wrong" if is_counted else f"{done}, nothing went wrong"
 
 
+# Judged: a program that computes for so long between two commands has stopped.
+_QUIET = 5.0
+"""Real seconds without a command before a person ended the program, from which that is told."""
 _OF_THE_PROGRAM = (Kind.CRASHED, Kind.SILENCE)
 # A run that was taken over goes on, whatever had ended in the logged one.
 _GOES_ON = (NoticeKind.CONNECTED, NoticeKind.TAKEN_OVER)

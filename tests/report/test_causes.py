@@ -741,6 +741,31 @@ def test_a_person_who_drives_while_no_program_is_connected_disturbs_none(
     assert mission.why(1).kind is not Kind.MOVED
 
 
+def test_a_second_client_beside_the_first_is_said_first() -> None:
+    mission = begin()
+    connection(mission, NoticeKind.CONNECTED)
+    mission.give("u1", "d1-1")
+    connection(mission, NoticeKind.CONNECTED)
+    mission.give("u1", "d1-60")
+    cause = mission.why(1)
+    assert (cause.kind, cause.moment) == (Kind.MOVED, MomentKind.PERSON)
+    assert cause.text.startswith("A second client connected at ")
+
+
+def test_a_movement_that_came_twice_before_a_contact_says_so() -> None:
+    mission = begin()
+    mission.give("d1-2", "w1-1.6", "w1-1.6")
+    assert "; then w1-1.6 was sent twice in a row. Contact at " in mission.why().text
+
+
+def test_a_refused_closing_of_the_gripper_comes_before_what_followed() -> None:
+    mission = begin((28.0, 42.0, 180.0))
+    mission.give("d1-4", "u5", "p1-90", "p1-90", "d1--14")
+    cause = mission.why(1, words="failed")
+    assert (cause.kind, cause.culprits) == (Kind.REFUSED, ("p1",))
+    assert cause.text.startswith("p1-90 was refused twice, first at ")
+
+
 def test_a_person_who_drives_into_a_wall_after_the_program_left_did_not_drive_beside_it() -> None:
     mission = begin()
     mission.give("u1", "d1-1")
