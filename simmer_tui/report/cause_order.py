@@ -545,6 +545,7 @@ def _too_close(run: RunEvidence) -> Fact | None:
     if met is None or _stalled(run) is not None:
         return None
     contact, row = met.met.contact, met.met.row
+    advice = None
     if contact.held_block:
         wall = obstacle_place(contact, run.seen.spec)
         text = f"{capitalized(body_text(contact))} hit {wall} during {row.shown}."
@@ -553,10 +554,11 @@ def _too_close(run: RunEvidence) -> Fact | None:
         silent = " and ".join(each.sensor.code for each in seen if math.isinf(each.value))
         before = f" Before it {silent} read nothing in range." if silent else ""
         text = f"{_free(run)}{before}"
+        advice = advice_on(Kind.KNOWN_WALL)
     else:
         text = f"{row.shown} passed {obstacle_place(contact, run.seen.spec)} too close. {_contact(run)}"
         text += _was_lost(run, row.order)
-    return Fact(text, row, since=met.sent, place=contact.point, has_behind=True)
+    return Fact(text, row, since=met.sent, place=contact.point, has_behind=True, advice=advice)
 
 
 def _nowhere(run: RunEvidence) -> Fact | None:
