@@ -37,7 +37,7 @@ from simmer_tui.run.table import Columns
 from simmer_tui.sim.angles import half_turn
 from simmer_tui.sim.command import shown_path
 from simmer_tui.sim.noise import bias_spread
-from simmer_tui.sim.specs import DriveSpec, SensorSpec, SimulationSpec
+from simmer_tui.sim.specs import CELL_SIZE, DriveSpec, SensorSpec, SimulationSpec
 
 _MOUNTING = ("x", "y", "z", "rotation", "field_of_view", "rays", "vertical_field_of_view")
 """Fields of a sensor's row for its place and direction."""
@@ -128,6 +128,13 @@ def _nominal_drive_tests(
     rule = _nominal_rule(history, moves, own, row, nominal.spec)
     tests = drive_tests(device, moves, rule, nominal.spec.drives)
     times = own.gain / row.gain if row.gain else 1.0
+    if not tests and not history.spec.randbias and own.bias.r != row.bias.r and not own.kind.turns:
+        # The same of a bias to the side: few movements get no figure of their own.
+        veers = own.bias.r - row.bias.r
+        if abs(veers) >= LEAST_DEGREES / CELL_SIZE:
+            side = "left" if veers > 0 else "right"
+            what = f"turns {abs(veers):.3f} deg to the {side} for each inch"
+            return [device.claim(0.0, FindingKind.BIAS, veers, what, count, unit="deg/in")]
     if abs(times - 1.0) < LEAST_SHARE:
         return tests
     # A gain that is in the rows needs no test, and few movements get no figure of their own.

@@ -8,13 +8,14 @@ from functools import cached_property
 
 import numpy as np
 
-from simmer_tui.report.belief_audit import BeliefMotion
+from simmer_tui.report.belief_audit import SURE, BeliefMotion
 from simmer_tui.report.finding import FEWEST, Disagreement, kept_disagreements
 from simmer_tui.run.attempt import Attempt
-from simmer_tui.run.facts import SLIGHT_TURN, UNSURE, UNSURE_TURN
+from simmer_tui.run.facts import SLIGHT, SLIGHT_TURN, UNSURE, UNSURE_TURN
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.angles import cos_sin_array, half_turn
 from simmer_tui.sim.arrays import FloatArray
+from simmer_tui.sim.command import counted
 from simmer_tui.sim.sensors import ObservingSensor, modelled_sensor
 from simmer_tui.sim.specs import CELL_SIZE
 
@@ -23,6 +24,8 @@ _NEAR = 1.5
 _CONSTANT = 0.75
 """Least share of sure beliefs with one error that make it constant. Judged."""
 _MOST_NAMED = 4
+_TWICE, _APART = 2, 5.0
+"""Fewest movements of a code, and times the error with other codes, with which it stands out. Judged."""
 _ASSUMED = 1.0
 """Spread, inches, of a first belief that no reading can have led to. Judged."""
 _LEAST = 2.0
@@ -136,6 +139,54 @@ class BeliefFacts:
         free = [each for each in kept if not any(code in self._known for one in each for code in one.of)]
         # More explanations than can be named name none.
         return free[0] if free and len(free[0]) <= _MOST_NAMED else []
+
+    @cached_property
+    def parted(self) -> str:
+        """A sentence, with a space before it, on the commands with which belief and truth parted: those of
+        one code alone, else the one before the first lost belief. Empty where nothing stands out."""
+        errors = self._parted_by_code
+        means = {code: float(np.median(off)) for code, off in errors.items() if len(off) >= _TWICE}
+        worst = max(means, key=lambda code: means[code], default="")
+        others = [off for code, off in means.items() if code != worst]
+        if worst and others and means[worst] > max(SLIGHT, _APART * max(others)):
+            count = counted(len(errors[worst]), "movement")
+            return (
+                f" Belief and truth parted with {worst}: by {means[worst]:.1f} in in each of {count}, "
+                f"with other commands by {max(others):.1f} in."
+            )
+        lost, history = self._seen.beliefs[1], self._seen.history
+        if lost is None or not self.has_truth:
+            return ""
+        place = int(np.searchsorted(self.rows["order"], lost.order))
+        moves = self._seen.within(history.movements)
+        moves = moves[(moves["order"] < lost.order) & ~moves["grips"]]
+        if not 0 < place < len(self.rows) or not len(moves):
+            return ""
+        before, last = self.rows[place - 1], moves[-1]
+        grew = lost.distance - float(before["distance"])
+        if last["order"] < before["order"] or grew < SLIGHT or not np.isfinite(last["asked"]):
+            return ""
+        command = f"{history.code_names[last['code']]}-{last['asked']:g}"
+        return f" The error grew by {grew:.1f} in with {command} at {last['elapsed']:.1f} s."
+
+    @property
+    def _parted_by_code(self) -> dict[str, list[float]]:
+        """Inches by which the believed displacement differed from the true one, from one sure belief to the
+        next, by the one code of the movements between them."""
+        rows, moves = self.rows, self._seen.within(self._seen.history.movements)
+        found: dict[str, list[float]] = {}
+        if len(rows) < FEWEST["set"] or not self.has_truth:
+            return found
+        moves = moves[~moves["grips"]]
+        places = np.searchsorted(moves["order"], rows["order"])
+        sure = np.nan_to_num(rows["spread"]) <= SURE
+        off = np.hypot(np.diff(rows["x"] - rows["true_x"]), np.diff(rows["y"] - rows["true_y"]))
+        for each in np.flatnonzero(sure[1:] & sure[:-1]):
+            numbers = np.unique(moves["code"][places[each] : places[each + 1]])
+            if len(numbers) == 1:
+                code = self._seen.history.code_names[numbers[0]]
+                found.setdefault(code, []).append(float(off[each]))
+        return found
 
     @property
     def text(self) -> str:

@@ -6,41 +6,56 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from simmer_tui.report.causes import Cause, Kind, MomentKind, Sureness
-from simmer_tui.report.contact_evidence import BLIND, BLIND_TURN, belief_text, movements_text
+from simmer_tui.report.contact_evidence import BLIND, BLIND_TURN, ContactEvidence, belief_text, movements_text
 from simmer_tui.report.finding import FEWEST, Finding
 from simmer_tui.report.run_evidence import RunEvidence
 from simmer_tui.report.typical_runs import most_different
 from simmer_tui.report.why import shown_range
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.facts import displacement, missed_zone
-from simmer_tui.run.history_rows import BeliefRow
+from simmer_tui.run.history_rows import BeliefRow, RefusalRow
 from simmer_tui.run.phrases import (
     body_text,
     capitalized,
     exit_text,
     miss_text,
     obstacle_place,
-    obstacle_text,
     outside_text,
     place_text,
     program_end_text,
-    side_text,
     times_text,
 )
 from simmer_tui.run.progress import HUNDRED
 from simmer_tui.run.run_history import CHAIN
 from simmer_tui.run.table import Timed
 from simmer_tui.sim.command import counted, escape_passage
+from simmer_tui.sim.specs import CELL_SIZE
 
 # Judged: a good program crosses the maze with fewer movements.
+REFUSED_SHARE = 0.05
+"""Share of movements that were refused, and never carried out, from which they changed the path. Judged."""
 STAYED, MOVES = 0.25, 20
 """Share of the time limit, and number of movements (or none), without progress that count as a cause."""
+_NO_REPLY = re.compile(r"no reply to '([^']+)'")
+"""A program's own message that it waited in vain, as the client of this project writes it."""
+_WAITED = 2.0
+"""Real seconds without a command until the program's end from which it waited for something. Judged."""
+# Most programs send both signs: a heading is corrected to either side.
+_TURNS = 20
+"""Turns to one side alone from which that is told."""
+_STOPS = 3
+"""Movements that end at the block from which it was no chance, before any goal. Judged."""
+_FAR = CELL_SIZE
+"""Distance to the block, inches, from which a grip was no miss but another place."""
+_SAME_MISS = 0.5
+"""Inches within which misses are one and the same. Judged."""
 _NAMED = 4
 """Findings named in a sentence; the table of devices has all."""
 
@@ -95,6 +110,10 @@ def _made(run: RunEvidence, rule: CauseRule, fact: Fact) -> Cause:
         text = f"{text} {behind}".rstrip()
         culprits = tuple(dict.fromkeys((*culprits, *codes)))
     met = run.contact if run.has_contact else None
+    if run.stray_block is not None and rule.kind in _ABOUT_BLOCK:
+        text = f"{text} The block lay at {place_text(*run.stray_block)}, outside the loading zone."
+    if rule.kind in _ABOUT_TURNS:
+        text += _one_sided(run)
     evidence: tuple[str, ...] = (belief_text(seen.beliefs[0]), _goals(seen))
     if met is not None:
         evidence = met.sentences
@@ -135,7 +154,11 @@ def _behind(run: RunEvidence) -> tuple[str, tuple[str, ...]]:
 
 
 def _wire(run: RunEvidence) -> Fact | None:
-    fault = run.deciding_fault
+    away, fault = run.turned_away, run.deciding_fault
+    if away is not None:
+        why = escape_passage(away.text.partition(": ")[2])
+        text = f"A program was turned away at {away.elapsed:.1f} s: {why}, and another was connected."
+        return Fact(text, away, advice="End the other program, then start this one.")
     if fault is None:
         return None
     refused, of = run.refused_share
@@ -160,6 +183,9 @@ def _refused(run: RunEvidence) -> Fact | None:
         return Fact(
             f"{refused} of {counted(of, 'command')} were refused. The first was {command}: {reason}.", first
         )
+    undone = _undone(run, run.undone) if run.undone and seen.task is not None else None
+    if undone is not None:
+        return undone
     row = None if run.has_contact else run.refused_action
     if row is None or seen.task is None:
         return None
@@ -167,12 +193,40 @@ def _refused(run: RunEvidence) -> Fact | None:
     return Fact(f"{row.result.command.shown} was refused: {reason}.", row, culprits=(code,))
 
 
+def _undone(run: RunEvidence, rows: Sequence[RefusalRow]) -> Fact | None:
+    """Movements or grips that were refused and never carried out: before a contact a share of the movements,
+    else the closing of the gripper."""
+    seen, first = run.seen, rows[0]
+    gripper = "" if seen.spec.gripper is None else seen.spec.gripper.code
+    if run.has_contact:
+        of = len(rows) + len(seen.within(seen.history.movements))
+        if len(rows) < REFUSED_SHARE * of:
+            return None
+        then = f" Then {_sent(run)}. {_contact(run)}"
+    else:
+        rows = [each for each in rows if each.result.command.code == gripper]
+        if not rows or seen.taken:
+            return None
+        first, then = rows[0], " It was never closed."
+    command, reason = first.result.command, escape_passage(first.result.reason)
+    often = f" {times_text(len(rows))}" if len(rows) > 1 else ""
+    one = f"{command.shown} was refused at {first.elapsed:.1f} s: {reason}."
+    if often and any(each.result.command.shown != command.shown for each in rows):
+        text = f"{len(rows)} commands were refused and never carried out. The first: {one}"
+    else:
+        text = (
+            f"{command.shown} was refused{often}, first at {first.elapsed:.1f} s: {reason}." if often else one
+        )
+    return Fact(f"{text}{then}", first, culprits=(command.code,))
+
+
 def _crashed(run: RunEvidence) -> Fact | None:
     program = run.program
     if program is None or not program.crashed or program.stopped or run.has_contact:
         return None
     led = _moved(run) or _stalled(run)
-    text = f"{capitalized(program_end_text(program))}. {'' if led is None else led.text}".rstrip()
+    before = "" if led is None else led.text
+    text = f"{capitalized(program_end_text(program))}.{waited_text(run)} {before}".rstrip()
     return Fact(text, culprits=() if led is None else led.culprits, has_behind=led is None)
 
 
@@ -184,7 +238,11 @@ def _moved(run: RunEvidence) -> Fact | None:
         text = f"A person moved the robot at {row.elapsed:.1f} s, by {way:.0f} in and {abs(turn):.0f} deg."
         no_belief = "" if seen.beliefs[0] is None else " No belief was right after that."
         return Fact(f"{text}{no_belief}", row, place=(row.before.x, row.before.y))
-    drove, met = seen.driven_by_hand, seen.collision
+    drove, met, beside = seen.driven_by_hand, seen.collision, run.beside
+    if seen.task is not None and beside is not None and (not run.goals or run.goals[-1].order < beside.order):
+        text = f"A second client connected at {beside.elapsed:.1f} s beside the first ({beside.text})."
+        advice = "Let one program alone drive the robot, and close the ports that it does not use."
+        return Fact(text, beside, advice=advice)
     if seen.task is not None and drove is not None:
         value = f"-{drove.asked:g}" if math.isfinite(drove.asked) else ""
         text = f"A person drove the robot: {seen.history.code_names[drove.code]}{value}"
@@ -233,12 +291,12 @@ def _unread(run: RunEvidence) -> Fact | None:
         codes = () if met.looks is None else met.looks.codes
         last = None if met.belief is not None or met.looks is None else met.looks.last
         ago = f"{met.met.row.gone_before - last.gone:.0f} in of path" if last is not None else ""
-        who = f"{codes[0]}, which looks at the wall," if met.belief is None and codes else "No range sensor"
+        who = met.looking(codes[0], "at the wall") if met.belief is None and codes else "No range sensor"
         verb = "was not read" if codes and met.belief is None else "was read"
         since = f" for {ago}" if ago else f" for more than {BLIND:g} in or {BLIND_TURN:g} deg of path"
         if met.belief is None and last is None:
             since = ""
-        text = f"{who} {verb}{since}; then {met.met.row.shown} was sent. {_contact(run)}"
+        text = f"{who} {verb}{since}; then {_sent(run)}. {_contact(run)}"
         advice = f"Read {codes[0] if codes else 'a range sensor'} before each movement."
         return Fact(
             text, met.met.row, since=met.sent, place=met.met.contact.point, advice=advice, has_behind=True
@@ -248,12 +306,18 @@ def _unread(run: RunEvidence) -> Fact | None:
         return None
     # A robot that had stopped making progress before saw the block by chance.
     stalled = _stalled(run)
-    if stalled is not None and stalled.since is not None and stalled.since < unseen.since:
+    is_before = stalled is not None and stalled.since is not None and stalled.since < unseen.since
+    if is_before and not run.goals:
         return None
     names, first = " and ".join(unseen.codes), unseen.codes[0]
-    alone = "was never read, and it alone sees" if names == first else "were never read, and they alone see"
+    was, sees = ("was", "it alone sees") if names == first else ("were", "they alone see")
+    goal = run.goals[-1] if run.goals else None
+    read = f"{was} never read"
+    if goal is not None and any(code in run.seen.history.sensor_codes for code in unseen.codes):
+        often = f"{was} read {times_text(unseen.readings)}" if unseen.readings else f"{was} not read"
+        read = f"{often} after {goal.elapsed:.1f} s ({goal.event.subject.value})"
     return Fact(
-        f"{names} {alone} the block. It was in sight at {unseen.since:.1f} s.",
+        f"{names} {read}, and {sees} the block. The block was in sight at {unseen.since:.1f} s.",
         since=unseen.since,
         culprits=unseen.codes,
         advice=f"Read {first} before you drive to the block.",
@@ -269,15 +333,15 @@ def _known_wall(run: RunEvidence) -> Fact | None:
     # A wrong sensor shows the program something else than its set says.
     if shown is not None and all(each.of != shown.code for each in run.findings):
         read = f"{shown.code} read {shown_range(shown.value)} at {shown.elapsed:.1f} s"
-        text = f"{read}; then {row.shown} was sent. {_contact(run)}"
+        text = f"{read}; then {_sent(run)}. {_contact(run)}"
         advice = f"Compare each movement with {shown.code} before you send it."
         return Fact(text, row, since=met.sent, place=point, advice=advice, has_behind=True)
     if not met.is_into_known or met.belief is None:
         return None
-    wall = obstacle_text(met.met.contact)
-    into = f"{row.shown} led {met.beyond:.1f} in into {wall}"
-    text = f"Its belief was right, off by {met.belief.error_text}; {into}. {_contact(run)}"
-    return Fact(text, row, since=met.sent, place=point, has_behind=True)
+    text = f"Its belief was right, off by {met.belief.error_text}; {_free(run)}"
+    wall = obstacle_place(met.met.contact, run.seen.spec)
+    advice = f"Look whether your program's map has {wall}, and compare each movement with the distance to it."
+    return Fact(text, row, since=met.sent, place=point, has_behind=True, advice=advice)
 
 
 def _sensor_wrong(run: RunEvidence) -> Fact | None:
@@ -287,7 +351,7 @@ def _sensor_wrong(run: RunEvidence) -> Fact | None:
     met = run.contact if run.has_contact else None
     last = None if met is None or met.is_blind else met.misread
     if met is None or last is None:
-        return None
+        return None if met is None else _no_echo(run, met)
     there = f"the wall was {shown_range(last.true)} away"
     read = f"{last.code} read {shown_range(last.value)} at {last.time:.1f} s, and {there}"
     return Fact(
@@ -297,6 +361,17 @@ def _sensor_wrong(run: RunEvidence) -> Fact | None:
         place=met.met.contact.point,
         culprits=(last.code,),
     )
+
+
+def _no_echo(run: RunEvidence, met: ContactEvidence) -> Fact | None:
+    """A sensor had no echo from the wall that it looked at."""
+    last = met.no_echo
+    later = met.ignored
+    if last is None or met.knew or (later is not None and later.elapsed >= last.time):
+        return None
+    text = f"{last.code} read nothing in range at {last.time:.1f} s; then {_sent(run)}. {_contact(run)}"
+    place = met.met.contact.point
+    return Fact(text, met.met.row, since=last.time, place=place, culprits=(last.code,), sure=Sureness.LIKELY)
 
 
 def _drive_wrong(run: RunEvidence) -> Fact | None:
@@ -364,13 +439,33 @@ def _missed_grip(run: RunEvidence) -> Fact | None:
             if not often
             else f". The last time, {miss_text(missed)}"
         )
-        text = f"The gripper closed on nothing{often}{last}.{_was_lost(run, done.order)}"
-        return Fact(text, done, place=(done.grip.block.x, done.grip.block.y), has_behind=True)
+        far = ""
+        codes: tuple[str, ...] = ()
+        moved = seen.history.movements.before(done.order)
+        if moved is not None and missed is not None and math.hypot(*missed) > _FAR:
+            off = math.hypot(moved.x - done.grip.block.x, moved.y - done.grip.block.y)
+            where = place_text(moved.x, moved.y)
+            far = (
+                f" The robot was at {where}, {off:.0f} in from the block, and had driven {moved.gone:.1f} in."
+            )
+        elif (reach := _short_reach(seen)) and missed is not None and missed[0] > 0.0:
+            far, codes = f" {reach}", (reach.partition(" ")[0],)
+        all_missed = [each.grip.missed for each in seen.misses if each.grip.missed is not None]
+        if len(all_missed) >= FEWEST["nominal"]:
+            spread = np.ptp(np.array(all_missed), axis=0)
+            last = f"{last}, each time within {spread.max():.2f} in" if spread.max() <= _SAME_MISS else last
+        text = f"The gripper closed on nothing{often}{last}.{far}{_was_lost(run, done.order)}"
+        place = (done.grip.block.x, done.grip.block.y)
+        return Fact(text, done, place=place, culprits=codes, has_behind=True)
     gripper = seen.spec.gripper
     if gripper is None:
         return None
     # A program that stays may be about to close it; one that reads the load sensor believes it closed.
     passed = seen.stuck is None and (seen.left_block or seen.asked_after_grip)
+    # A robot on its way elsewhere may pass over the block by chance.
+    if seen.graspable and not seen.asked_after_grip:
+        until = seen.graspable[-1].order
+        passed = passed and (len(seen.graspable) >= _STOPS or any(goal.order <= until for goal in run.goals))
     if not seen.taken and not seen.closed and seen.graspable and passed:
         first, times = seen.graspable[0], counted(len(seen.graspable), "movement")
         what, advice = (
@@ -387,6 +482,15 @@ def _missed_grip(run: RunEvidence) -> Fact | None:
         return None
     text = f"The gripper was never {what}, first at {first.elapsed:.1f} s."
     return Fact(text, first, place=(first.x, first.y), culprits=(gripper.code,), advice=advice)
+
+
+def _short_reach(seen: Attempt) -> str:
+    """The reach of the gripper, where the nominal set has another; empty where it is the same."""
+    nominal = seen.history.nominal
+    own, usual = seen.spec.gripper, None if nominal is None else nominal.spec.gripper
+    if own is None or usual is None or own.reach == usual.reach:
+        return ""
+    return f"{own.code} reaches {own.reach:g} in ahead of the robot, in the nominal set {usual.reach:g} in."
 
 
 def _dropped(run: RunEvidence) -> Fact | None:
@@ -417,7 +521,7 @@ def _lost(run: RunEvidence) -> Fact | None:
         if not met.is_elsewhere or met.belief is None:
             return None
         if met.lost is not None:
-            text = f"{_never(run)}: {wrong_text(met.lost)}. {_contact(run)}"
+            text = f"{_never(run)}: {wrong_text(met.lost)}. {_contact(run)}{run.belief.parted}"
             return Fact(text, met.lost, has_behind=True)
         off = met.belief
         spread = "" if math.isnan(off.spread) else f", with a spread of {off.spread:.1f} in"
@@ -427,7 +531,9 @@ def _lost(run: RunEvidence) -> Fact | None:
     if seen.task is None or belief is None:
         return None
     if lost is not None:
-        return Fact(f"{_never(run)}: {wrong_text(lost)}. {_end(run)}.", lost, has_behind=True)
+        return Fact(
+            f"{_never(run)}: {wrong_text(lost)}. {_end(run)}.{run.belief.parted}", lost, has_behind=True
+        )
     if _stalled(run) is None and (belief.unsure or run.localized is None):
         ever = "never found out" if run.localized is None else "no longer knew"
         return Fact(f"It {ever} where it was. {_end(run)}.", belief, has_behind=True)
@@ -439,16 +545,20 @@ def _too_close(run: RunEvidence) -> Fact | None:
     if met is None or _stalled(run) is not None:
         return None
     contact, row = met.met.contact, met.met.row
-    side = side_text(contact)
-    is_straight = not met.met.ended.trajectory.turning and side == "ahead"
+    advice = None
     if contact.held_block:
         wall = obstacle_place(contact, run.seen.spec)
         text = f"{capitalized(body_text(contact))} hit {wall} during {row.shown}."
-    elif is_straight and not met.knew:
-        return None
+    elif met.leads_into:
+        seen = [each.reading for each in row.seen if each.reading.sensor.kind.is_range]
+        silent = " and ".join(each.sensor.code for each in seen if math.isinf(each.value))
+        before = f" Before it {silent} read nothing in range." if silent else ""
+        text = f"{_free(run)}{before}"
+        advice = advice_on(Kind.KNOWN_WALL)
     else:
         text = f"{row.shown} passed {obstacle_place(contact, run.seen.spec)} too close. {_contact(run)}"
-    return Fact(text, row, since=met.sent, place=contact.point, has_behind=True)
+        text += _was_lost(run, row.order)
+    return Fact(text, row, since=met.sent, place=contact.point, has_behind=True, advice=advice)
 
 
 def _nowhere(run: RunEvidence) -> Fact | None:
@@ -494,12 +604,12 @@ def _stalled(run: RunEvidence) -> Fact | None:
             f"From {loop.since:.1f} s on it repeated the same {loop.commands} movements {loop.rounds} times."
         )
         return Fact(text, since=loop.since, place=(loop.place.x, loop.place.y), has_behind=True)
-    return _stays(seen)
+    return _stays(run)
 
 
-def _stays(seen: Attempt) -> Fact | None:
+def _stays(run: RunEvidence) -> Fact | None:
     """It turned and read on, and drove no more."""
-    history = seen.history
+    seen, history = run.seen, run.seen.history
     moves, readings = seen.within(history.movements), seen.within(history.readings)
     drives = {each.code for each in seen.spec.drives if not each.kind.turns}
     drove = moves[np.isin(moves["code"], [n for n, code in enumerate(history.code_names) if code in drives])]
@@ -512,6 +622,7 @@ def _stays(seen: Attempt) -> Fact | None:
         return None
     codes = tuple(history.code_names[number] for number in dict.fromkeys(drove["code"].tolist()))
     text = f"From {since:.1f} s on no {' or '.join(codes)} came, and {counted(later, 'reading')} did."
+    text = f"{text} {_stand(run)}".rstrip()
     return Fact(text, since=since, culprits=codes if len(codes) == 1 else (), has_behind=True)
 
 
@@ -550,7 +661,8 @@ def _ended(run: RunEvidence) -> Fact | None:
     if seen.task is None and not run.exit_code:
         return None
     words = f" Its last output: {run.last_words}." if run.last_words else ""
-    text = f"{capitalized(exit_text(run.exit_code))} before it was done.{words} {_goals(seen)}"
+    text = f"{capitalized(exit_text(run.exit_code))} before it was done.{words}{waited_text(run)}"
+    text = " ".join(filter(None, (text, _stand(run), _goals(seen))))
     return Fact(text.rstrip(), has_behind=True)
 
 
@@ -570,13 +682,92 @@ def wrong_text(lost: BeliefRow) -> str:
     return f"from {lost.elapsed:.1f} s on {said}"
 
 
+def _one_sided(run: RunEvidence) -> str:
+    """Turns that all went to one side, with a space before it; empty for few, or for both sides."""
+    seen, names = run.seen, run.seen.history.code_names
+    turns = {each.code for each in seen.spec.drives if each.kind.turns}
+    moves = seen.within(seen.history.movements)
+    asked = moves["asked"][[names[number] in turns for number in moves["code"]]]
+    asked = asked[np.isfinite(asked) & (asked != 0.0)]
+    if len(asked) < _TURNS or abs(int(np.sign(asked).sum())) < len(asked):
+        return ""
+    sign = "positive" if asked[0] > 0.0 else "negative"
+    return f" All its {len(asked)} turns had a {sign} value."
+
+
+def _stand(run: RunEvidence) -> str:
+    """The robot's place at the end, and the belief of it."""
+    seen = run.seen
+    if seen.task is None or seen.history.is_twin:
+        return ""
+    belief, where = seen.beliefs[0], f"It stood at {place_text(seen.pose.x, seen.pose.y)}"
+    if belief is None:
+        return f"{where}."
+    if belief.is_right:
+        return f"{where}, and its belief was right, off by {belief.error_text}."
+    return f"{where}, and believed to be at {place_text(belief.x, belief.y)}."
+
+
+def waited_text(run: RunEvidence) -> str:
+    """The program's last command and its answer, if it waited for one or sent nothing more for seconds."""
+    last, said = run.last_command, run.last_words
+    if run.program is not None:
+        said = f"{said} {run.program.error}"
+    asked = _NO_REPLY.search(said)
+    if last is None or not (last[2] >= _WAITED or (asked and last[2] >= _WAITED / 2)):
+        return ""
+    name, at, quiet = last
+    text = (
+        f" Its last command to arrive, {name}, was answered at {at:.1f} s; then none came for {quiet:.0f} s."
+    )
+    words = [] if asked is None else asked[1].split()
+    if len(words) > 1:
+        numbers = run.seen.within(run.seen.history.commands)["code"][-len(words) :]
+        came = [run.seen.history.code_names[number] for number in numbers]
+        lacks = [word for word in words if word not in came]
+        # The tail of a message: what stands before it belongs to others.
+        if lacks and words[-1] == came[-1]:
+            text += f" Of {' '.join(words)}, {' '.join(lacks)} did not arrive as a command of its own."
+    return text
+
+
 def _never(run: RunEvidence) -> str:
     return "It never found its place" if run.localized is None else "It was lost"
 
 
 def _contact(run: RunEvidence) -> str:
     met = run.contact
-    return "" if met is None else f"Contact at {met.met.row.elapsed:.2f} s, after {met.met.row.went:.1f} in."
+    if met is None:
+        return ""
+    return f"Contact at {met.met.row.elapsed:.2f} s, after {met.met.row.went:.1f} in.{_twice(run)}"
+
+
+def _sent(run: RunEvidence) -> str:
+    """The deciding command, and that it came repeatedly."""
+    met = run.contact
+    if met is None:
+        return ""
+    again = run.repeated
+    often = f" {times_text(again[1])} in a row" if again is not None and again[2] else ""
+    return f"{met.met.row.shown} was sent{often}"
+
+
+def _free(run: RunEvidence) -> str:
+    """The deciding command beside the free way that it had, and the obstacle."""
+    met = run.contact
+    if met is None:
+        return ""
+    place, row = obstacle_place(met.met.contact, run.seen.spec), met.met.row
+    return (
+        f"{_sent(run)}; the way was free for {row.went:.1f} in. "
+        f"Contact at {row.elapsed:.2f} s with {place}.{_twice(run)}"
+    )
+
+
+def _twice(run: RunEvidence) -> str:
+    """A movement before the deciding one that came repeatedly, nothing being read since."""
+    again = run.repeated
+    return "" if again is None or again[2] else f" {again[0]} had come {times_text(again[1])} in a row."
 
 
 def _end(run: RunEvidence) -> str:
@@ -589,7 +780,13 @@ def _goals(seen: Attempt) -> str:
     if seen.task is None:
         return ""
     if seen.holding:
-        return "The robot held the block."
+        zone = seen.task.zone
+        there = (
+            ""
+            if zone is None
+            else f", and had not set it down in the drop zone at {place_text(zone.x, zone.y)}"
+        )
+        return f"The robot held the block{there}."
     return "" if seen.taken else "The robot had not taken the block yet."
 
 
@@ -598,14 +795,14 @@ ORDER: tuple[CauseRule, ...] = (
         Kind.WIRE,
         _wire,
         MomentKind.FAULT,
-        "the simulator reported a mistake of the connection or a line, and no goal was met after it",
+        "a mistake of a line was reported, or a program turned away, and no goal was met after it",
         "all others",
     ),
     CauseRule(
         Kind.REFUSED,
         _refused,
         MomentKind.FAULT,
-        "most commands were refused, or the last one for a drive or the gripper",
+        "most commands were refused; or some movements never carried out",
         "what followed",
         "Print the reply to the refused command: its reason says what to change.",
     ),
@@ -620,7 +817,7 @@ ORDER: tuple[CauseRule, ...] = (
         Kind.MOVED,
         _moved,
         MomentKind.PERSON,
-        "a person moved the robot or the block, and the program did not recover",
+        "a person moved the robot or the block; or a second client came",
         "what followed",
         "Compare each reading with the belief, and search again when they no longer fit.",
     ),
@@ -652,7 +849,7 @@ ORDER: tuple[CauseRule, ...] = (
         Kind.UNREAD,
         _unread,
         MomentKind.SIGHT,
-        "no range was read on the last 4 in or 45 deg; or the only sensor that sees the block never was",
+        "no range was read on the last 4 in or 45 deg; or the one that sees the block hardly was",
         "wrong readings",
     ),
     CauseRule(
@@ -691,7 +888,7 @@ ORDER: tuple[CauseRule, ...] = (
         Kind.TOO_CLOSE,
         _too_close,
         MomentKind.COMMAND,
-        "the robot or its block touched a wall beside its path",
+        "the robot or its block touched a wall",
         "wrong beliefs",
         "Plan with an inch more on each side, and with the held block.",
     ),
@@ -720,6 +917,10 @@ ORDER: tuple[CauseRule, ...] = (
     ),
 )
 """The rules, the first first."""
+_ABOUT_TURNS = (Kind.KNOWN_WALL, Kind.LOST, Kind.TOO_CLOSE, Kind.GOT_NOWHERE, Kind.TOO_SLOW, Kind.ENDED)
+"""Causes beside which it matters that all turns went to one side."""
+_ABOUT_BLOCK = (Kind.GOT_NOWHERE, Kind.TOO_SLOW, Kind.ENDED, Kind.UNREAD)
+"""Causes beside which it matters that the block lay outside the loading zone."""
 NO_RULE = CauseRule(
     Kind.UNKNOWN,
     lambda run: None,

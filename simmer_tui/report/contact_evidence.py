@@ -12,7 +12,16 @@ import numpy as np
 from simmer_tui.report.counterfactuals import Change, Counterfactual, CounterfactualWorld
 from simmer_tui.report.why import facing_sensor_text, looks_there
 from simmer_tui.run.attempt import Attempt, Collision
-from simmer_tui.run.facts import ALIKE, COVERED, SLIGHT, LastReading, carried_over, facing_sensor
+from simmer_tui.run.facts import (
+    ALIKE,
+    BESIDE,
+    COVERED,
+    SLIGHT,
+    LastReading,
+    carried_over,
+    degrees_beside,
+    facing_sensor,
+)
 from simmer_tui.run.history_rows import BeliefRow
 from simmer_tui.run.phrases import capitalized, contact_text, drift_text, side_text
 from simmer_tui.run.table import Columns
@@ -36,6 +45,9 @@ _ALONG, _ACROSS = CELL_SIZE / 2, 1.0
 """Distances between the end of a ray and a place touched, inches along a wall and across it, within which it
 showed that place. Beside it the wall of the next cell begins, and errors of short ranges are smaller.
 Judged."""
+# Judged: a third of a right angle; a sensor that looks further aside may see something else.
+_ASIDE = 30.0
+"""Degrees beside a contact from which a sensor is only the nearest one."""
 _SHOWN = {
     Change.EXACT: "without errors of its drive",
     Change.BELIEVED: "from the pose that the program believed",
@@ -104,9 +116,49 @@ class ContactEvidence:
         return math.hypot(totals.x, totals.y) - self.met.row.went
 
     @property
+    def leads_into(self) -> bool:
+        """True if the place touched was ahead of a straight movement: its command led there, not past it."""
+        trajectory, contact = self.met.ended.trajectory, self.met.contact
+        if trajectory.turning or contact.held_block or self._bearing is None:
+            return False
+        return abs(half_turn(contact.bearing - self._bearing)) <= BESIDE
+
+    @property
+    def _bearing(self) -> float | None:
+        """Direction of a straight movement in the robot's frame, degrees; None for a turn."""
+        totals = self.met.ended.trajectory.totals
+        far = math.hypot(totals.x, totals.y)
+        return math.degrees(math.atan2(totals.y, totals.x)) if math.isfinite(far) and far > _STOOD else None
+
+    @cached_property
+    def no_echo(self) -> LastReading | None:
+        """The last reading of a sensor that looks there, or along the movement, if it had no echo although
+        the wall was within half of its range; None if it is old."""
+        met, row = self.met, self.met.row
+        for sensor in self._seen.spec.sensors:
+            last = met.readings.get(sensor.code)
+            if last is None or not sensor.kind.is_range or not math.isinf(last.value):
+                continue
+            along = self._bearing is not None and abs(half_turn(sensor.rotation - self._bearing)) <= ALIKE
+            there = self.looks is not None and looks_there(self.looks) and sensor.code in self.looks.codes
+            path = row.gone_before - last.gone
+            fresh = path <= BLIND and row.turned_before - last.turned <= BLIND_TURN
+            if fresh and (there or (along and self.leads_into)) and path + row.went < sensor.max_range / 2:
+                return last
+        return None
+
+    @property
     def facing(self) -> LastReading | None:
         """The last reading of a sensor that looks at the place touched."""
         return None if self.looks is None or not looks_there(self.looks) else self.looks.last
+
+    def looking(self, code: str, place: str = "there") -> str:
+        """A sensor with its direction: `u1, which looks there,`, else `u2, the nearest sensor,`. One along
+        the movement looks at the wall that this leads to, whatever corner touched."""
+        ahead = self._bearing if self.leads_into else None
+        along = ahead is not None and abs(half_turn(self._sensor(code).rotation - ahead)) <= ALIKE
+        looks = along or degrees_beside(self.met.contact, self._sensor(code)) <= _ASIDE
+        return f"{code}, which looks {place}," if looks else f"{code}, the nearest sensor,"
 
     # -- did it look? --------------------------------------------------------------------------------------
 
@@ -116,6 +168,8 @@ class ContactEvidence:
         any of them; for one that does not, only the sensor that looks at the wall counts."""
         met, looks = self.met, self.looks
         shown = self.shown
+        if self.no_echo is not None:
+            return False
         if met.contact.drift or (shown is not None and shown.ago <= BLIND) or self.saved_by(Change.EXACT):
             return False
         # No sensor looks at the room that a held block needs in a turn.

@@ -39,6 +39,7 @@ class FindingKind(StrEnum):
     LATE = "late"
     SWAPPED = "swapped"
     SIGN = "sign"
+    LIMIT = "limit"
     NOISE = "noise"
     MISSED = "missed"
     DRIFT = "drift"

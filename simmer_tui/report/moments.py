@@ -188,12 +188,12 @@ def _deciding(run: RunEvidence) -> Iterator[Moment]:
             text, code, at = "no sensor looks at the place that was touched", "", met.sent
         elif last is None:
             code, at = met.looks.codes[0], met.sent
-            text = f"{code}, which looks there, had never been read"
+            text = f"{met.looking(code)} had never been read"
         else:
             code, at = last.code, last.time
             off = abs(last.value - last.true) > 1.0
             true = f"; the true distance was {shown_range(last.true)}" if off else ""
-            text = f"{code}, which looks there, read {shown_range(last.value)}{true}"
+            text = f"{met.looking(code)} read {shown_range(last.value)}{true}"
         yield Moment(MomentKind.SIGHT, at, text, code=code)
     grip = run.last_grip
     if grip is not None:

@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
+from simmer_tui.config.mission_plan import cells_of
 from simmer_tui.report.belief_facts import BeliefFacts
 from simmer_tui.report.command_audit import multiplied_corrections
 from simmer_tui.report.contact_evidence import ContactEvidence
@@ -16,20 +17,24 @@ from simmer_tui.report.finding import FEWEST, Basis, Disagreement, Finding, kept
 from simmer_tui.report.sensor_sample import world_without_block
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.episodes import Episode, EpisodeKind
-from simmer_tui.run.events import Goal, ProgramEnded
+from simmer_tui.run.events import Goal, NoticeKind, ProgramEnded
 from simmer_tui.run.history_rows import BeliefRow, GripRow, MissionRow, NoticeRow, RefusalRow
 from simmer_tui.run.phrases import REAL_TIME_LIMIT, last_output
+from simmer_tui.run.table import Columns
 from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.block import Block
+from simmer_tui.sim.command import parse_value
 from simmer_tui.sim.sensors import ObservingSensor, modelled_sensor
 from simmer_tui.sim.sensors.base import World
-from simmer_tui.sim.specs import SensorSpec
+from simmer_tui.sim.specs import BLOCK, SensorSpec
 
 # Judged: a program that computes for so long between two commands has stopped.
 _QUIET, _QUIET_SHARE = 5.0, 0.25
 """Seconds, real or simulated, and share of the run without a command at its end that count as silence."""
 _SEEN = 1.0
 """Least change of a reading by the block, inches, with which a sensor sees it."""
+_HARDLY = 0.01
+"""Share of the ranges read since the last goal below which a sensor was hardly read. Judged."""
 _POSES = 400
 """Most poses from which it is computed who sees the block: the strip between two is then an inch or two."""
 
@@ -46,11 +51,12 @@ class Silence:
 
 @dataclass(frozen=True, slots=True)
 class Unseen:
-    """Sensors that were never read and that alone see the block, and the first moment at which they would
-    have seen it (elapsed seconds)."""
+    """Sensors that alone see the block and were not read, or hardly (`readings`), since the last goal, and
+    the first moment at which they would have seen it (elapsed seconds)."""
 
     codes: tuple[str, ...]
     since: float
+    readings: int = 0
 
 
 class RunEvidence:
@@ -138,6 +144,73 @@ class RunEvidence:
         return None if (moves["order"] > rows[-1].order).any() else rows[-1]
 
     @cached_property
+    def undone(self) -> list[RefusalRow]:
+        """Commands for drives and the gripper that were refused after the last goal and never carried out
+        later, the first first. Of the gripper only its closing counts."""
+        seen, last = self.seen, self.goals[-1].order if self.goals else 0
+        spec, names = seen.spec, seen.history.code_names
+        gripper = "" if spec.gripper is None else spec.gripper.code
+        codes = {row.code for row in (*spec.drive_rows, *spec.velocities)}
+        moves, closings = seen.within(seen.history.movements), seen.closings
+        found = []
+        for row in seen.refusals:
+            command = row.result.command
+            if command.code not in codes or row.order < last:
+                continue
+            if command.code == gripper:
+                later = any(order > row.order for order in closings)
+            else:
+                mine = moves[moves["order"] > row.order]
+                mine = mine[[names[number] == command.code for number in mine["code"]]]
+                value = parse_value(command.argument)
+                later = bool(len(mine) if isinstance(value, str) else np.isclose(mine["asked"], value).any())
+            if not later:
+                found.append(row)
+        return found
+
+    @cached_property
+    def last_command(self) -> tuple[str, float, float] | None:
+        """The program's last command, the moment of its answer (elapsed seconds), and the real seconds from
+        then until the end; NaN where these are not known."""
+        seen, history = self.seen, self.seen.history
+        rows, moves = seen.within(history.commands), seen.within(history.movements)
+        if not len(rows):
+            return None
+        last, name = rows[-1], history.code_names[rows["code"][-1]]
+        mine = moves["asked"][moves["number"] == last["number"]]
+        asked = f"-{mine[-1]:g}" if len(mine) and math.isfinite(mine[-1]) else ""
+        quiet = history.real_time - float(last["real_time"])
+        return f"{name}{asked}", float(last["elapsed"]), quiet
+
+    @property
+    def beside(self) -> NoticeRow | None:
+        """The first client that connected while another was connected, since the last restart."""
+        connected = 0
+        for row in self._connections:
+            match row.notice.kind:
+                case NoticeKind.CONNECTED if connected > 0 and row.order > self.seen.history.began:
+                    return row
+                case NoticeKind.CONNECTED:
+                    connected += 1
+                case NoticeKind.TAKEN_OVER:
+                    connected = 0
+                case NoticeKind.LEFT:
+                    connected -= 1
+        return None
+
+    @property
+    def turned_away(self) -> NoticeRow | None:
+        """The first client that was turned away because another was connected, if the program then ended by
+        itself with an exit code."""
+        rows = (row for row in self._connections if row.notice.kind is NoticeKind.TURNED_AWAY)
+        return next(rows, None) if self.exit_code and not self.goals else None
+
+    @property
+    def _connections(self) -> list[NoticeRow]:
+        end = self.seen.history if self.seen.over is None else self.seen.over
+        return [row for row in self.seen.history.notices.items if row.order <= end.order]
+
+    @cached_property
     def silence(self) -> Silence | None:
         """The time without a command at the end; None if it was short, or if the program ended by itself."""
         seen = self.seen
@@ -197,28 +270,48 @@ class RunEvidence:
             for each, it in made
             if isinstance(it, ObservingSensor) and it.sees_block(spec.block_size)
         ]
-        unread = {each.code for each in self.never_read}
-        if not sees or any(each.code not in unread for each, _ in sees):
+        # A reading before the loading zone was reached was about something else.
+        since = self.goals[-1].order if self.goals else seen.history.began
+        codes, numbers = seen.history.sensor_codes, seen.within(seen.history.readings, since)["sensor"]
+        ranges = [place for place, code in enumerate(codes) if code in {each.code for each, _ in made}]
+        mine = [place for place, code in enumerate(codes) if code in {each.code for each, _ in sees}]
+        read = int(np.isin(numbers, mine).sum())
+        if not sees or read > (_HARDLY * np.isin(numbers, ranges).sum() if self.goals else 0):
             return None
-        moves = seen.within(seen.history.movements)
+        moves = seen.within(seen.history.movements, since)
         moves = moves[:: max(len(moves) // _POSES, 1)]
         if not len(moves):
             return None
         poses = np.column_stack([moves[name] for name in ("x", "y", "heading")]).astype(np.float64)
         without, world = world_without_block(spec), None
         world = World(without.maze, Block(lying.block.x, lying.block.y, spec.block_size), False)
-        first = [self._first_seen(sensor, world, without, poses) for _, sensor in sees]
+        first = [
+            self._first_seen(sensor, world, without, poses, 1 if self.goals else FEWEST["set"])
+            for _, sensor in sees
+        ]
         place = min((each for each in first if each is not None), default=None)
         if place is None:
             return None
-        return Unseen(tuple(each.code for each, _ in sees), float(moves["elapsed"][place]))
+        return Unseen(tuple(each.code for each, _ in sees), float(moves["elapsed"][place]), read)
 
     @staticmethod
-    def _first_seen(sensor: ObservingSensor, world: World, without: World, poses: FloatArray) -> int | None:
+    def _first_seen(
+        sensor: ObservingSensor, world: World, without: World, poses: FloatArray, fewest: int
+    ) -> int | None:
         with np.errstate(invalid="ignore"):
             off = np.abs(sensor.true_values(without, poses) - sensor.true_values(world, poses))
         places = np.flatnonzero(off > _SEEN)
-        return int(places[0]) if len(places) else None
+        return int(places[0]) if len(places) >= fewest else None
+
+    @property
+    def stray_block(self) -> tuple[float, float] | None:
+        """The place of the block that was never taken, if it lay outside the loading zone."""
+        zone = cells_of(self.seen.spec.maze, BLOCK)
+        lying = next((row for row in reversed(self.seen.history.blocks.items) if not row.held), None)
+        if self.seen.task is None or self.seen.taken or lying is None or not self.seen.spec.block_size:
+            return None
+        x, y = lying.block.x, lying.block.y
+        return None if not zone or any(cell.holds(x, y) for cell in zone) else (x, y)
 
     # -- beliefs -------------------------------------------------------------------------------------------
 
@@ -240,6 +333,30 @@ class RunEvidence:
         met = self.seen.collision
         return None if met is None else ContactEvidence(self.seen, met)
 
+    @cached_property
+    def repeated(self) -> tuple[str, int, bool] | None:
+        """A movement before the contact that came several times in a row, nothing being sent between nor read
+        since: its command, how often, and True if it is the one with the contact."""
+        met = self.seen.collision
+        if met is None:
+            return None
+        rows, readings = (
+            self.seen.within(self.seen.history.movements),
+            self.seen.within(self.seen.history.readings),
+        )
+        rows = rows[rows["order"] <= met.row.order]
+        last = readings["order"][readings["order"] < met.row.order].max(initial=0)
+        end = len(rows) - 1
+        while end > 0 and rows["order"][end] > last:
+            begin = end
+            while begin > 0 and _is_same(rows[begin - 1], rows[begin]):
+                begin -= 1
+            if begin < end:
+                text = f"{self.seen.history.code_names[rows['code'][end]]}-{rows['asked'][end]:g}"
+                return text, end - begin + 1, end == len(rows) - 1
+            end -= 1
+        return None
+
     @property
     def last_grip(self) -> GripRow | None:
         """The grip that decided: the block was let go and not taken again, or never taken."""
@@ -252,6 +369,12 @@ class RunEvidence:
     def lost(self) -> BeliefRow | None:
         """The first of the unbroken row of wrong beliefs at the end."""
         return self.seen.beliefs[1]
+
+
+def _is_same(first: Columns, second: Columns) -> bool:
+    """True if a movement repeats the one before, with no command between."""
+    same = first["code"] == second["code"] and first["asked"] == second["asked"] != 0.0
+    return bool(same and second["number"] - first["number"] == 1 and not second["grips"])
 
 
 def _one_each(findings: Sequence[Finding]) -> list[Finding]:

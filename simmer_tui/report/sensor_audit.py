@@ -34,6 +34,9 @@ _EXPLAINED = 0.8
 _MISSED = 0.001
 # Judged: the residuals of a fit with one coefficient more must be smaller by a tenth.
 _BETTER = 1.1
+_AT_LIMIT = 0.1
+"""Share of readings of something beyond the least or largest one that are near it by chance. They are off by
+more than the tolerance, four standard deviations; judged, for outliers."""
 _ONE_VALUE = 0.1
 """Share of the expected value, or least error, within which eight values in ten are one: there a gain and an
 offset are the same. Judged."""
@@ -51,6 +54,9 @@ def sensor_tests(device: DeviceUnderTest, sample: SensorSample) -> list[Claim]:
         return tests
     if sample.least == 0.5 and sample.spec.is_yes_or_no:
         return [*tests, _wrong(device, sample)]
+    limits = _limits(device, sample.inside())
+    if any(each.finding is not None for each in limits):
+        return [*tests, *limits]
     inside = sample.inside()
     return [*tests, *_fitted(device, inside)] if len(inside.values) >= fewest else tests
 
@@ -76,6 +82,14 @@ def other_quantity(device: DeviceUnderTest, sample: SensorSample) -> Claim:
     value = 0.0 if fault.kind is FindingKind.STUCK and spec.kind.counts else fault.value
     unit = {FindingKind.STUCK: spec.unit, FindingKind.LATE: "readings"}.get(fault.kind, "")
     what = change_text(spec, fault.kind, value, fault.other)
+    if (
+        spec.is_yes_or_no
+        and fault.kind is FindingKind.STUCK
+        and (sample.expected == sample.expected[0]).all()
+    ):
+        # Nothing tells a sensor that is stuck from one that answers the opposite.
+        held = " while the block was held" if spec.kind.detects_block and sample.expected[0] else ""
+        what = f"read {value:g}{held}, in place of {sample.expected[0]:g}"
     return device.claim(least, fault.kind, value, what, count, unit=unit, other=fault.other)
 
 
@@ -109,6 +123,28 @@ def change_text(spec: SensorSpec, kind: FindingKind, value: float, other: str | 
             return f"reads what {other} should read"
         case _:
             return f"is late by {counted(int(value), 'reading')}"
+
+
+def _limits(device: DeviceUnderTest, sample: SensorSample) -> list[Claim]:
+    """The claims of a floor and a ceiling of readings: one value for all that is nearer, or further."""
+    found: list[Claim] = []
+    values, expected, tolerance = sample.values, sample.expected, sample.tolerance
+    if not sample.spec.kind.is_range or len(values) < FEWEST[device.basis]:
+        return found
+    for limit, sign, side in ((values.min(), -1.0, "nearer"), (values.max(), 1.0, "further")):
+        beyond = sign * (expected - limit) > tolerance
+        within = sign * (expected - limit) < -tolerance
+        count, hits = int(beyond.sum()), int((np.abs(values - limit) <= tolerance)[beyond].sum())
+        if count < FEWEST[device.basis] or hits < _EXPLAINED * count or not within.any():
+            continue
+        if float((np.abs(values - expected) <= tolerance)[within].mean()) < _EXPLAINED:
+            continue
+        what = f"reads {limit:.1f} {sample.spec.unit} for all that is {side}"
+        probability = binomial_tail(hits, count, _AT_LIMIT)
+        found.append(
+            device.claim(probability, FindingKind.LIMIT, float(limit), what, count, unit=sample.spec.unit)
+        )
+    return found
 
 
 # -- shares ------------------------------------------------------------------------------------------

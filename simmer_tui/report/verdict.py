@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from simmer_tui.report.audit import audit
-from simmer_tui.report.cause_order import cause_of
+from simmer_tui.report.cause_order import cause_of, waited_text
 from simmer_tui.report.causes import Cause, Kind
 from simmer_tui.report.finding import Finding
 from simmer_tui.report.moments import Moment, moments_of
@@ -195,7 +195,7 @@ class _Judge:
         moment = cause or over or self._ended or self._left or self._history
         return Verdict(
             outcome=outcome,
-            text=self._text(outcome, cause),
+            text=self._text(outcome, cause, run),
             elapsed=moment.elapsed,
             line=moment.line,
             goal=self._goal,
@@ -257,7 +257,7 @@ class _Judge:
 
     # -- text ------------------------------------------------------------------------------------
 
-    def _text(self, outcome: Outcome, cause: Cause | None) -> str:
+    def _text(self, outcome: Outcome, cause: Cause | None, run: RunEvidence) -> str:
         attempt, goal = self._attempt, self._goal
         over = attempt.over
         seconds = f"{attempt.seconds:.1f} s"
@@ -270,13 +270,22 @@ class _Judge:
                 return f"{capitalized(program_end_text(self._crash))}."
             if cause is not None and cause.kind is not Kind.CRASHED:
                 return f"Crashed {when}{reached}: {cause.text} Then: {crash_text(self._crash)}."
-            return f"Crashed {when}{reached}: {crash_text(self._crash)}."
+            return f"Crashed {when}{reached}: {crash_text(self._crash)}.{waited_text(run)}"
         if cause is not None:
             return f"{outcome.value.capitalize()} {when}{reached}: {cause.text}"
         if outcome is Outcome.FAILED:
             reason = "real time was up" if over is None else escape_passage(over.event.reason)
             return f"Failed {when}{reached}: {reason}."
-        end = self._end()
+        end, last = self._end(), run.last_command
+        is_quiet = outcome is Outcome.STILL_GOING or (last is not None and last[2] >= _QUIET)
+        if self._is_mission and last is not None and is_quiet:
+            # Nobody knows what the program waits for; the last thing it did is a fact.
+            done = counted(attempt.commands, "command")
+            answered = f"the last, {last[0]}, was answered at {last[1]:.1f} s"
+            since = (
+                "none has come since" if outcome is Outcome.STILL_GOING else f"none came for {last[2]:.0f} s"
+            )
+            return f"{outcome.value.capitalize()} {when}{reached}: {done}; {answered}, and {since}."
         how = f"{end}; " if end else ""
         return f"{outcome.value.capitalize()} {when}{reached}: {how}{self._worst()}."
 
@@ -336,6 +345,9 @@ class _Judge:
         return "nothing went wrong" if is_counted else f"{done}, nothing went wrong"
 
 
+# Judged: a program that computes for so long between two commands has stopped.
+_QUIET = 5.0
+"""Real seconds without a command before a person ended the program, from which that is told."""
 _OF_THE_PROGRAM = (Kind.CRASHED, Kind.SILENCE)
 _NO_PACKAGE = "ModuleNotFoundError: No module named 'simmer_tui'"
 # Editors and older systems have Pythons of their own.

@@ -463,6 +463,11 @@ class Attempt:
         """True if the gripper was closed, whatever it took."""
         return any(row.grip.closed for row in self._grips)
 
+    @property
+    def closings(self) -> list[int]:
+        """The running numbers of the events in which the gripper was closed."""
+        return [row.order for row in self._grips if row.grip.closed]
+
     @cached_property
     def graspable(self) -> list[MovementRow]:
         """Movements that ended with the block between the open jaws, while it was not held."""

@@ -65,6 +65,7 @@ def test_an_offset_beyond_the_set_is_found_with_its_interval(mission: Simulation
     ("change", "code", "kind", "value"),
     [
         (of("u3", lambda value: value * 0.8), "u3", FindingKind.GAIN, 0.8),
+        (of("u3", lambda value: max(value, 8.0)), "u3", FindingKind.LIMIT, 8.0),
         (of("c1", lambda value: value + 20.0), "c1", FindingKind.OFFSET, 20.0),
         (of("u2", lambda value: 7.5), "u2", FindingKind.STUCK, 7.5),
         (of("c1", lambda value: -value), "c1", FindingKind.SIGN, -1.0),
@@ -199,6 +200,13 @@ def test_few_movements_show_a_gain_that_stands_in_the_rows(mission: SimulationSp
     assert (found.of, found.kind, found.count <= 2) == ("d1", FindingKind.GAIN, True)
     assert found.value == gain
     assert not audit(wandered(mission, 4, steps=4, nominal=Nominal("mission", mission)))
+
+
+def test_few_movements_show_a_drive_that_veers_by_its_row(mission: SimulationSpec) -> None:
+    spec = drive(mission, "d1", bias=Axes(r=-0.5))
+    (found,) = audit(wandered(spec, 4, steps=4, nominal=Nominal("mission", mission)))
+    assert (found.of, found.kind, found.value) == ("d1", FindingKind.BIAS, -0.5)
+    assert found.text.startswith("d1 turns 0.500 deg to the right for each inch")
 
 
 def test_a_sign_that_the_nominal_set_declares_is_convention() -> None:
