@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from simmer_tui.errors import DeviceError
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import cut
 from simmer_tui.sim.records import FloorPatch, RangeScan
 from simmer_tui.sim.sensors import CountingSensor, Sensor
 
@@ -43,12 +43,12 @@ def located(path: str, what: str, error: BaseException) -> DeviceError:
     lines = [line for file, line in _frames(error.__traceback__) if file == path]
     where = f"{path}:{lines[-1]}" if lines else path
     try:
-        told = escape(" ".join(str(error).split()), _LONGEST)
+        told = cut(" ".join(str(error).split()), _LONGEST)
     except Exception:  # noqa: BLE001 - an exception of the team's own, whose text fails too
         told = "(its text cannot be shown)"
     if isinstance(error, NotImplementedError):
         return DeviceError(f"{where}: {what} is not written yet{f': {told}' if told else ''}")
-    name = escape(type(error).__name__)
+    name = cut(type(error).__name__)
     return DeviceError(f"{where}: {what} raised {name}{f': {told}' if told else ''}")
 
 
@@ -176,13 +176,13 @@ def _number(value: object) -> float:
 
 def _shown(value: object) -> str:
     """A wrong result for a message: its type, and for a small plain one its text."""
-    name = escape(type(value).__name__)
+    name = cut(type(value).__name__)
     if value is None:
         return "None (is a return missing?)"
     if isinstance(value, np.ndarray):
         return f"an array of shape {value.shape}"
     if isinstance(value, str | complex):
-        return f"the {name} {escape(repr(value[:40] if isinstance(value, str) else value))}"
+        return f"the {name} {cut(repr(value[:40] if isinstance(value, str) else value))}"
     return f"a {name}"
 
 

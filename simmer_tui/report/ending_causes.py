@@ -31,7 +31,7 @@ from simmer_tui.run.phrases import (
 )
 from simmer_tui.run.progress import HUNDRED
 from simmer_tui.run.run_history import CHAIN
-from simmer_tui.sim.command import counted, escape_passage
+from simmer_tui.sim.command import counted
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import CELL_SIZE
 
@@ -176,7 +176,7 @@ class EndingCauses:
         rows = [row for row in seen.refusals if row.result.command.code in codes]
         if seen.task is None or not rows:
             return None
-        command, reason = rows[-1].result.command, escape_passage(rows[-1].result.reason)
+        command, reason = rows[-1].result.command, rows[-1].result.reason
         others = f", like {len(rows) - 1} before it" if len(rows) > 1 else ""
         text = f"{command.shown} was not carried out{others}: {reason}."
         culprits, sure = (command.code,), Sureness.LIKELY
@@ -193,7 +193,7 @@ class EndingCauses:
             rows = [row for row in rows if not row.result.is_early]
             if count >= FEWEST["set"] and 2 * count > of and rows:
                 last = rows[-1]
-                command, reason = last.result.command.shown, escape_passage(last.result.reason)
+                command, reason = last.result.command.shown, last.result.reason
                 begin = f"{count} of {of} commands to drive were refused from {since:.1f} s on"
                 text = f"{begin}. The last was {command}: {reason}."
                 return self._made(Kind.NOT_CARRIED_OUT, text, self._goals(), at=last, culprits=tuple(codes))

@@ -26,7 +26,7 @@ from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.scan_traces import ScanTrace
 from simmer_tui.run.table import Newest, Timed, TimedItem
 from simmer_tui.sim.block import Block
-from simmer_tui.sim.command import escape, escape_passage
+from simmer_tui.sim.command import cut, printable
 from simmer_tui.sim.gripper import in_global_frame
 from simmer_tui.sim.pose import Pose
 
@@ -264,12 +264,12 @@ class _Marked:
 
 
 def _mark(row: Timed, kind: MarkKind, text: str, point: tuple[float, float] | None = None) -> Mark:
-    return Mark(row.elapsed, kind, escape_passage(text), point)
+    return Mark(row.elapsed, kind, printable(text), point)
 
 
 def _refusal(row: RefusalRow) -> Mark:
     result = row.result
-    why = escape(result.reason) or result.status.value
+    why = cut(result.reason) or result.status.value
     return _mark(row, MarkKind.REFUSED, f"{result.command.shown}: {why}")
 
 

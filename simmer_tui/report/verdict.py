@@ -26,7 +26,7 @@ from simmer_tui.run.phrases import (
     program_end_text,
 )
 from simmer_tui.run.run_history import RunHistory
-from simmer_tui.sim.command import counted, escape_passage
+from simmer_tui.sim.command import counted
 
 
 class Outcome(StrEnum):
@@ -259,7 +259,7 @@ class _Judge:
             likely = "probably because" if cause.sure is Sureness.LIKELY else "because"
             return f"{outcome.value.capitalize()} {when}{reached}, {likely} {_within(cause.text)}"
         if outcome is Outcome.FAILED:
-            reason = "real time was up" if over is None else escape_passage(over.event.reason)
+            reason = "real time was up" if over is None else over.event.reason
             return f"Failed {when}{reached}: {reason}."
         end = self._end()
         how = f"{end}; " if end else ""
@@ -277,7 +277,7 @@ class _Judge:
         if self._attempt.is_silent and not_connected:
             return "Fix first: how the program is started; it was not connected to the robot's serial port."
         if program.crashed:
-            return f"Fix first: {escape_passage(program.place) or cause.kind.advice}."
+            return f"Fix first: {program.place or cause.kind.advice}."
         return f"Fix first: why the program ends with exit code {program.exit_code}."
 
     def _end(self) -> str:
@@ -286,7 +286,7 @@ class _Judge:
             return program_end_text(self._program)
         if self._left is None:
             return ""
-        return escape_passage(self._left.text)
+        return self._left.text
 
     def _worst(self) -> str:
         """The worst event of a run without a mission."""

@@ -10,7 +10,6 @@ from simmer_tui.config.loader import Configuration
 from simmer_tui.live.server import Server
 from simmer_tui.live.snapshot import Snapshot
 from simmer_tui.runlog.saved_runs import SavedRun
-from simmer_tui.sim.command import printable
 from simmer_tui.tui.sizes import SMALLEST_COLUMNS
 
 # A changed clock is not worth frames at the full rate: an idle screen sends next to nothing.
@@ -75,4 +74,4 @@ async def report_text(saved: SavedRun, width: int, plain: bool) -> str:
         await process.communicate()  # which closes its pipes
         raise
     shown = out if process.returncode == 0 else err
-    return "\n".join(printable(line) for line in shown.decode("utf-8", "replace").splitlines())
+    return "\n".join(line for line in shown.decode("utf-8", "replace").splitlines())

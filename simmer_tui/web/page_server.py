@@ -26,6 +26,7 @@ from simmer_tui.links.peer import MOST_CONNECTIONS, MOST_WAITING, PIECE, ReadBud
 from simmer_tui.links.ports import Acceptor, Listener, PortRequest, take_port
 from simmer_tui.live.server import Server
 from simmer_tui.report.verdict import Verdict
+from simmer_tui.sim.command import printable
 from simmer_tui.web.live_page import PageResponses, live_html
 from simmer_tui.web.page_access import PageAccess, PageLink, PageRole, shown_host
 from simmer_tui.web.page_control import PageControl, page_keys
@@ -313,7 +314,7 @@ class PageServer:
 
     def _tell(self, viewer: Viewer, text: str) -> None:
         if viewer in self._viewers:
-            viewer.send(framed(msgspec.json.encode({"told": text})))
+            viewer.send(framed(msgspec.json.encode({"told": printable(text)})))
 
     def _take_word(self, viewer: Viewer, word: str) -> None:
         role = self._access.role_of(word)

@@ -706,7 +706,11 @@ def commands_and_rules() -> Any:
     found: list[Any] = [command.parse_command(text, "console") for text in texts]
     found += [command.parse_command(text).shown for text in texts]
     found += [command.parse_value(value) for value in values]
-    found += [command.escape("a\n" * 50, 20), command.escape("abcde", 5), command.escape("abcdef", 5)]
+    found += [
+        command.printable(command.cut("a\n" * 50, 20)),
+        command.cut("abcde", 5),
+        command.cut("abcdef", 5),
+    ]
     found.append(command.printable("a\x1b é\n"))
     kinds: list[rules.Rule[Any]] = [
         rules.NumberRule(),
