@@ -27,6 +27,7 @@ from simmer_tui.errors import (
     Problem,
     ProgramError,
     SimmerError,
+    printable,
     reason_of,
 )
 from simmer_tui.sim.command import counted, cut, keyboard_text, typed_path
@@ -97,13 +98,13 @@ def say(line: str, stream: TextIO | None = None) -> None:
     with suppress(OSError, ValueError):
         target = stream or sys.stderr
         # One write: between a line and its end another process could write.
-        target.write(f"{line}\n")
+        target.write(f"{printable(line)}\n")
         target.flush()
 
 
 def print_lines(*lines: str) -> None:
     """Print lines on standard output, with control characters shown escaped: the answer of a command."""
-    sys.stdout.write("".join(f"{line}\n" for line in lines))
+    sys.stdout.write("".join(f"{printable(line)}\n" for line in lines))
 
 
 def report(error: SimmerError, program: str = "simmer-tui") -> int:
@@ -379,7 +380,7 @@ class OneLineParser(argparse.ArgumentParser):
         if is_option and hint and not is_meant(given):
             pass
         elif text := advice(words, unknown, self.prog, takes_program=takes_program):
-            self.exit(ExitCode.PROBLEM, f"{self.prog}: {text}\n")
+            self.exit(ExitCode.PROBLEM, f"{self.prog}: {text}")
         else:
             hint = _program_in_quotes(words, unknown) or hint
         kind = "option" if is_option else "command" if self._words else "argument"
@@ -390,7 +391,7 @@ class OneLineParser(argparse.ArgumentParser):
         options = self._option_string_actions
         if quoted := _curly_quoted(given):
             what = "“ ” ‘ ’ are quotes of documents, which a shell does not know"
-            self.exit(ExitCode.PROBLEM, f"{self.prog}: {what}: type {quoted}\n")
+            self.exit(ExitCode.PROBLEM, f"{self.prog}: {what}: type {quoted}")
         for word in takewhile(lambda word: word != "--", given):
             # argparse reads `-help` as `-h` with the value `elp`.
             if _ONE_DASH.match(word) and f"-{word}" in options and word not in options:
@@ -414,8 +415,12 @@ class OneLineParser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         # One line: argparse would print the usage of all options first.
-        say(f"{self.prog}: {self._plain(message)} (see {self.prog} --help)")
-        self.exit(2)
+        self.exit(2, f"{self.prog}: {self._plain(message)} (see {self.prog} --help)")
+
+    def exit(self, status: int = 0, message: str | None = None) -> NoReturn:
+        if message:
+            say(message)
+        sys.exit(status)
 
 
 def _join_negative_values(args: Sequence[str]) -> list[str]:

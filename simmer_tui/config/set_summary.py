@@ -18,9 +18,10 @@ from simmer_tui.config.settings import Settings, all_settings, value_of
 from simmer_tui.dialect.dialect_rules import DialectRules
 from simmer_tui.dialect.inverse import InverseRules
 from simmer_tui.dialect.messages import dictionary
+from simmer_tui.errors import printable
 from simmer_tui.sim.angles import ARROWS, PLAIN_ARROWS
 from simmer_tui.sim.columns import BASE, FIELD_OF_VIEW, THRESHOLD
-from simmer_tui.sim.command import cut, printable
+from simmer_tui.sim.command import cut
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.specs import (
     BLOCK,

@@ -30,7 +30,8 @@ from simmer_tui.document.model import (
     unfolded,
     words,
 )
-from simmer_tui.sim.command import cut, printable
+from simmer_tui.errors import printable
+from simmer_tui.sim.command import cut
 
 
 def json_text(value: object) -> str:

@@ -198,7 +198,7 @@ def parse_header(line: bytes, shown: str) -> Header:
     try:
         return _HEADER.decode(line)
     except ValueError as error:
-        raise RunLogError(f"{shown}: the header is broken: {error}") from None
+        raise RunLogError(f"{shown}: the header is broken: {cut(str(error))}") from None
 
 
 def rebuild(header: Header, kinds: SensorKinds | None = None) -> Configuration:

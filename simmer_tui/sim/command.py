@@ -45,11 +45,11 @@ class Command(Struct, frozen=True):
 
 
 # Judged: the longest names people give; a line of a wide terminal.
-WORD, LINE = 40, 120
+WORD, _LINE = 40, 120
 """Characters kept of a text from outside, of any length before: a word in a sentence, and a line."""
 
 
-def cut(text: str, most: int = LINE) -> str:
+def cut(text: str, most: int = _LINE) -> str:
     """A text of at most `most` characters; a longer one ends in three dots."""
     return text if len(text) <= most else text[: most - 3] + "..."
 
@@ -64,22 +64,6 @@ def utf8_text(text: str) -> str:
         return data.decode("utf-8", "strict" if text.isprintable() else "surrogateescape")
     except UnicodeError:  # not of bytes, or of Latin-1
         return text
-
-
-def _escaped(character: str) -> str:
-    """A character as its escape sequence. A byte that was no UTF-8, a surrogate in Python's texts, is shown
-    as that byte."""
-    if "\udc80" <= character <= "\udcff":
-        return f"\\x{ord(character) - 0xDC00:02x}"
-    return character.encode("unicode_escape").decode()
-
-
-def printable(text: str) -> str:
-    """The whole text with control characters and direction marks escaped, which could control a terminal or
-    break a page. Other scripts stay. Only what writes to a terminal, a page or a picture calls it."""
-    if text.isprintable():
-        return text
-    return "".join(c if c.isprintable() else _escaped(c) for c in text)
 
 
 def typed_path(path: object) -> str:

@@ -21,9 +21,10 @@ from simmer_tui.config.describe_code import describe_code
 from simmer_tui.config.keys import DRIVING, keys_of
 from simmer_tui.config.robot_drawing import movement_commands, robot_drawing, sensor_drawing
 from simmer_tui.config.settings import KeySettings, all_settings
+from simmer_tui.errors import printable
 from simmer_tui.links.port_list import list_ports
 from simmer_tui.live.operating.orders import CONSOLE_COMMANDS
-from simmer_tui.sim.command import WORD, cut, printable
+from simmer_tui.sim.command import WORD, cut
 from simmer_tui.sim.specs import SimulationSpec
 from simmer_tui.tui import key_table
 from simmer_tui.tui.key_table import KeyGroup, MazePane

@@ -12,7 +12,7 @@ from textual.geometry import Offset, Region, Size
 from textual.strip import Strip
 from textual.widget import Widget
 
-from simmer_tui.sim.command import printable
+from simmer_tui.errors import printable
 from simmer_tui.tui.strips import DirectLines
 
 StyledLine = tuple[tuple[str, str], ...]

@@ -19,14 +19,13 @@ from websockets.datastructures import MultipleValuesError
 from websockets.http11 import Request, Response
 
 from simmer_tui.config.settings import WEB_PORT
-from simmer_tui.errors import PortError
+from simmer_tui.errors import PortError, printable
 from simmer_tui.links.access import AccessCheck
 from simmer_tui.links.owners import OwnerLookup
 from simmer_tui.links.peer import MOST_CONNECTIONS, MOST_WAITING, PIECE, ReadBudget
 from simmer_tui.links.ports import Acceptor, Listener, PortRequest, take_port
 from simmer_tui.live.server import Server
 from simmer_tui.report.verdict import Verdict
-from simmer_tui.sim.command import printable
 from simmer_tui.web.live_page import PageResponses, live_html
 from simmer_tui.web.page_access import PageAccess, PageLink, PageRole, shown_host
 from simmer_tui.web.page_control import PageControl, page_keys

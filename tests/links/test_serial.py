@@ -209,7 +209,7 @@ def test_missing_port_lists_the_ports_there_are(monkeypatch: pytest.MonkeyPatch)
     there = (port_list.SerialPort("COM3", "", ""), port_list.SerialPort("COM4", "", ""))
     monkeypatch.setattr(port_list, "list_ports", lambda: there)
     text = explain(FileNotFoundError(errno.ENOENT, "no"), "COM\x1b9")
-    assert text == "there is no port COM\\x1b9; there are COM3, COM4"
+    assert text == "there is no port COM\x1b9; there are COM3, COM4"
 
 
 @pytest.mark.parametrize("name", ["nothing://here", "socket://127.0.0.1:1"])
@@ -241,7 +241,7 @@ FOUND = [
 ]
 
 
-def test_bluetooth_and_arduino_ports_are_marked_and_names_made_safe() -> None:
+def test_bluetooth_and_arduino_ports_are_marked_as_they_are_named() -> None:
     ports = {port.device: port for port in describe_ports(FOUND)}
     assert {name: port.mark for name, port in ports.items()} == {
         "/dev/ttyS0": "",
@@ -251,7 +251,7 @@ def test_bluetooth_and_arduino_ports_are_marked_and_names_made_safe() -> None:
         "/dev/ttyUSB0": "probably Arduino (CH340)",
     }
     assert ports["/dev/ttyS0"].description == ""
-    assert ports["/dev/ttyUSB0"].description == "USB2.0-Serial \\x1b[31m"
+    assert ports["/dev/ttyUSB0"].description == "USB2.0-Serial \x1b[31m"
 
 
 def test_ports_command_lists_them(

@@ -13,17 +13,11 @@ import pytest
 from msgspec import NODEFAULT, Struct
 from msgspec.structs import fields, replace
 
+from simmer_tui.errors import printable
 from simmer_tui.sim import columns, fingerprint, rules
 from simmer_tui.sim.angles import eighth_of_turn
 from simmer_tui.sim.columns import CsvColumn
-from simmer_tui.sim.command import (
-    WORD,
-    Command,
-    counted,
-    cut,
-    first_of,
-    printable,
-)
+from simmer_tui.sim.command import WORD, Command, counted, cut, first_of
 from simmer_tui.sim.noise import RandomBias, random_bias
 from simmer_tui.sim.path import Path as Way
 from simmer_tui.sim.pose import Pose

@@ -9,9 +9,9 @@ import numpy as np
 from msgspec import Struct, field
 from msgspec.structs import replace
 
+from simmer_tui.errors import printable
 from simmer_tui.sim.angles import ARROWS, eighth_of_turn
 from simmer_tui.sim.arrays import BoolArray, FloatArray, NDArray
-from simmer_tui.sim.command import printable
 from simmer_tui.tui.maze.palette import DEFAULT, Role
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode
 
