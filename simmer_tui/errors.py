@@ -53,8 +53,27 @@ def is_disk_full(error: OSError) -> bool:
     return error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
+def _escaped(character: str) -> str:
+    """A character as its escape sequence. A byte that was no UTF-8, a surrogate in Python's texts, is shown
+    as that byte."""
+    if "\udc80" <= character <= "\udcff":
+        return f"\\x{ord(character) - 0xDC00:02x}"
+    return character.encode("unicode_escape").decode()
+
+
+def printable(text: str) -> str:
+    """The whole text with control characters and direction marks escaped, which could control a terminal or
+    break a page. Other scripts stay. Only what writes to a terminal, a page or a picture calls it."""
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() else _escaped(c) for c in text)
+
+
 class SimmerError(Exception):
-    """Base of all errors this package raises on purpose."""
+    """Base of all errors that this package raises on purpose. Its text is safe on a terminal."""
+
+    def __str__(self) -> str:
+        return printable(super().__str__())
 
 
 class PlacementError(SimmerError):
@@ -74,7 +93,7 @@ class UnknownSensorError(SimmerError, KeyError):
         super().__init__(f"no {what} has the code {code!r}; {there}")
 
     def __str__(self) -> str:
-        return str(self.args[0])  # KeyError would show it in quotes
+        return printable(self.args[0])  # KeyError would show it in quotes
 
 
 class ExpressionError(SimmerError, ValueError):
@@ -92,7 +111,7 @@ class Problem(Struct, frozen=True):
     what: str
 
     def __str__(self) -> str:
-        return f"{self.where}: {self.what}"
+        return printable(f"{self.where}: {self.what}")
 
 
 # Judged: a screenful. A file of another kind by mistake has a problem in each of its lines.
@@ -105,7 +124,10 @@ class ConfigurationError(SimmerError):
 
     def __init__(self, problems: Sequence[Problem]) -> None:
         self.problems = tuple(problems)
-        super().__init__("\n".join(self.lines()))
+        super().__init__(self.problems)
+
+    def __str__(self) -> str:
+        return "\n".join(self.lines())
 
     def lines(self) -> list[str]:
         """A line a problem: the first ones, and how many more there are."""

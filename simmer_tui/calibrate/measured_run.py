@@ -29,7 +29,7 @@ from simmer_tui.run.events import (
 )
 from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.sim.arrays import FloatArray, IntArray
-from simmer_tui.sim.command import escape_passage, parse_value
+from simmer_tui.sim.command import parse_value
 from simmer_tui.sim.legs import Leg
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import Status
@@ -341,9 +341,7 @@ def read_runs(paths: Iterable[Path]) -> MeasuredRun:
         tuple(notes),
     )
     if not run.movements:
-        raise CalibrationError(
-            f"{escape_passage(', '.join(names))}: the robot never moved, so nothing can be estimated"
-        )
+        raise CalibrationError(f"{', '.join(names)}: the robot never moved, so nothing can be estimated")
     return run
 
 

@@ -36,7 +36,7 @@ from simmer_tui.document.svg import PICTURE_WIDTH
 from simmer_tui.report.figure import WALLS
 from simmer_tui.run.phrases import capitalized
 from simmer_tui.sim.arrays import FloatArray
-from simmer_tui.sim.command import counted, escape_passage, plural
+from simmer_tui.sim.command import counted, plural
 from simmer_tui.sim.specs import CELL_SIZE, WALL, SimulationSpec
 
 _READ_FAMILIES: tuple[int, ...] = (COUNTER, RANGE, OBSERVATION)
@@ -327,7 +327,7 @@ _BLUE = Paragraph("Blue: the error after, as a share of the error before (grey).
 
 
 def _title(fit: Fit) -> str:
-    return f"Calibration from {escape_passage(', '.join(fit.run.names))}"
+    return f"Calibration from {', '.join(fit.run.names)}"
 
 
 def _about(fit: Fit, estimates: Sequence[ParameterEstimate]) -> str:
@@ -337,7 +337,7 @@ def _about(fit: Fit, estimates: Sequence[ParameterEstimate]) -> str:
     readings = sum(len(each.values) for each in run.readings.values())
     log = f"{counted(len(run.movements), 'movement')}, {counted(readings, 'reading')}"
     found = f'{identified} estimated, {changed} differ from the set "{run.configuration.name}"'
-    return escape_passage(f"{log}; {found}")
+    return f"{log}; {found}"
 
 
 def _held_back(held: HeldBack | None) -> DataTable | Paragraph:

@@ -27,7 +27,6 @@ from simmer_tui.config.settings_file import settings_text
 from simmer_tui.errors import CalibrationError, reason_of
 from simmer_tui.runlog.logged_devices import same_files
 from simmer_tui.runlog.typed_json import TypedJson
-from simmer_tui.sim.command import escape, shown_path
 from simmer_tui.sim.sensors import ParameterKind
 from simmer_tui.sim.specs import SimulationSpec
 
@@ -185,7 +184,7 @@ def read_knowledge(directory: Path, option: str = "--check") -> Knowledge:
         CalibrationError: if the file is not there or damaged.
     """
     path = directory / KNOWLEDGE
-    shown = shown_path(path)
+    shown = str(path)
     try:
         found = _KNOWLEDGE.decode(path.read_bytes())
         count = len(found.parameters)
@@ -197,5 +196,5 @@ def read_knowledge(directory: Path, option: str = "--check") -> Knowledge:
             "simmer-tui calibrate wrote"
         ) from None
     except ValueError as error:
-        raise CalibrationError(f"{shown} is damaged: {escape(str(error))}") from None
+        raise CalibrationError(f"{shown} is damaged: {error}") from None
     return found

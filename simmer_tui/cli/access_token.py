@@ -14,7 +14,6 @@ from simmer_tui.config.settings_file import Override
 from simmer_tui.errors import ConfigurationError, Problem, reason_of
 from simmer_tui.links.access import LONGEST_TOKEN
 from simmer_tui.links.processes import StatField, stat_of
-from simmer_tui.sim.command import shown_path
 
 _TOKEN = "server.token"
 """The setting."""
@@ -26,7 +25,7 @@ def add_token_of(path: Path, overrides: dict[str, Override]) -> None:
     line has another one."""
     if _TOKEN in overrides:
         raise _refused("and --token both give the token: leave one of them out")
-    shown = shown_path(path)
+    shown = str(path)
     try:
         with path.open("rb") as file:
             line = file.readline(LONGEST_TOKEN + 2)

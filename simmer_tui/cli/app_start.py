@@ -36,7 +36,6 @@ class Screen(FrontEnd):
         choice = apply_choice(screen.color, screen.glyphs)
 
         # Imported here because a run without a screen needs none of it.
-        from simmer_tui.sim.command import printable
         from simmer_tui.tui.app import SimmerApp
         from simmer_tui.tui.console import default_history_file
 
@@ -48,7 +47,7 @@ class Screen(FrontEnd):
         name = "" if program is None else program_name(program)
         self._app = SimmerApp(server, choice, default_history_file(), program=name)
         self._printer = LinePrinter(quiet=False)
-        self.program_output = _teller(server, printable)
+        self.program_output = _teller(server)
 
     def prepare(self, prefix: Callable[[], None] | None) -> None:
         server, pace = self._server, self._settings.pace
@@ -134,13 +133,13 @@ def apply_choice(color: str, glyphs: str) -> TerminalChoice:
     return choice
 
 
-def _teller(server: Server, shown: Callable[[str], str]) -> Callable[[str], None]:
+def _teller(server: Server) -> Callable[[str], None]:
     """A function that passes a program's lines on as notices. A program that prints without end has to wait
     for the robot's thread."""
     room = threading.BoundedSemaphore(_LINES_AHEAD)
 
     def tell(line: str) -> None:
-        server.engine.tell(Notice(NoticeKind.PROGRAM, shown(line[:_LONGEST_LINE])))
+        server.engine.tell(Notice(NoticeKind.PROGRAM, line[:_LONGEST_LINE]))
         room.release()
 
     def print_line(line: str) -> None:

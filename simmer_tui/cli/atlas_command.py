@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -21,6 +20,8 @@ from simmer_tui.cli.command_line import (
     add_trust_option,
     add_value,
     overrides_from,
+    print_lines,
+    say,
     subcommand,
     writing,
 )
@@ -29,7 +30,7 @@ from simmer_tui.config.loader import load
 from simmer_tui.config.sets import find_set
 from simmer_tui.errors import AtlasError
 from simmer_tui.sim import Simulator
-from simmer_tui.sim.command import counted, shown_path
+from simmer_tui.sim.command import counted
 from simmer_tui.whole_file import write_whole
 
 _FORMATS: dict[str, Callable[[Atlas], bytes]] = {
@@ -77,12 +78,12 @@ def run_atlas(options: argparse.Namespace) -> int:
     data = _FORMATS[form](atlas)
     with writing(AtlasError, out):
         write_whole(out, data)
-    sys.stdout.write(f"Wrote {shown_path(out)}, {len(data) / 1e6:.2f} MB: {', '.join(codes)}\n")
+    print_lines(f"Wrote {out}, {len(data) / 1e6:.2f} MB: {', '.join(codes)}")
     _describe(atlas, simulator)
     if form == "h" and table_bytes(atlas) > MEGA_FLASH:
-        sys.stderr.write(
+        say(
             f"note: its tables take {table_bytes(atlas) / 1024:.0f} kB; an Arduino Mega has "
-            f"{MEGA_FLASH // 1024} kB: take a larger --step, fewer --headings or fewer --sensors\n"
+            f"{MEGA_FLASH // 1024} kB: take a larger --step, fewer --headings or fewer --sensors"
         )
     return ExitCode.DONE
 
@@ -93,13 +94,12 @@ def _format_for(out: Path, named: str | None) -> str:
     Raises AtlasError if there is none, or if the file cannot be written. This is checked before the work,
     whose result would be lost.
     """
-    shown = shown_path(out)
     form = named or out.suffix.removeprefix(".").lower()
     if form not in _FORMATS:
-        raise AtlasError(f"{shown} does not end in .{', .'.join(_FORMATS)}: add --format")
+        raise AtlasError(f"{out} does not end in .{', .'.join(_FORMATS)}: add --format")
     if out.is_dir() or not out.parent.is_dir():
         what = "is a folder" if out.is_dir() else "is in a folder that does not exist"
-        raise AtlasError(f"{shown} {what}: name a file to write to")
+        raise AtlasError(f"{out} {what}: name a file to write to")
     return form
 
 
@@ -107,10 +107,10 @@ def _describe(atlas: Atlas, simulator: Simulator) -> None:
     """Print the size of an atlas, and remarks on its sensors."""
     grid, codes = atlas.grid, atlas.codes
     places = f"{grid.poses:,} poses: {grid.rows} x {grid.columns} places, {counted(grid.headings, 'heading')}"
-    sys.stdout.write(f"{places}; the robot fits at {int(atlas.free.sum()):,}\n")
+    print_lines(f"{places}; the robot fits at {int(atlas.free.sum()):,}")
     scanning = [each.code for each in simulator.spec.sensors if each.code in codes and each.kind.is_scan]
     if scanning:
-        sys.stdout.write(f"{', '.join(scanning)}: the first ray of a revolution, along its Rotation\n")
+        print_lines(f"{', '.join(scanning)}: the first ray of a revolution, along its Rotation")
 
 
 def _computed(simulator: Simulator, grid: PoseGrid, codes: tuple[str, ...]) -> Atlas:

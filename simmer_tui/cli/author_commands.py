@@ -19,6 +19,8 @@ from simmer_tui.cli.command_line import (
     add_config_option,
     add_setting_options,
     overrides_from,
+    print_lines,
+    say,
     subcommand,
 )
 from simmer_tui.config.device_trust import DeviceUse
@@ -30,7 +32,7 @@ from simmer_tui.config.variables import HOST, SERIAL_NAMES
 from simmer_tui.document.as_data import json_text
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.program.program_command import with_hook
-from simmer_tui.sim.command import counted, shown_path
+from simmer_tui.sim.command import counted
 
 # Loopback answers in less than a millisecond, another machine of the same network in a few.
 _LOOK = 0.5
@@ -58,12 +60,12 @@ def run_examples(options: argparse.Namespace) -> int:
     the course, a whole mission, the client libraries for Python, C and MATLAB, and sketches for an Arduino.
     Files that are there already stay as they are."""
     written = copy_examples(options.directory)
-    where = shown_path(options.directory)
+    where = options.directory
     result = f"{counted(len(written), 'file')} written to {where}" if written else f"{where} has all of them"
-    sys.stdout.write(
-        f"{result}\n"
-        "Start simmer-tui in one terminal and a program in another:\n"
-        f"  python {shown_path(options.directory / EXAMPLE)}\n"
+    print_lines(
+        result,
+        "Start simmer-tui in one terminal and a program in another:",
+        f"  python {options.directory / EXAMPLE}",
     )
     return ExitCode.DONE
 
@@ -94,12 +96,11 @@ def run_env(options: argparse.Namespace) -> int:
     if options.form == _JSON:
         sys.stdout.write(json_text(variables))
     else:
-        sys.stdout.writelines(f"{_FORMS[options.form](*each)}\n" for each in variables.items())
+        print_lines(*(_FORMS[options.form](*each) for each in variables.items()))
     if has_dialect:
         host, port = variables[HOST], int(variables[SERIAL.variable])
         if not _answers(host, port):
-            text = f"no simulator answers at {host}, port {port}: start simmer-tui with this set"
-            sys.stderr.write(f"{text}\n")
+            say(f"no simulator answers at {host}, port {port}: start simmer-tui with this set")
     return ExitCode.DONE
 
 

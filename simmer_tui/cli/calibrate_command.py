@@ -20,6 +20,8 @@ from simmer_tui.cli.command_line import (
     add_trust_option,
     add_value,
     print_answer,
+    print_lines,
+    say,
     subcommand,
     window_console,
     writing,
@@ -32,7 +34,7 @@ from simmer_tui.config.sets import check_free, find_set
 from simmer_tui.document.as_html import html_page
 from simmer_tui.errors import CalibrationError
 from simmer_tui.runlog.writer import LOG
-from simmer_tui.sim.command import counted, shown_path, typed_path
+from simmer_tui.sim.command import counted, typed_path
 from simmer_tui.sim.noise import SEEDS
 from simmer_tui.version import requirement
 
@@ -99,7 +101,7 @@ def run_calibrate(options: argparse.Namespace) -> int:
     rest = len(run.notes) - _NOTES
     more = [f"and {counted(rest, 'line')} more"] if rest > 0 else []
     for note in (*notes, *run.notes[:_NOTES], *more):
-        (sys.stderr if options.json else sys.stdout).write(f"note: {note}\n")
+        say(f"note: {note}", sys.stderr if options.json else sys.stdout)
     if options.check is not None:
         return _check(run, options.check, as_json=options.json)
     check_free(options.out)
@@ -134,7 +136,7 @@ def _guide(options: argparse.Namespace) -> int:
     log = options.out.with_name(f"{options.out.name}{LOG}")
     # Before somebody puts the robot into the maze.
     if log.exists():
-        raise CalibrationError(f"{shown_path(log)} is there already: name another --out, or give it as LOG")
+        raise CalibrationError(f"{log} is there already: name another --out, or give it as LOG")
     with writing(CalibrationError, log):
         log.parent.mkdir(parents=True, exist_ok=True)
     hold_session(configuration, log, window_console())
@@ -150,10 +152,8 @@ def _strength(names: list[Path], *, as_json: bool) -> int:
     for name in names:
         robot = read_knowledge(find_set(str(name)), "--strength")
         if robot in robots:
-            first = shown_path(names[robots.index(robot)])
-            raise CalibrationError(
-                f"{shown_path(name)} is the same calibration as {first}; name each robot once"
-            )
+            first = str(names[robots.index(robot)])
+            raise CalibrationError(f"{name} is the same calibration as {first}; name each robot once")
         robots.append(robot)
     print_answer(strength_document(strengths(robots)), as_json=as_json)
     return ExitCode.DONE
@@ -186,8 +186,7 @@ def _learn(run: MeasuredRun, options: argparse.Namespace) -> int:
     print_answer(answer, as_json=options.json)
     if not options.json:
         wrote = f"{', '.join(sorted(texts))} and {CALIBRATION_PAGE}"
-        sys.stdout.write(f"Wrote {wrote} to {shown_path(out)}\n")
-        sys.stdout.write(f"Try it: simmer-tui --config {typed_path(out)}\n")
+        print_lines(f"Wrote {wrote} to {out}", f"Try it: simmer-tui --config {typed_path(out)}")
     return ExitCode.DONE
 
 
@@ -199,7 +198,7 @@ def _warn(suspected: Sequence[Finding], *, anyway: bool) -> None:
     said = "; ".join(each.text for each in suspected)
     if not anyway:
         raise CalibrationError(f"no set was written: {said}. Correct the wiring or the set, or give --anyway")
-    sys.stderr.write(f"note: {said}; written because of --anyway\n")
+    say(f"note: {said}; written because of --anyway")
 
 
 def _check(run: MeasuredRun, name: str, *, as_json: bool) -> int:

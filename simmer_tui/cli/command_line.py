@@ -27,9 +27,10 @@ from simmer_tui.errors import (
     Problem,
     ProgramError,
     SimmerError,
+    printable,
     reason_of,
 )
-from simmer_tui.sim.command import counted, escape, escape_passage, keyboard_text, shown_path, typed_path
+from simmer_tui.sim.command import counted, cut, keyboard_text, typed_path
 from simmer_tui.sim.rules import FlagRule, Rule, did_you_mean
 
 if TYPE_CHECKING:  # a run has no documents, and must start quickly
@@ -92,12 +93,18 @@ _CODES: dict[type[SimmerError], ExitCode] = {
 
 
 def say(line: str, stream: TextIO | None = None) -> None:
-    """Print a line at once, by default on standard error; a closed stream is no fault."""
+    """Print a line at once, by default on standard error; a closed stream is no fault. Control characters are
+    shown escaped."""
     with suppress(OSError, ValueError):
         target = stream or sys.stderr
         # One write: between a line and its end another process could write.
-        target.write(f"{line}\n")
+        target.write(f"{printable(line)}\n")
         target.flush()
+
+
+def print_lines(*lines: str) -> None:
+    """Print lines on standard output, with control characters shown escaped: the answer of a command."""
+    sys.stdout.write("".join(f"{printable(line)}\n" for line in lines))
 
 
 def report(error: SimmerError, program: str = "simmer-tui") -> int:
@@ -116,7 +123,7 @@ def writing(kind: type[SimmerError], path: Path) -> Generator[None, None, None]:
     try:
         yield
     except OSError as error:
-        raise kind(f"{shown_path(path)} cannot be written: {reason_of(error)}") from None
+        raise kind(f"{path} cannot be written: {reason_of(error)}") from None
 
 
 def without_effect(overrides: Mapping[str, Override], varied: Collection[str] = ()) -> list[Problem]:
@@ -157,7 +164,7 @@ class CliCommand:
             # In one place for all the files that a command opens.
             if error.filename is None:
                 raise
-            say(f"{parser.prog}: {shown_path(error.filename)} cannot be opened: {reason_of(error)}")
+            say(f"{parser.prog}: {error.filename} cannot be opened: {reason_of(error)}")
             return ExitCode.PROBLEM
         except KeyboardInterrupt:
             return ExitCode.INTERRUPTED
@@ -178,7 +185,10 @@ def _ask_on_terminal(file: DeviceFile, directory: Path) -> bool:
     question."""
     if not (sys.stdin.isatty() and sys.stderr.isatty()):
         return False
-    sys.stderr.write("\n".join(_question(file, directory)))
+    *lines, question = _question(file, directory)
+    for line in lines:
+        say(line)
+    sys.stderr.write(question)
     sys.stderr.flush()
     try:
         answer = sys.stdin.readline()
@@ -188,9 +198,9 @@ def _ask_on_terminal(file: DeviceFile, directory: Path) -> bool:
 
 
 def _question(file: DeviceFile, directory: Path) -> list[str]:
-    path = shown_path(directory / file.path)
+    path = str(directory / file.path)
     lines = file.text.splitlines()
-    shown = [f"  {number:3} {escape(line, _WIDTH)}" for number, line in enumerate(lines[:_LINES], 1)]
+    shown = [f"  {number:3} {line[:_WIDTH]}" for number, line in enumerate(lines[:_LINES], 1)]
     rest = len(lines) - len(shown)
     more = [f"      ... {counted(rest, 'line')} more: read them in an editor"] if rest > 0 else []
     return [
@@ -370,22 +380,22 @@ class OneLineParser(argparse.ArgumentParser):
         if is_option and hint and not is_meant(given):
             pass
         elif text := advice(words, unknown, self.prog, takes_program=takes_program):
-            self.exit(ExitCode.PROBLEM, f"{self.prog}: {escape_passage(text)}\n")
+            self.exit(ExitCode.PROBLEM, f"{self.prog}: {text}")
         else:
             hint = _program_in_quotes(words, unknown) or hint
         kind = "option" if is_option else "command" if self._words else "argument"
-        self.error(f'unknown {kind} "{escape(unknown[0])}"{hint}')
+        self.error(f'unknown {kind} "{cut(unknown[0])}"{hint}')
 
     def parse_known_args(self, args: Iterable[str] | None = None, namespace: Any = None) -> Any:
         given = sys.argv[1:] if args is None else list(args)
         options = self._option_string_actions
         if quoted := _curly_quoted(given):
             what = "“ ” ‘ ’ are quotes of documents, which a shell does not know"
-            self.exit(ExitCode.PROBLEM, f"{self.prog}: {what}: type {escape_passage(quoted)}\n")
+            self.exit(ExitCode.PROBLEM, f"{self.prog}: {what}: type {quoted}")
         for word in takewhile(lambda word: word != "--", given):
             # argparse reads `-help` as `-h` with the value `elp`.
             if _ONE_DASH.match(word) and f"-{word}" in options and word not in options:
-                self.error(f'unknown option "{escape(word)}"; did you mean "-{escape(word)}"?')
+                self.error(f'unknown option "{cut(word)}"; did you mean "-{cut(word)}"?')
         return super().parse_known_args(_join_negative_values(given), namespace)
 
     def _plain(self, message: str) -> str:
@@ -405,7 +415,12 @@ class OneLineParser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         # One line: argparse would print the usage of all options first.
-        self.exit(2, f"{self.prog}: {escape_passage(self._plain(message))} (see {self.prog} --help)\n")
+        self.exit(2, f"{self.prog}: {self._plain(message)} (see {self.prog} --help)")
+
+    def exit(self, status: int = 0, message: str | None = None) -> NoReturn:
+        if message:
+            say(message)
+        sys.exit(status)
 
 
 def _join_negative_values(args: Sequence[str]) -> list[str]:

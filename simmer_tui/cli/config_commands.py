@@ -16,6 +16,7 @@ from simmer_tui.cli.command_line import (
     add_trust_option,
     overrides_from,
     print_json,
+    print_lines,
     report,
     subcommand,
 )
@@ -42,7 +43,7 @@ from simmer_tui.config.sets import (
 from simmer_tui.dialect.frames import FrameKind
 from simmer_tui.document.model import Document
 from simmer_tui.errors import ConfigurationError, Problem
-from simmer_tui.sim.command import counted, escape, shown_path, typed_path
+from simmer_tui.sim.command import counted, typed_path
 
 
 def _init_options(parser: OneLineParser) -> None:
@@ -77,13 +78,13 @@ def run_init(options: argparse.Namespace) -> int:
     wrote = _write(options.directory, files)
     check = f"simmer-tui check {typed_path(options.directory)}"
     if options.term:
-        shown = shown_path(options.directory)
-        sys.stdout.write(
-            f"Wrote {len(files)} files of a course to {shown}; README.md is the page for students\n"
-            f"Edit {LOCAL_FOLDER} and course.toml in it, then: {check}\n"
+        print_lines(
+            f"Wrote {len(files)} files of a course to {options.directory}; "
+            "README.md is the page for students",
+            f"Edit {LOCAL_FOLDER} and course.toml in it, then: {check}",
         )
     else:
-        sys.stdout.write(f"{wrote}\nEdit them, then: {check}\n")
+        print_lines(wrote, f"Edit them, then: {check}")
     return ExitCode.DONE
 
 
@@ -97,7 +98,7 @@ def _write(directory: Path, files: Mapping[str, bytes]) -> str:
     ConfigurationError."""
     written = [path.relative_to(directory) for path in write_files(directory, files)]
     names = ", ".join(path.as_posix() for path in written if path.parts[0] != SCHEMAS)
-    return f"Wrote {names} to {shown_path(directory)}"
+    return f"Wrote {names} to {directory}"
 
 
 def _check_options(parser: OneLineParser) -> None:
@@ -141,7 +142,9 @@ def run_check(options: argparse.Namespace) -> int:
         text.encode(sys.stdout.encoding or "ascii")
     except UnicodeEncodeError:
         text = summarize(configuration, ascii_only=True)
-    sys.stdout.write(text + course)
+    sys.stdout.write(text)
+    if course:
+        print_lines("", course)
     return 0
 
 
@@ -153,8 +156,7 @@ def _course_of(folder: Path) -> str:
     if not file.is_file():
         return ""
     course = read_course(folder, file, alone=True)
-    name = shown_path(course.name)
-    return f"\nCourse: {name}; a success rate of {course.require:g} passes ({COURSE_FILE})\n"
+    return f"Course: {course.name}; a success rate of {course.require:g} passes ({COURSE_FILE})"
 
 
 def _check_against(path: Path, configuration: Configuration, *, as_json: bool) -> int:
@@ -173,9 +175,9 @@ def _check_against(path: Path, configuration: Configuration, *, as_json: bool) -
         ok = CHECK.filled([(not rows, configuration.name, str(configuration.directory))])
         print_json(Document("Set", [ok, DIFFERENCES.filled(rows)]))
     else:
-        sys.stdout.writelines(f"{escape(path.name)}:{line}: {text}\n" for line, text in rows)
+        print_lines(*(f"{path.name}:{line}: {text}" for line, text in rows))
         found = counted(len(rows), "difference") if rows else "the dialect answers as the robot did"
-        sys.stdout.write(f"{counted(comparison.messages, 'message')} of the dialect; {found}\n")
+        print_lines(f"{counted(comparison.messages, 'message')} of the dialect; {found}")
     return ExitCode.NO if rows else ExitCode.DONE
 
 
@@ -197,18 +199,17 @@ def run_import(options: argparse.Namespace) -> int:
         check_mission(imported)
     files = {**set_files(imported), **skeletons}
     files = with_comments(with_mission(files) if options.mission else files)
-    sys.stdout.write(f"{_write(options.directory, files)}\n")
+    print_lines(_write(options.directory, files))
     if imported.left_out:
-        sys.stdout.write("Not imported, or changed:\n")
-        sys.stdout.writelines(f"  {problem}\n" for problem in imported.left_out)
+        print_lines("Not imported, or changed:", *(f"  {problem}" for problem in imported.left_out))
     try:
         # Read back as a run will read it: the team sees now what must be edited.
         load(options.directory, devices=DeviceUse.PARSE)
     except ConfigurationError as error:
-        sys.stdout.write("The set needs editing before it can be used:\n")
+        print_lines("The set needs editing before it can be used:")
         report(error)
         return ExitCode.NO
     if skeletons:
-        sys.stdout.write(f"To finish: {', '.join(skeletons)} (docs/devices.md says how)\n")
-    sys.stdout.write(f"Try it: simmer-tui --config {typed_path(options.directory)}\n")
+        print_lines(f"To finish: {', '.join(skeletons)} (docs/devices.md says how)")
+    print_lines(f"Try it: simmer-tui --config {typed_path(options.directory)}")
     return ExitCode.DONE

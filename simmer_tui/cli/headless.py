@@ -27,7 +27,7 @@ from simmer_tui.run.events import (
 )
 from simmer_tui.run.message_trail import MessageTrail
 from simmer_tui.run.phrases import contact_ending
-from simmer_tui.sim.command import counted, printable
+from simmer_tui.sim.command import counted
 from simmer_tui.sim.records import REFUSALS, CommandResult, Status
 
 if TYPE_CHECKING:
@@ -157,7 +157,7 @@ class Headless(LinePrinter, FrontEnd):
 
     def logging(self, path: Path) -> None:
         if not self._quiet:
-            say(f"logging to {printable(str(path))}")
+            say(f"logging to {path}")
 
     def prepare(self, prefix: Callable[[], None] | None) -> None:
         if prefix is not None:
@@ -167,11 +167,11 @@ class Headless(LinePrinter, FrontEnd):
         """Print the ports, configuration and seed: clients may connect."""
         server = self._server
         for warning in server.warnings:
-            say(f"warning: {printable(warning)}")
+            say(f"warning: {warning}")
         if server.prefix is not None:
-            say(printable(str(server.prefix)), self._stream)
+            say(str(server.prefix), self._stream)
         ports = ", ".join(f"{purpose} on port {number}" for purpose, number in server.ports.items())
-        name = printable(server.configuration.name)
+        name = server.configuration.name
         say(f"seed {server.seed}, configuration {name}, {ports}", self._stream)
         say(READY, self._stream)
 

@@ -11,7 +11,7 @@ from simmer_tui.cli import main
 from simmer_tui.cli.command_line import ExitCode, OneLineParser, subcommand
 from simmer_tui.config.profiles import DRIVE, LINK, SENSOR, profile_names
 from simmer_tui.config.sets import bundled_sets
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import cut
 from simmer_tui.sim.rules import did_you_mean
 
 SETTINGS = "settings"
@@ -46,7 +46,7 @@ def run_help(options: argparse.Namespace) -> int:
     elif topic in main.SUBCOMMANDS:
         text = main.command_named(topic).parser().format_help()
     else:
-        main.build_parser().error(f'unknown command "{escape(topic)}"{did_you_mean(topic, topics())}')
+        main.build_parser().error(f'unknown command "{cut(topic)}"{did_you_mean(topic, topics())}')
     sys.stdout.write(text)
     return ExitCode.DONE
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
 from io import TextIOWrapper
@@ -18,6 +17,8 @@ from simmer_tui.cli.command_line import (
     add_value,
     print_answer,
     print_json,
+    print_lines,
+    say,
     subcommand,
     writing,
 )
@@ -31,7 +32,7 @@ from simmer_tui.report.page import report_page
 from simmer_tui.report.run_statistics import CommandTable, RunStatistics
 from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.runlog.rerun import Rerun
-from simmer_tui.sim.command import counted, escape_word, printable, shown_path
+from simmer_tui.sim.command import WORD, counted, cut
 from simmer_tui.sim.rules import IntegerRule, NumberRule
 from simmer_tui.version import __version__
 from simmer_tui.whole_file import whole_file, write_whole
@@ -71,14 +72,14 @@ def run_report(options: argparse.Namespace) -> int:
     # Before the answer, which a pipe such as `| head` may cut off.
     for output, make in ((options.svg, svg_picture), (options.html, report_page)):
         if output is not None:
-            _write_text(output, make(run, printable(path.name)))
+            _write_text(output, make(run, path.name))
     print_answer(
         report_document(run, path.name, "" if options.file is None else str(path)),
         as_json=options.json,
     )
     for output in (options.svg, options.csv, options.html):
         if output is not None and not options.json:
-            sys.stdout.write(_wrote(output))
+            print_lines(_wrote(output))
     return 0
 
 
@@ -144,17 +145,17 @@ def run_export(options: argparse.Namespace) -> int:
     for output, kind in ((options.gif, "a GIF"), (options.svg, "an SVG")):
         ending = f".{kind[-3:].lower()}"
         if output is not None and output.suffix.lower() not in ("", ending):
-            named = f"name it {shown_path(output.with_suffix(ending))}, not {shown_path(output)}"
+            named = f"name it {output.with_suffix(ending)}, not {output}"
             raise ExportError(f"--{ending[1:]} writes {kind}: {named}")
     run = build_report(path)
     if options.svg is not None:
-        _write_text(options.svg, maze_picture(run, shown_path(path.name), options.width))
-        sys.stdout.write(_wrote(options.svg))
+        _write_text(options.svg, maze_picture(run, path.name, options.width))
+        print_lines(_wrote(options.svg))
     if options.gif is not None:
         taken = shots(run, options.begin, options.until, options.playback_rate)
         with writing(RunLogError, options.gif):
             _run_through(write_gif(run, options.gif, taken, options.width), len(taken.times), "pictures")
-        sys.stdout.write(_wrote(options.gif))
+        print_lines(_wrote(options.gif))
     return 0
 
 
@@ -179,26 +180,26 @@ def run_rerun(options: argparse.Namespace) -> int:
 
 def _report_rerun(rerun: Rerun, path: Path, *, as_json: bool) -> int:
     for note in rerun.notes:
-        sys.stderr.write(f"note: {note}\n")
+        say(f"note: {note}")
     header, same = rerun.header, rerun.difference is None
-    shown = shown_path(path)
+    shown = str(path)
     lines = [f"{shown}: {rerun.difference}"]
     if same:
         done = f"{counted(rerun.commands, 'command')} and {counted(rerun.actions, 'action')}"
-        made = f"(seed {header.seed}, configuration {shown_path(header.configuration)})"
+        made = f"(seed {header.seed}, configuration {header.configuration})"
         how = "" if rerun.same_machine else " but for rounding"
         lines = [f"{shown}: {done} repeated, every reply the same{how} {made}"]
     elif not rerun.same_machine:
         lines.append("from there on the runs differ: the other machine's sines differ in their last bits")
     # The most likely reason for a difference.
     elif header.program != __version__:
-        lines.append(f"the log is from simmer-tui {escape_word(header.program)}, this is {__version__}")
+        lines.append(f"the log is from simmer-tui {cut(header.program, WORD)}, this is {__version__}")
     if as_json:
         row = (path, same, rerun.commands, rerun.actions, header.seed, header.configuration, header.program)
         record = RERUN.filled([row])
         print_json(Document("Rerun", [record, Bullets("", lines, "answer")]))
     else:
-        sys.stdout.write("".join(f"{line}\n" for line in lines))
+        print_lines(*lines)
     return ExitCode.DONE if same else ExitCode.NO
 
 
@@ -208,7 +209,7 @@ def _check_outputs(log: Path, outputs: Iterable[Path | None]) -> None:
     given = [path.resolve() for path in (log, *outputs) if path is not None]
     for path in given:
         if given.count(path) > 1:
-            raise RunLogError(f"{shown_path(path)} is named twice; name another file to write to")
+            raise RunLogError(f"{path} is named twice; name another file to write to")
 
 
 def _write_text(path: Path, text: str) -> None:
@@ -219,7 +220,7 @@ def _write_text(path: Path, text: str) -> None:
 
 def _wrote(path: Path) -> str:
     """The line that names a file that has been written."""
-    return f"Wrote {shown_path(path)}\n"
+    return f"Wrote {path}"
 
 
 def _run_through(positions: Iterable[int], size: int, what: str) -> None:

@@ -12,7 +12,6 @@ from simmer_tui.cli.command_line import OptionGroup, add_flag, add_trust_option,
 from simmer_tui.errors import ConfigurationError, RunLogError
 from simmer_tui.runlog.reader import MOST_PACKED, MOST_UNPACKED, READS_LARGE
 from simmer_tui.runlog.saved_runs import last_run
-from simmer_tui.sim.command import shown_path
 
 
 def add_log_argument(parser: argparse.ArgumentParser) -> None:
@@ -50,7 +49,7 @@ def log_of(options: argparse.Namespace) -> Path:
         say(notice)
     path = last_run()
     # On standard error: scripts read the answer on standard output.
-    say(f"the last run: {shown_path(path)}")
+    say(f"the last run: {path}")
     return path
 
 
@@ -72,5 +71,5 @@ def configuration_of(log: Path) -> Generator[None, None, None]:
     try:
         yield
     except ConfigurationError as error:
-        refused = f"the configuration in {shown_path(log)} is refused:"
+        refused = f"the configuration in {log} is refused:"
         raise RunLogError(f"{refused}\n{error}") from None

@@ -13,7 +13,15 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from simmer_tui import platform_has
-from simmer_tui.cli.command_line import ExitCode, add_json_option, print_json, subcommand, window_of
+from simmer_tui.cli.command_line import (
+    ExitCode,
+    add_json_option,
+    print_json,
+    print_lines,
+    say,
+    subcommand,
+    window_of,
+)
 from simmer_tui.config.device_trust import DeviceUse
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.sets import find_set
@@ -24,7 +32,7 @@ from simmer_tui.links import port_list
 from simmer_tui.links.link import port_requests
 from simmer_tui.links.ports import take_port
 from simmer_tui.runlog.saved_runs import BEFORE, saved_runs_folder
-from simmer_tui.sim.command import counted, escape, escape_word, shown_path
+from simmer_tui.sim.command import WORD, counted, cut
 from simmer_tui.tui.sizes import SMALLEST_COLUMNS, SMALLEST_ROWS
 from simmer_tui.tui.terminal import GlyphMode, choose
 from simmer_tui.version import __version__, requirement
@@ -74,7 +82,7 @@ def run_doctor(options: argparse.Namespace) -> int:
         print_json(Document("Doctor", [CHECKS.filled([(about, *each) for about, each in checks.items()])]))
     else:
         for about, (fine, text) in checks.items():
-            sys.stdout.write(f"{'ok' if fine else '!!'}  {about:<9} {text}\n")
+            print_lines(f"{'ok' if fine else '!!'}  {about:<9} {text}")
     # Any other lack affects only one feature.
     return ExitCode.NO if ports_needed or not set_check[0] else ExitCode.DONE
 
@@ -88,13 +96,13 @@ def _program() -> str:
 def _terminal(environment: Mapping[str, str]) -> Check:
     around = [name for name, key in (("tmux", "TMUX"), ("SSH", "SSH_CONNECTION")) if environment.get(key)]
     inside = f", in {' and '.join(around)}" if around else ""
-    kind = f"TERM={escape_word(environment.get('TERM', '')) or '(not set)'}{inside}"
+    kind = f"TERM={cut(environment.get('TERM', ''), WORD) or '(not set)'}{inside}"
     if not (sys.stdin.isatty() and sys.stdout.isatty() and sys.stderr.isatty()):
         return True, f"none to draw on here, {kind}: run with --no-ui"
     columns, rows = window_of(sys.stderr) or shutil.get_terminal_size()
     told = {name: environment.get(name) for name in ("COLUMNS", "LINES")}
     wrong = [
-        f"{name}={escape_word(value)}"
+        f"{name}={cut(value, WORD)}"
         for (name, value), true in zip(told.items(), (columns, rows), strict=True)
         if value and value != str(true)
     ]
@@ -128,7 +136,7 @@ def _set() -> tuple[Configuration | None, Check]:
     except ConfigurationError as error:
         mistakes = counted(len(error.problems), "mistake")
         return None, (False, f"{mistakes} in ./config: simmer-tui check lists them")
-    return configuration, (True, f"{shown_path(configuration.name)}, {configuration.directory}")
+    return configuration, (True, f"{configuration.name}, {configuration.directory}")
 
 
 def _ports(server: ServerSettings) -> tuple[Check, bool]:
@@ -145,7 +153,7 @@ def _ports(server: ServerSettings) -> tuple[Check, bool]:
             is_needed |= not (dialect.warning or request.falls_back)
     shown = ", ".join(str(request.number) for _, request in requests)
     if not taken:
-        return (True, f"{shown} are free on {escape(server.host)}"), False
+        return (True, f"{shown} are free on {cut(server.host)}"), False
     busy = ", ".join(str(request.number) for request in taken)
     options = " ".join(f"{request.option} 0" for request in taken)
     how = f"end what holds them (another simmer-tui?), or {options} with --run"
@@ -216,9 +224,7 @@ def run_ports(options: argparse.Namespace) -> int:
         for port in ports:
             mark = f"[{port.mark}]" if port.mark else ""
             shown = "  ".join(filter(None, (port.device.ljust(width), mark, port.description)))
-            sys.stdout.write(f"{shown.rstrip()}\n")
+            print_lines(shown.rstrip())
     else:
-        sys.stderr.write(
-            "no serial port found: plug the robot in, or pair it and connect its Bluetooth port first\n"
-        )
+        say("no serial port found: plug the robot in, or pair it and connect its Bluetooth port first")
     return ExitCode.DONE if ports else ExitCode.NO

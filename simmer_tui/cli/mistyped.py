@@ -21,7 +21,7 @@ from simmer_tui.program.program_command import (
     starting_words,
 )
 from simmer_tui.runlog.writer import LOG, PACKED
-from simmer_tui.sim.command import keyboard_text, printable, shown_path
+from simmer_tui.sim.command import keyboard_text
 
 _NAME = "simmer-tui"
 _COMMAND = re.compile(r"[A-Za-z]\d(?:[-=:, ]?\s*-?[\d.,]+)?")
@@ -80,7 +80,7 @@ def advice(given: Sequence[str], unknown: Sequence[str], prog: str, *, takes_pro
         takes_program: True if it has the option `--run`.
     """
     first = unknown[0]
-    shown = printable(first)
+    shown = first
     if takes_program and "--run" not in given and (found := _program_of(unknown)):
         return _program_advice(found, given, unknown, prog)
     if prog != _NAME:
@@ -95,7 +95,7 @@ def advice(given: Sequence[str], unknown: Sequence[str], prog: str, *, takes_pro
     if first in _MEANT:
         line = " ".join(filter(None, (_NAME, _MEANT[first], _line(_without(given, unknown)))))
         return f'"{shown}" is no {_kind(first)}: type {line}'
-    if text := printable(robot_command(unknown)):
+    if text := robot_command(unknown):
         return f'"{text}" is a command for the robot: type {_NAME}, and {text} in its last line'
     return _file_advice(first, prog)
 
@@ -141,7 +141,7 @@ def _program_of(words: Sequence[str]) -> _Program | None:
 def _program_advice(found: _Program, given: Sequence[str], unknown: Sequence[str], prog: str) -> str:
     words = _split(found.command)
     file = next((word for word in words if Path(word).suffix and not is_python(word)), words[0])
-    shown, suffix = printable(Path(file).name), Path(file).suffix.lower()
+    shown, suffix = Path(file).name, Path(file).suffix.lower()
     if suffix in _DOCUMENTS:
         return f'"{shown}" {_DOCUMENTS[suffix]}'
     if suffix in _COMPILED:
@@ -151,7 +151,7 @@ def _program_advice(found: _Program, given: Sequence[str], unknown: Sequence[str
     line = " ".join(filter(None, (prog, _line(others), run_option(found.command))))
     if not missing_program(found.command):
         return f'"{shown}" is a program: type {line}'
-    missing = f"there is no file {shown_path(file)} in {shown_path(Path.cwd())}"
+    missing = f"there is no file {file} in {Path.cwd()}"
     if near := file_nearby(file):
         other = _line([*starting_words(near), *words[words.index(file) + 1 :]])
         return f"{missing}: type {' '.join(filter(None, (prog, _line(others), run_option(other))))}"
@@ -164,7 +164,7 @@ def _program_advice(found: _Program, given: Sequence[str], unknown: Sequence[str
 
 def _file_advice(word: str, prog: str) -> str:
     """The advice on a word that names a set, a file of one, or a log."""
-    path, shown = Path(word), shown_path(word)
+    path, shown = Path(word), str(word)
     if word in bundled_sets():
         return f'"{shown}" is a configuration set: type {prog} --config {shown}'
     if path.is_dir() and any((path / name).is_file() or (path / "config" / name).is_file() for name in FILES):
@@ -186,7 +186,7 @@ def _without(given: Sequence[str], unknown: Iterable[str]) -> list[str]:
 
 
 def _line(words: Sequence[str]) -> str:
-    return printable(platform_has.shell_line(words))
+    return platform_has.shell_line(words)
 
 
 def _split(command: str) -> list[str]:

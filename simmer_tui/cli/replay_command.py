@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from functools import partial
 from pathlib import Path
 
@@ -54,7 +53,7 @@ def run_replay(options: argparse.Namespace) -> int:
     if options.no_ui or options.run or options.log:
         run_replay.parser().error("--no-ui, --run and --log need --take-over")
     if not has_terminal():
-        sys.stderr.write("simmer-tui replay: there is no terminal to draw on; simmer-tui report needs none\n")
+        say("simmer-tui replay: there is no terminal to draw on; simmer-tui report needs none")
         return ExitCode.PROBLEM
     path = log_of(options)
     log = RunLogIndex(path)

@@ -19,6 +19,7 @@ from simmer_tui.cli.command_line import (
     ExitCode,
     overrides_from,
     print_answer,
+    print_lines,
     say,
     subcommand,
     without_effect,
@@ -40,7 +41,7 @@ from simmer_tui.document.formats import ESTIMATE
 from simmer_tui.errors import ConfigurationError, Problem, TrialsError
 from simmer_tui.program.program_command import check_no_shell, is_python, missing_program
 from simmer_tui.runlog.writer import moment_name
-from simmer_tui.sim.command import counted, escape, shown_path, typed_path
+from simmer_tui.sim.command import counted, cut, typed_path
 from simmer_tui.trials.cluster import check_package, pack
 from simmer_tui.trials.explanations import Explanations, FolderRuns
 from simmer_tui.trials.failures import success_rate
@@ -151,7 +152,7 @@ def _check_program(options: argparse.Namespace, command: str) -> None:
     if options.dask is not None and not is_python("".join(command.split()[:1])):
         return
     if missing := missing_program(command):
-        raise TrialsError(f"--run {escape(command)!r}: {missing}")
+        raise TrialsError(f"--run {cut(command)!r}: {missing}")
 
 
 def _check_sure(options: argparse.Namespace) -> None:
@@ -219,7 +220,7 @@ def _resumed(options: argparse.Namespace) -> TrialFolder:
     for option, (value, before) in given.items():
         if value is not None and value != before:
             raise TrialsError(
-                f"{option} differs from that of these trials ({escape(str(before))}): leave it "
+                f"{option} differs from that of these trials ({cut(str(before))}): leave it "
                 "out to resume, or start new trials with another --out"
             )
     runs = options.runs or plan.runs
@@ -297,10 +298,10 @@ def _show(folder: TrialFolder, required: float | None, test: SequentialTest | No
     else:
         answer, page = trials_document(folder, test), trials_page(folder, write_run_pages(folder), required)
     files[REPORT_PAGE] = html_page(page)
-    written = [shown_path(folder.store.write(name, text)) for name, text in files.items()]
+    written = [str(folder.store.write(name, text)) for name, text in files.items()]
     print_answer(answer, as_json=as_json)
     if not as_json:
-        sys.stdout.write(f"Wrote {' and '.join(written)}\n")
+        print_lines(f"Wrote {' and '.join(written)}")
 
 
 def _decided(test: SequentialTest, folder: TrialFolder) -> ExitCode:

@@ -35,7 +35,7 @@ from simmer_tui.program.program_command import check_no_shell, missing_program
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.runlog.run_command import RunCommand
 from simmer_tui.runlog.saved_runs import saved_runs_folder
-from simmer_tui.sim.command import counted, printable, shown_path, typed_path
+from simmer_tui.sim.command import counted, typed_path
 from simmer_tui.sim.rules import IntegerRule, NumberRule
 from simmer_tui.trials.explanations import ChangedRun
 from simmer_tui.trials.logged_trial import LoggedTrial, obstacle
@@ -73,7 +73,7 @@ def run_why(options: argparse.Namespace) -> int:
     path = log_of(options)
     run = build_report(path, recorded=False)
     if problem := obstacle(run, path, has_command=options.run is not None):
-        raise TrialsError(f"{shown_path(path)}: {problem}")
+        raise TrialsError(f"{path}: {problem}")
     if not run.failed:
         text = f"This run did not fail, so no change is tried. {run.verdict.text}"
         print_answer(Document("Why", [Paragraph(text, "answer", "strong")]), as_json=options.json)
@@ -95,7 +95,7 @@ def _given(command: str) -> _Program:
     """The program of `--run`. Raises ProgramError, TrialsError."""
     check_no_shell(command)
     if missing := missing_program(command):
-        raise TrialsError(f"--run {printable(command)!r}: {missing}")
+        raise TrialsError(f"--run {command!r}: {missing}")
     return _Program(command, Path.cwd())
 
 
@@ -109,7 +109,7 @@ def _logged(logged: RunCommand | None, path: Path) -> _Program:
             missing = missing_program(command)
     except (OSError, ValueError):  # ValueError: a name with a zero byte
         raise TrialsError(
-            f"the program's folder {shown_path(folder)} is not there: go to where the program is now, "
+            f"the program's folder {folder} is not there: go to where the program is now, "
             f'and type {again} "CMD"'
         ) from None
     if missing:
@@ -121,7 +121,7 @@ def _may_run(program: _Program, logged: RunCommand | None, path: Path, *, yes: b
     """True if the command of a log may run: the user says so, or it is the user's own saved run. Raises
     TrialsError if nobody can be asked."""
     # The whole command: its end decides as much as its beginning.
-    what = f"{printable(program.command)}\n  in {shown_path(program.folder)}"
+    what = f"{program.command}\n  in {program.folder}"
     say(f"The program of this run:\n  {what}")
     is_own = _is_saved_here(path) and logged is not None and logged.is_sealed_here
     has_person = sys.stdin.isatty() and sys.stderr.isatty()

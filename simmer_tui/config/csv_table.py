@@ -14,7 +14,7 @@ from simmer_tui import platform_has
 from simmer_tui.config.given_path import other_case, similar_name
 from simmer_tui.errors import Problem, reason_of
 from simmer_tui.sim.columns import CsvColumn
-from simmer_tui.sim.command import NUMBER, counted, escape, escape_word, shown_path, typed_path
+from simmer_tui.sim.command import NUMBER, WORD, counted, cut, typed_path
 from simmer_tui.sim.rules import CodeRule, IntegerRule, Rule, did_you_mean
 
 T = TypeVar("T")
@@ -46,7 +46,7 @@ def read_text(path: Path, problems: list[Problem]) -> str | None:
     try:
         data = path.read_bytes()
     except FileNotFoundError:
-        folder = shown_path(path.parent)
+        folder = str(path.parent)
         what = f"is missing from {folder}; simmer-tui init DIR writes a complete set to start from"
         if other := _instead(path):
             what = f"is missing from {folder}, which has {other}"
@@ -76,15 +76,15 @@ _WORKBOOKS = (".xlsx", ".xls", ".xlsm", ".ods", ".numbers", ".gsheet")
 def _instead(path: Path) -> str:
     """The file that is there in place of a missing one, and what to do; empty if there is none."""
     if other := other_case(path):
-        return f"{escape(other)}: rename that, in small letters"
+        return f"{cut(other)}: rename that, in small letters"
     other = similar_name(path)
     if not other:
         return ""
     if other.lower().endswith(_WORKBOOKS):
-        return f'{escape(other)}: open that, and save it as "CSV UTF-8" with the name {path.name}'
+        return f'{cut(other)}: open that, and save it as "CSV UTF-8" with the name {path.name}'
     rename = "mv" if platform_has.POSIX else "ren"
     new = path if platform_has.POSIX else path.name
-    return f"{escape(other)}: {rename} {typed_path(path.with_name(other))} {typed_path(new)}"
+    return f"{cut(other)}: {rename} {typed_path(path.with_name(other))} {typed_path(new)}"
 
 
 class CsvRow(Struct, frozen=True):
@@ -344,11 +344,11 @@ def _columns_by_name(titles: TableRow, cells: Iterable[str], names: Mapping[str,
         if name is None:
             hint = did_you_mean(cell, names.values()) or f"; known are {', '.join(names.values())}"
             what = f"is not a column that is known{hint} ({_NOTES})"
-            titles.add_problem(escape_word(cell), what)
+            titles.add_problem(cut(cell, WORD), what)
         elif name in columns:
             first = column_letters(columns[name])
             what = f"is a column already (column {first}); each column must occur once"
-            titles.add_problem(escape_word(cell), what)
+            titles.add_problem(cut(cell, WORD), what)
         else:
             columns[name] = index
     return columns

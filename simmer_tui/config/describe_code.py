@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 from simmer_tui.sim.angles import half_turn, side_name
 from simmer_tui.sim.columns import FIELD_OF_VIEW, CsvColumn
-from simmer_tui.sim.command import MISSION_QUERY, counted, escape_word
+from simmer_tui.sim.command import MISSION_QUERY, WORD, counted, cut
 from simmer_tui.sim.rules import did_you_mean
 from simmer_tui.sim.specs import DriveSpec, GripperSpec, SensorSpec, SimulationSpec, VelocitySpec
 from simmer_tui.sim.velocity_commands import WAIT, velocity_shape
@@ -36,7 +36,7 @@ def describe_code(spec: SimulationSpec, code: str) -> list[str]:
         ]
     codes = [known for known, _, _ in parts]
     hint = did_you_mean(code, codes) or f"; there are {' '.join(codes)}"
-    return [f"{escape_word(code)}: no sensor or drive has that code{hint}"]
+    return [f"{cut(code, WORD)}: no sensor or drive has that code{hint}"]
 
 
 def side_of(angle: float) -> str:

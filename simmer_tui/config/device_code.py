@@ -16,7 +16,7 @@ from simmer_tui.config.device_file import DeviceFile
 from simmer_tui.config.device_outline import python_tree
 from simmer_tui.errors import ConfigurationError, DeviceError, Problem
 from simmer_tui.sim.columns import CsvColumn
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import cut
 from simmer_tui.sim.device_faults import located
 from simmer_tui.sim.rules import Rule
 from simmer_tui.sim.sensors import Sensor
@@ -180,7 +180,7 @@ def _column_faults(kind: type[Sensor]) -> Iterator[str]:
 
 def _elsewhere(kind: type[Sensor], module: ModuleType) -> Iterator[str]:
     """The reasons why a valid class cannot be written to a log, or passed to another process."""
-    shown = repr(escape(kind.__name__))
+    shown = repr(cut(kind.__name__))
     if vars(module).get(kind.__name__) is not kind:
         yield f"the class {shown} must stand in the file under that name"
         return

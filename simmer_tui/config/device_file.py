@@ -15,7 +15,6 @@ from msgspec import Struct
 
 from simmer_tui.config.given_path import opened_at_once
 from simmer_tui.errors import Problem, reason_of
-from simmer_tui.sim.command import escape, shown_path
 from simmer_tui.sim.rules import describe
 
 DEVICE_FOLDER = "devices"
@@ -114,9 +113,9 @@ def _read(directory: Path, name: str) -> bytes:
                 raise ValueError("is no file")
             data = file.read(LARGEST_DEVICE_FILE + 1)
     except FileNotFoundError:
-        raise ValueError(f"is not in the set {shown_path(directory)}") from None
+        raise ValueError(f"is not in the set {directory}") from None
     except (OSError, RuntimeError) as error:  # RuntimeError: links that lead to each other
-        raise ValueError(f"cannot be read: {escape(reason_of(error))}") from None
+        raise ValueError(f"cannot be read: {reason_of(error)}") from None
     if len(data) > LARGEST_DEVICE_FILE:
         raise ValueError(f"has more than {LARGEST_DEVICE_FILE:,} bytes")
     try:

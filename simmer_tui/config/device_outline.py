@@ -14,7 +14,6 @@ from msgspec.structs import replace
 
 from simmer_tui.config.device_file import DeviceFile
 from simmer_tui.errors import ConfigurationError, Problem
-from simmer_tui.sim.command import escape
 from simmer_tui.sim.sensors.recorded_kinds import RecordedKind, is_kind_name, is_label, recorded_class
 from simmer_tui.sim.specs import SensorKind
 
@@ -35,9 +34,9 @@ def python_tree(text: str, path: str) -> ast.Module:
             return ast.parse(text.removeprefix("\ufeff"), path)
     except SyntaxError as error:
         where = f"{path}:{error.lineno}" if error.lineno else path
-        raise ConfigurationError([Problem(where, f"is not Python: {escape(error.msg)}")]) from None
+        raise ConfigurationError([Problem(where, f"is not Python: {error.msg}")]) from None
     except (ValueError, RecursionError, MemoryError) as error:
-        what = escape(str(error)) or type(error).__name__
+        what = str(error) or type(error).__name__
         what = f"is not Python that can be read: {what}"
         raise ConfigurationError([Problem(path, what)]) from None
 

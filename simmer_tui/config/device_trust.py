@@ -20,7 +20,6 @@ from msgspec import Struct
 from simmer_tui import platform_has
 from simmer_tui.config.given_path import opened_at_once
 from simmer_tui.errors import Problem
-from simmer_tui.sim.command import shown_path
 
 if TYPE_CHECKING:  # every command imports this, and few sets have devices
     from simmer_tui.config.device_file import DeviceFile
@@ -111,7 +110,7 @@ def remember(file: DeviceFile, directory: Path) -> None:
     """Store the hash of a file, with a note for people. If it cannot be stored, the question is asked
     again."""
     path = trust_file()
-    line = f"{file.sha256}  {file.path} in {shown_path(directory.resolve())}\n"
+    line = f"{file.sha256}  {file.path} in {directory.resolve()}\n"
     try:
         path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
         if path.exists() and not _is_own(path.stat()):

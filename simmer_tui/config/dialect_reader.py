@@ -51,7 +51,7 @@ from simmer_tui.dialect.kinds import (
 from simmer_tui.dialect.patterns import NAME, Pattern
 from simmer_tui.dialect.templates import check_pack, pack_codes
 from simmer_tui.errors import Problem
-from simmer_tui.sim.command import escape, parse_value
+from simmer_tui.sim.command import cut, parse_value
 from simmer_tui.sim.rules import did_you_mean
 from simmer_tui.sim.specs import VelocityKind
 
@@ -271,7 +271,7 @@ class _Reader(RuleParts):
                 what = f"'{pattern.source}' matches nothing: one field leaves nothing to the next"
                 self._file.add_problem(place, what)
             elif why := self._never_received(pattern):
-                self._file.add_problem(place, f"'{escape(pattern.source)}' is never received: {why}")
+                self._file.add_problem(place, f"'{cut(pattern.source)}' is never received: {why}")
         return patterns
 
     def _never_received(self, pattern: Pattern) -> str:

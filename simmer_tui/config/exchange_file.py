@@ -5,7 +5,6 @@ from pathlib import Path
 
 from simmer_tui.dialect.exchange import Exchanged
 from simmer_tui.errors import ConfigurationError, Problem
-from simmer_tui.sim.command import shown_path
 
 # An hour of a robot that sends at 9600 baud has 60 MB of lines.
 _LARGEST = 100_000_000
@@ -17,7 +16,7 @@ def read_exchange(path: Path) -> tuple[float, list[Exchanged]]:
 
     Raises ConfigurationError.
     """
-    shown = shown_path(path)
+    shown = str(path)
     try:
         if path.stat().st_size > _LARGEST:
             raise ConfigurationError([Problem(shown, f"is larger than {_LARGEST} bytes")])

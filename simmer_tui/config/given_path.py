@@ -7,7 +7,7 @@ import re
 from pathlib import Path, PureWindowsPath
 from typing import BinaryIO
 
-from simmer_tui.sim.command import escape_word
+from simmer_tui.sim.command import WORD, cut
 
 _USUAL = ("maze.csv", "robot.csv", "sensors.csv", "drive.csv", "floor.csv")
 
@@ -33,7 +33,7 @@ def drive_hint(text: str) -> str:
     drive = PureWindowsPath(text).drive
     if not drive or os.sep == "\\":
         return ""
-    return f"; {escape_word(drive)} is a drive of Windows: name the folder as it is here"
+    return f"; {cut(drive, WORD)} is a drive of Windows: name the folder as it is here"
 
 
 def other_case(path: Path) -> str:

@@ -8,7 +8,7 @@ from msgspec import structs
 
 from simmer_tui.config.settings import KeySettings, all_settings
 from simmer_tui.errors import Problem
-from simmer_tui.sim.command import escape_word
+from simmer_tui.sim.command import WORD, cut
 from simmer_tui.sim.rules import did_you_mean
 
 DRIVING = ("forward", "back", "turn_left", "turn_right", "sideways_left", "sideways_right")
@@ -119,7 +119,7 @@ def key_problems(keys: KeySettings, places: Mapping[str, str]) -> Iterator[Probl
 
 def _wrong_name(key: str) -> str:
     *modifiers, base = key.split("+")
-    shown = escape_word(key)
+    shown = cut(key, WORD)
     if base not in NAMES:
         hint = did_you_mean(base, NAMES) or "; there are letters, digits, up, space, plus, f5 ..."
         return f'names a key "{shown}" that there is not{hint}'

@@ -23,7 +23,6 @@ from simmer_tui.config.sets import FILES, find_set, init_set, set_name
 from simmer_tui.config.settings import NO_WHEELS, Settings, settings_from
 from simmer_tui.config.settings_file import LoadedSettings, Override, load_settings
 from simmer_tui.errors import ConfigurationError, Problem
-from simmer_tui.sim.command import shown_path
 from simmer_tui.sim.obstacles import placement_problems
 from simmer_tui.sim.sensors import KINDS, SensorKinds
 from simmer_tui.sim.specs import (
@@ -101,7 +100,7 @@ def load(
     Raises ConfigurationError with every mistake in all the files and overrides.
     """
     if not directory.is_dir():
-        where = shown_path(directory)
+        where = str(directory)
         what = "is not a folder; simmer-tui init DIR writes a complete set to start from"
         raise ConfigurationError([Problem(where, what)])
     # All files are read even if one is wrong, so that a person sees every mistake at once.

@@ -17,7 +17,7 @@ from simmer_tui.document.model import DataColumn, DataTable, Document, data_tabl
 from simmer_tui.errors import Problem
 from simmer_tui.sim import columns
 from simmer_tui.sim.columns import column_name
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import cut
 from simmer_tui.sim.rules import PairRule
 from simmer_tui.sim.sensors import KINDS
 from simmer_tui.sim.specs import CELL_SIZE, SensorSpec
@@ -172,7 +172,7 @@ def _sensors_table(sensors: Sequence[SensorSpec]) -> DataTable:
 
 def _plain(value: object) -> object:
     """A value for JSON; those of a device's own types as text."""
-    return value if value is None or type(value) in (bool, int, float) else escape(str(value))
+    return value if value is None or type(value) in (bool, int, float) else cut(str(value))
 
 
 def _values(spec: object, values: Iterable[Value]) -> list[object]:

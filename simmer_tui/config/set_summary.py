@@ -18,9 +18,10 @@ from simmer_tui.config.settings import Settings, all_settings, value_of
 from simmer_tui.dialect.dialect_rules import DialectRules
 from simmer_tui.dialect.inverse import InverseRules
 from simmer_tui.dialect.messages import dictionary
+from simmer_tui.errors import printable
 from simmer_tui.sim.angles import ARROWS, PLAIN_ARROWS
 from simmer_tui.sim.columns import BASE, FIELD_OF_VIEW, THRESHOLD
-from simmer_tui.sim.command import escape, escape_passage, shown_path
+from simmer_tui.sim.command import cut
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.specs import (
     BLOCK,
@@ -63,7 +64,7 @@ def summarize(configuration: Configuration, *, ascii_only: bool = False) -> str:
     """The summary as lines of text, ended by a newline. With `ascii_only`, in ASCII characters only."""
     spec = configuration.simulation
     lines = [
-        f"Configuration: {shown_path(configuration.name)}",
+        f"Configuration: {configuration.name}",
         "",
         f"Maze: {spec.maze.columns} x {spec.maze.rows} cells, {spec.maze.width:g} x {spec.maze.height:g} in, "
         f"floor {'generated' if spec.maze.floor is None else 'from floor.csv'}",
@@ -94,7 +95,7 @@ def summarize(configuration: Configuration, *, ascii_only: bool = False) -> str:
         *_dialect(configuration.dialect),
         *(f"Warning: {each}." for each in set_warnings(configuration)),
     ]
-    text = "\n".join(line.rstrip() for line in lines) + "\n"
+    text = "\n".join(printable(line.rstrip()) for line in lines) + "\n"
     return text.encode("ascii", "backslashreplace").decode() if ascii_only else text
 
 
@@ -267,7 +268,7 @@ def _ports(settings: Settings) -> list[str]:
     names = (item.name for item in all_settings() if item.name.startswith(table))
     values = {name.removeprefix(table): value_of(settings, name) for name in names}
     served = sorted(dialects.served(settings.server.listeners), key=lambda each: bool(each.typed))
-    return [escape_passage(each.summary.format_map(values)) for each in served]
+    return [each.summary.format_map(values) for each in served]
 
 
 def _dialect(dialect: DialectRules | None) -> list[str]:
@@ -276,8 +277,8 @@ def _dialect(dialect: DialectRules | None) -> list[str]:
         return []
     if dialect.protocol is not None:
         return ["", f"Messages of the dialect: the course's protocol {dialect.protocol.value}"]
-    rows = [tuple(escape(cell) for cell in row) for row in dictionary(dialect)]
-    turned = [tuple(escape(cell) for cell in row) for row in InverseRules(dialect).dictionary()]
+    rows = [tuple(cut(cell) for cell in row) for row in dictionary(dialect)]
+    turned = [tuple(cut(cell) for cell in row) for row in InverseRules(dialect).dictionary()]
     lines = ["", "Messages of the dialect", *_table(("message", "does", "replies, for example"), rows), ""]
     if not turned:
         return [

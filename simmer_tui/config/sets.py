@@ -12,7 +12,7 @@ from simmer_tui.config.device_file import read_devices
 from simmer_tui.config.given_path import drive_hint, given_path
 from simmer_tui.config.leftovers import is_leftover
 from simmer_tui.errors import ConfigurationError, Problem, reason_of
-from simmer_tui.sim.command import first_of, shown_path, typed_path
+from simmer_tui.sim.command import first_of, typed_path
 from simmer_tui.sim.rules import did_you_mean
 from simmer_tui.whole_file import write_whole
 
@@ -75,7 +75,7 @@ def find_set(name_or_path: str | None) -> Path:
     if name_or_path is None:
         local = Path(LOCAL_FOLDER)
         return local if _has_set(local) else bundled_folder()
-    shown = shown_path(name_or_path)
+    shown = str(name_or_path)
     if not name_or_path.strip():
         raise ConfigurationError([Problem("the configuration set", "its name is blank; name a folder")])
     try:
@@ -149,7 +149,7 @@ def read_files(source: Path) -> dict[str, bytes]:
     found = (path for path in source.iterdir() if not is_leftover(path.name) and path.is_file())
     paths = sorted(path for path in found if path.suffix.lower() in (".csv", ".toml"))
     if not paths:
-        raise ConfigurationError([Problem(shown_path(source), "holds no files of a set to copy")])
+        raise ConfigurationError([Problem(str(source), "holds no files of a set to copy")])
     # Windows finds Sensors.CSV as sensors.csv, and other systems do not: a copy has the usual names.
     files = {_usual_name(name): data for name, data in read_all(paths, source).items()}
     problems: list[Problem] = []
@@ -171,7 +171,7 @@ def read_all(paths: Iterable[Path], folder: Path) -> dict[str, bytes]:
 
 def unreadable(error: OSError, path: Path) -> ConfigurationError:
     """The error for a file, or one of a folder, that cannot be read."""
-    where = shown_path(error.filename or path)
+    where = str(error.filename or path)
     return ConfigurationError([Problem(where, f"cannot be read: {reason_of(error)}")])
 
 
@@ -182,7 +182,7 @@ def _usual_name(name: str) -> str:
 def write_files(destination: Path, files: Mapping[str, bytes]) -> tuple[Path, ...]:
     """Write files (by name, which may have a folder) into a folder, which is created if necessary; returns
     their paths. Raises ConfigurationError, before anything is written, if one would be overwritten."""
-    shown = shown_path(destination)
+    shown = str(destination)
     # Before anything is written: a mixture of two sets would be worse than none.
     present = [name for name in files if (destination / name).exists()]
     if present:
@@ -208,14 +208,14 @@ def write_files(destination: Path, files: Mapping[str, bytes]) -> tuple[Path, ..
 def check_free(destination: Path) -> None:
     """Check that a folder is empty and can be made. Raises ConfigurationError before the work, whose result
     would be lost."""
-    shown = shown_path(destination)
+    shown = str(destination)
     if destination.exists() and (not destination.is_dir() or any(destination.iterdir())):
         what = "is there already, and not empty; nothing is overwritten, name another folder"
         raise ConfigurationError([Problem(shown, what)])
     there = next(each for each in (destination, *destination.absolute().parents) if each.exists())
     if not there.is_dir() or not os.access(there, os.W_OK):
         why = "may not be written to" if there.is_dir() else "is not a folder"
-        raise _unwritable(shown, f"{shown_path(there)} {why}")
+        raise _unwritable(shown, f"{there} {why}")
 
 
 def _unwritable(shown: str, why: str) -> ConfigurationError:

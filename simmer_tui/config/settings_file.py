@@ -11,7 +11,7 @@ from msgspec import Struct
 from simmer_tui.config.settings import ELSE_REAL, KeySettings, Setting, Settings, all_settings, settings_from
 from simmer_tui.config.toml_file import TomlFile
 from simmer_tui.errors import Problem
-from simmer_tui.sim.command import escape_word
+from simmer_tui.sim.command import WORD, cut
 from simmer_tui.sim.rules import did_you_mean
 
 FILE = "settings.toml"
@@ -81,11 +81,9 @@ def _take_option(item: Setting, override: Override, values: dict[str, Any], prob
 def _other_option(port: str) -> str:
     """The option that a text in place of a TCP port is for."""
     if re.match(r"(?i)com\d|/dev/|tty|[a-z0-9+]+://", port):
-        return f"; a serial port is --serial {escape_word(port)}"
+        return f"; a serial port is --serial {cut(port, WORD)}"
     host, colon, number = port.rpartition(":")
-    return (
-        f"; did you mean --host {escape_word(host)} --port {escape_word(number)}?" if colon and host else ""
-    )
+    return f"; did you mean --host {cut(host, WORD)} --port {cut(number, WORD)}?" if colon and host else ""
 
 
 def _flatten(tree: Mapping[str, Any], names: Iterable[str], prefix: str = "") -> Iterator[tuple[str, Any]]:

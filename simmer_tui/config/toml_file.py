@@ -7,7 +7,7 @@ from typing import Any
 
 from simmer_tui.config.csv_table import read_text
 from simmer_tui.errors import Problem
-from simmer_tui.sim.command import escape, keyboard_text, meant_number
+from simmer_tui.sim.command import cut, keyboard_text, meant_number
 from simmer_tui.sim.rules import did_you_mean
 from simmer_tui.sim.values import Value
 
@@ -37,7 +37,7 @@ class TomlFile:
     @classmethod
     def read(cls, path: Path, problems: list[Problem]) -> "TomlFile":
         """The file of a path. One that cannot be read is empty, and a problem."""
-        return cls(escape(path.name), read_text(path, problems) or "", problems)
+        return cls(path.name, read_text(path, problems) or "", problems)
 
     @property
     def mistakes(self) -> int:
@@ -48,7 +48,7 @@ class TomlFile:
         """`FILE:LINE:name`; without a line of its own, that of its table; the file for no name."""
         if not name:
             return self.file
-        shown, found = escape(name), name
+        shown, found = cut(name), name
         # A name that is missing has no line; its table may have one.
         while found and found not in self._lines:
             found = found.rpartition(".")[0]
@@ -141,13 +141,13 @@ def _parsed(text: str, file: str, problems: list[Problem]) -> dict[str, Any]:
         found = _ERROR_PLACE.search(message)
         # tomllib says "end of document" where a bracket or quote was never closed.
         line = (found and found[1]) or str(text.count("\n") + 1)
-        what = escape(_ERROR_PLACE.sub("", message))
+        what = cut(_ERROR_PLACE.sub("", message))
         lines = text.split("\n")
         hint = _toml_hint(lines[int(line) - 1]) if int(line) <= len(lines) else ""
         problems.append(Problem(f"{file}:{line}", f"is not TOML here: {hint or what}"))
     except (ValueError, RecursionError) as error:
         # Errors that tomllib does not catch: a number of thousands of digits, and brackets nested as deep.
-        problems.append(Problem(file, f"is not TOML that can be read: {escape(str(error))}"))
+        problems.append(Problem(file, f"is not TOML that can be read: {error}"))
     return {}
 
 
@@ -162,27 +162,23 @@ def _toml_hint(line: str) -> str:
     """The usual mistake in a line that is not TOML, and the line as it is written; empty for others."""
     line = line.rstrip("\r")
     if _CURLY.search(line):
-        straight = escape(keyboard_text(line).strip())
+        straight = cut(keyboard_text(line).strip())
         return f"curly quotes are no quotes; write {straight}"
     if found := _WINDOWS_PATH.search(line):
-        return (
-            f"a backslash in \"...\" begins an escape sequence; write '{escape(found[1])}', in single quotes"
-        )
+        return f"a backslash in \"...\" begins an escape sequence; write '{cut(found[1])}', in single quotes"
     if found := _COLON.fullmatch(line):
-        return f"a value stands after =; write {escape(f'{found[1].strip()} = {found[2]}')}"
+        return f"a value stands after =; write {cut(f'{found[1].strip()} = {found[2]}')}"
     found = _WORD_VALUE.fullmatch(line)
     if found is None:
         return ""
     name, value = found[1].lstrip(), found[2]
     if value.lower() in _WORDS:
-        return (
-            f"true and false have small letters and no quotes; write {escape(name + _WORDS[value.lower()])}"
-        )
+        return f"true and false have small letters and no quotes; write {cut(name + _WORDS[value.lower()])}"
     if number := meant_number(value):
-        return f"a number has a decimal point and no unit; write {escape(name + number)}"
+        return f"a number has a decimal point and no unit; write {cut(name + number)}"
     if re.match(r"[A-Za-z./~\\]", value):
         quote = "'" if "\\" in value else '"'
-        return f"a text has quotes; write {escape(f'{name}{quote}{value}{quote}')}"
+        return f"a text has quotes; write {cut(f'{name}{quote}{value}{quote}')}"
     return ""
 
 

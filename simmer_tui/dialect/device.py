@@ -38,7 +38,7 @@ from simmer_tui.dialect.messages import nearest
 from simmer_tui.dialect.templates import LONGEST_REPLY, BinaryReply
 from simmer_tui.dialect.timer import Timer
 from simmer_tui.errors import ExpressionError
-from simmer_tui.sim.command import counted, escape
+from simmer_tui.sim.command import counted, cut
 from simmer_tui.sim.sensors import Lidar, sensor_of
 
 # Bytes of noise that a notice shows, so that it fits in a line of the event list.
@@ -251,7 +251,7 @@ class DialectDevice:
             boot = self._rules.robot.boot
             what = f"the robot boots for {boot:g} s after the port was opened"
             self._faults.note(
-                f"'{escape(data.decode('utf-8', 'surrogateescape'), _SHOWN)}' is lost: {what}", alike="boot"
+                f"'{cut(data.decode('utf-8', 'surrogateescape'), _SHOWN)}' is lost: {what}", alike="boot"
             )
             return
         self._rest_watchdog()
@@ -269,7 +269,7 @@ class DialectDevice:
                 self._message(part)
 
     def _tell_noise(self, noise: Noise) -> None:
-        shown = escape(noise.data[:_SHOWN].decode("utf-8", "surrogateescape"), 4 * _SHOWN)
+        shown = cut(noise.data[:_SHOWN].decode("utf-8", "surrogateescape"), 4 * _SHOWN)
         more = f" and {len(noise.data) - _SHOWN} more" if len(noise.data) > _SHOWN else ""
         dropped = f"{counted(len(noise.data), 'byte')} dropped, {noise.why}"
         self._faults.note(f"{dropped}: '{shown}'{more}", alike=noise.why)
@@ -298,7 +298,7 @@ class DialectDevice:
         if found is None:
             hint = nearest(text, self._rules)
             self.host.done(frame.data, UNKNOWN_MESSAGE + hint)
-            self._faults.note(f"'{escape(text)}' is no message of the dialect{hint}", alike=("?", text))
+            self._faults.note(f"'{cut(text)}' is no message of the dialect{hint}", alike=("?", text))
             self._send(self._rules.unknown, {"text": text}, ": reply")
             return
         rule, values = found
@@ -458,7 +458,7 @@ class DialectDevice:
         speed = self._rules.parts.speeds.get(drive.removeprefix("-"))
         if speed is None:
             raise ExpressionError(
-                f"'{escape(drive)}' is no drive; there are {', '.join(self._rules.parts.speeds)}"
+                f"'{cut(drive)}' is no drive; there are {', '.join(self._rules.parts.speeds)}"
             )
         return scaled(speed, -1.0 if drive.startswith("-") else 1.0)
 

@@ -16,7 +16,7 @@ from simmer_tui.dialect.reply_reader import SILENCE, PendingReply, ReplyReader, 
 from simmer_tui.dialect.templates import TextReply
 from simmer_tui.dialect.timer import Timer
 from simmer_tui.errors import ExpressionError
-from simmer_tui.sim.command import escape, parse_command, parse_value
+from simmer_tui.sim.command import cut, parse_command, parse_value
 from simmer_tui.sim.velocity_commands import WAIT
 
 # Enough for the loop of a sketch, and an adapter that passes bytes on every 16 ms.
@@ -179,7 +179,7 @@ class Comparison:
                 self._delays.setdefault(reply.rule.shown, []).append((delay, asked.takes, asked.line))
 
     def _find_unknown(self, reply: RobotReply) -> None:
-        shown = escape(reply.data.decode("utf-8", "surrogateescape").strip())
+        shown = cut(reply.data.decode("utf-8", "surrogateescape").strip())
         if not shown:
             return
         pending = next((each for each in self._reader.pending if not each.optional), None)
@@ -217,4 +217,4 @@ def _said(pending: PendingReply) -> str:
         reply.source if isinstance(reply, TextReply) else f"a frame of type {reply.type}"
         for reply in pending.templates
     )
-    return escape("; ".join(shown))
+    return cut("; ".join(shown))

@@ -8,7 +8,7 @@ from simmer_tui.dialect import dialect_rules
 from simmer_tui.dialect.dialect_rules import AnyReply, DialectRules, MessageRule, Step
 from simmer_tui.dialect.expressions import MOST_RAYS, Expression, FieldValue, listed_codes
 from simmer_tui.dialect.templates import BinaryReply
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import cut
 from simmer_tui.sim.rules import did_you_mean
 
 
@@ -97,7 +97,7 @@ def _example(replies: Sequence[AnyReply], rules: DialectRules, values: dict[str,
                 times = f" ({reply.times} times)" if reply.times > 1 else ""
                 shown.append(rules.framing.frame(reply.type, content).hex(" ") + times)
             else:
-                shown.append(escape(reply.text(_Example(rules, values), rules.missing)))
+                shown.append(cut(reply.text(_Example(rules, values), rules.missing)))
         except (ValueError, struct.error) as error:
             shown.append(f"({error})")
     return ", ".join(shown)

@@ -30,7 +30,8 @@ from simmer_tui.document.model import (
     unfolded,
     words,
 )
-from simmer_tui.sim.command import escape
+from simmer_tui.errors import printable
+from simmer_tui.sim.command import cut
 
 
 def json_text(value: object) -> str:
@@ -118,7 +119,7 @@ def _cell(value: object) -> object:
     if isinstance(value, str):
         # Letters of all scripts are safe.
         is_safe = value.isprintable() and len(value) <= _LONGEST
-        return no_formula(value if is_safe else escape(value, _LONGEST))
+        return no_formula(value if is_safe else cut(printable(value), _LONGEST))
     # 1 and 0 are numbers to spreadsheets in every language; True is a word to some.
     if isinstance(value, bool):
         return int(value)

@@ -10,7 +10,7 @@ from rich.text import Text
 
 from simmer_tui.document.formats import BLOCKS, PLAIN_BLOCKS
 from simmer_tui.document.model import Bullets, DataTable, Document, Paragraph, VerdictBox, unfolded, words
-from simmer_tui.sim.command import printable
+from simmer_tui.errors import printable
 
 # Basic styles only: every terminal theme has them, and they stay readable on light and dark grounds.
 _STYLES = {"note": "dim", "warning": "yellow", "strong": "bold"}

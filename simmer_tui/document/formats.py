@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from simmer_tui.sim.command import escape_passage, escape_word, first_of
+from simmer_tui.sim.command import WORD, cut, first_of
 
 Plain = str | bool | int | float | Sequence[Any] | None
 """A value that JSON has: text, a number, a list of these, or nothing."""
@@ -118,11 +118,13 @@ LENGTH = number(".1f")
 WORDS = Format(str, (), lambda value: ())
 """Text for people only; other columns have it for programs."""
 TEXT = Format(str)
-QUOTED = Format(escape_word)
+# Several lines: the end of a path is still seen.
+_PASSAGE = 400
+QUOTED = Format(lambda text: cut(text, WORD))
 """Text from outside for a column that does not wrap: a longer one would leave no room for the others."""
-PASSAGE = Format(escape_passage)
+PASSAGE = Format(lambda text: cut(text, _PASSAGE))
 """Text from outside for a column that wraps, and for records."""
-TYPED = Format(escape_passage)
+TYPED = Format(lambda text: cut(text, _PASSAGE))
 """A path, a name of a person or a command: letters of all scripts stay."""
 COUNT = number("d")
 COUNT_OR_BLANK = Format(lambda value: str(value or ""), numeric=True)

@@ -6,7 +6,7 @@ import html
 from collections.abc import Iterable
 
 from simmer_tui.document.model import Figure
-from simmer_tui.sim.command import printable
+from simmer_tui.errors import printable
 
 PICTURE_WIDTH = 960.0
 """Width of every picture, points."""

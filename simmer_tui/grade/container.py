@@ -31,7 +31,6 @@ from simmer_tui.grade.sandbox import (
     LaunchedSandbox,
     package_folders,
 )
-from simmer_tui.sim.command import escape_passage
 
 DEFAULT_IMAGE = "python:3.12-slim"
 _DOOR, _KNOCKER = "/door", "launcher"
@@ -175,4 +174,4 @@ def what_is_missing(engine: str, image: str) -> str:
 
 
 def _shown_end(output: str) -> str:
-    return escape_passage(output.strip()[-_END:])
+    return output.strip()[-_END:]

@@ -21,7 +21,6 @@ from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.grade.archives import is_archive
 from simmer_tui.grade.limits import LIMITS, Limits
 from simmer_tui.program.shell_syntax import shell_command, shell_syntax
-from simmer_tui.sim.command import printable, shown_path
 from simmer_tui.sim.rules import FlagRule, IntegerRule, NamesRule, NumberRule, Rule, TextRule
 from simmer_tui.sim.values import Value
 from simmer_tui.trials.sequential import CAP_RULE, MARGIN, RATE_RULE, REQUIRED_RATE, RISK
@@ -168,12 +167,12 @@ def read_course(
     Raises ConfigurationError with every mistake.
     """
     problems: list[Problem] = []
-    shown = shown_path(target)
+    shown = str(target)
     for each in (target, *((course_file,) if course_file else ())):
         if not each.exists():
-            raise ConfigurationError([Problem(shown_path(each), "there is no such file or folder")])
+            raise ConfigurationError([Problem(str(each), "there is no such file or folder")])
         if is_archive(each.name) and each.is_file():
-            raise ConfigurationError([Problem(shown_path(each), f"is an archive; {_UNPACK}")])
+            raise ConfigurationError([Problem(str(each), f"is an archive; {_UNPACK}")])
     if target.is_file() and target.suffix.lower() != ".toml":
         line = 'simmer-tui trials --run "CMD ..." runs one program many times'
         raise ConfigurationError([Problem(shown, f"is no TOML file of a course; {line}")])
@@ -349,5 +348,5 @@ def _listed(file: TomlFile, home: Path, command: str) -> list[Team]:
 def shown_name(name: str, limit: int = _SHORT) -> str:
     """A name as people read it, in any script; nothing in it controls a terminal. Of a path or a mistake
     more is shown: `LONG`."""
-    shown = printable(name)
+    shown = name
     return shown if len(shown) <= limit else f"{shown[: limit - 3]}..."

@@ -43,7 +43,6 @@ from simmer_tui.grade.submission_copy import LARGEST_SUBMISSION, copy_submission
 from simmer_tui.grade.submission_folder import folder_of_program, take_folder, unpacking_advice
 from simmer_tui.grade.submission_reader import SubmissionReader
 from simmer_tui.program.program_command import words_of
-from simmer_tui.sim.command import shown_path
 from simmer_tui.sim.noise import SEED_BITS
 from simmer_tui.trials.run import OUTPUT, PACKED_LOG
 from simmer_tui.trials.sequential import Decision, SequentialTest, sequential_test
@@ -287,7 +286,7 @@ class GradeFolder:
         with self.store.locked():
             if _changes_of(self.store.read_plan()) != _changes_of(self.plan):
                 what = "another simmer-tui has changed this grading meanwhile; try again"
-                raise GradeError(f"{shown_path(self.path)}: {what}")
+                raise GradeError(f"{self.path}: {what}")
             yield
 
     def _plan_team(self, entry: Entry, planned: PlannedTeam) -> None:
@@ -366,7 +365,7 @@ def _kept(planned: PlannedTeam, path: Path, command: str, reader: SubmissionRead
         refused = _refusal(team, left_out) or unpacking_advice(files, team.command)
     except GradeError as error:
         refused = str(error)
-    not_copied = [f"{shown_path(path)} {reason}" for path, reason in islice(left_out.items(), _MOST_NAMED)]
+    not_copied = [f"{path} {reason}" for path, reason in islice(left_out.items(), _MOST_NAMED)]
     if more := len(left_out) - len(not_copied):
         not_copied.append(f"and {more} more")
     return PlannedTeam(team, planned.attempt, refused, tuple(not_copied))
@@ -389,5 +388,5 @@ def _refusal(team: Team, left_out: Mapping[str, str]) -> str:
         for path in map(str, (name, *name.parents)):
             if path in left_out:
                 what = "which is not copied: submit a plain file or folder"
-                return f"{shown_path(path)} {left_out[path]}, {what}"
+                return f"{path} {left_out[path]}, {what}"
     return ""

@@ -15,7 +15,6 @@ from simmer_tui.grade.container import Container
 from simmer_tui.grade.limits import Limits
 from simmer_tui.grade.sandbox import Isolation
 from simmer_tui.program import Keeper
-from simmer_tui.sim.command import escape_passage
 from simmer_tui.trials.run import Sandbox, TrialRun, Unconfined, fault_result
 from simmer_tui.trials.trial import Ending, Trial, TrialResult
 from simmer_tui.whole_file import write_whole
@@ -63,7 +62,7 @@ class GradeRun(TrialRun):
         try:
             result = super().run()
         except (ConfigurationError, PlacementError, PortError) as error:
-            failed = fault_result(self._trial, escape_passage(str(error)))
+            failed = fault_result(self._trial, str(error))
             result = structs.replace(failed, ending=Ending.EXIT)
         if result.success:
             self._output_file.unlink(missing_ok=True)

@@ -20,7 +20,7 @@ from simmer_tui.dialect.dialect_rules import DialectRules
 from simmer_tui.errors import Problem
 from simmer_tui.grade.course import Rules
 from simmer_tui.sim.columns import GRIPPER, MOVEMENT, CsvColumn
-from simmer_tui.sim.command import escape, escape_word
+from simmer_tui.sim.command import WORD, cut
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.specs import DriveSpec, GripperSpec, RobotSpec, SensorSpec, VelocitySpec
 from simmer_tui.sim.values import CourseRule
@@ -226,7 +226,7 @@ def _robot_cells(file: str, labels: tuple[str, ...], wanted: str, found: str) ->
     for model, row in zip_longest(plain_rows(wanted), plain_rows(found), fillvalue=nothing):
         label = (row or model)[0]
         if label not in labels and [*map(_plain, row[1:])] != [*map(_plain, model[1:])]:
-            yield Problem(f"{file}:{escape(label)}", "must be the same as in the course's set")
+            yield Problem(f"{file}:{cut(label)}", "must be the same as in the course's set")
 
 
 def _table_cells(file: str, columns: tuple[str, ...], wanted: str, found: str) -> Iterable[Problem]:
@@ -239,7 +239,7 @@ def _table_cells(file: str, columns: tuple[str, ...], wanted: str, found: str) -
         for column in [each for each in {**model, **row} if each not in (ID, *columns)]:
             if _plain(row.get(column, "")) != _plain(model.get(column, "")):
                 yield Problem(
-                    f"{file}:{escape_word(name)}:{escape_word(column)}",
+                    f"{file}:{cut(name, WORD)}:{cut(column, WORD)}",
                     "must be the same as in the course's set",
                 )
 

@@ -22,7 +22,6 @@ from simmer_tui.links.ports import Listener, PortRequest
 from simmer_tui.program.control_program import RunningProgram
 from simmer_tui.program.program_command import with_hook, words_of
 from simmer_tui.program.program_output import ProgramOutput, reading
-from simmer_tui.sim.command import escape_passage
 
 HOME, SANDBOXED_FILES, SANDBOXED_PACKAGE = "/robot/home", "/program", "/simmer"
 """In a sandbox: the program's own copy of its files, the original files, and our package."""
@@ -94,7 +93,7 @@ class LaunchedSandbox(ABC):
         self._open()
         answer, sockets = self._ask({"listen": request.number})
         if "error" in answer:
-            raise PortError(f"port {request.number} ({request.purpose}): {escape_passage(answer['error'])}")
+            raise PortError(f"port {request.number} ({request.purpose}): {answer['error']}")
         for each in sockets:
             each.listen(request.backlog)  # the launcher knows no dialect
             each.setblocking(False)
@@ -123,7 +122,7 @@ class LaunchedSandbox(ABC):
         if "error" in answer:
             for each in meter:
                 each.close()
-            raise ProgramError(f"{escape_passage(command)}: {escape_passage(answer['error'])}")
+            raise ProgramError(f"{command}: {answer['error']}")
         assert process.stdout is not None, "its output is taken"
         assert process.stderr is not None, "its output is taken"
         with process.stdout as stdout, process.stderr as stderr:
@@ -188,7 +187,7 @@ class LaunchedSandbox(ABC):
         """Last output of bubblewrap before it ended."""
         assert self._process is not None, "it has been started"
         self._kill()
-        said = escape_passage(b"".join(self._process.communicate()).decode(errors="replace").strip())
+        said = b"".join(self._process.communicate()).decode(errors="replace").strip()
         return f": {said}" if said else ""
 
 

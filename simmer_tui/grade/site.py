@@ -25,7 +25,7 @@ from simmer_tui.document.model import (
 from simmer_tui.grade.grade_folder import GradeFolder, number_in_team
 from simmer_tui.grade.team_result import TeamResult, TeamStatus, code_of, last_failure, ranked
 from simmer_tui.run.phrases import SHOWN_OUTPUT
-from simmer_tui.sim.command import counted, escape, escape_passage, first_of
+from simmer_tui.sim.command import counted, cut, first_of
 from simmer_tui.sim.fingerprint import math_fingerprint
 from simmer_tui.trials.figures import log_page, map_figure
 from simmer_tui.trials.sequential import shown_test
@@ -150,7 +150,7 @@ def _notes(folder: GradeFolder, isolation: str) -> list[DocumentPart]:
     return [
         Paragraph(note, kind="note"),
         Paragraph(isolation, "isolation", "note"),
-        *(Paragraph(escape(text, 600), "computing", "note") for text in said),
+        *(Paragraph(cut(text, 600), "computing", "note") for text in said),
         Paragraph(
             f"Fingerprint of this machine's mathematics: {math_fingerprint()}. On a machine with another "
             "fingerprint, numbers may differ in their last bits.",
@@ -226,7 +226,7 @@ def _last_lines(folder: GradeFolder, team_result: TeamResult) -> Bullets:
     except OSError:
         return Bullets(title, ())  # not kept: its space was used up
     lines = output.decode(errors="replace").splitlines()[-SHOWN_OUTPUT:]
-    return Bullets(title, [escape_passage(line) for line in lines], kind="output")
+    return Bullets(title, lines, kind="output")
 
 
 def _team_page(folder: GradeFolder, team_result: TeamResult, links: dict[int, str]) -> Document:

@@ -21,7 +21,7 @@ from simmer_tui.config.toml_file import TomlFile
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.grade.course import ROBOT_FILES, Rules, Team
 from simmer_tui.grade.robot_rules import rule_problems
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import cut
 from simmer_tui.sim.specs import RobotSpec
 from simmer_tui.sim.values import CourseRule
 
@@ -89,7 +89,7 @@ def _own_set(team: Team, home: Path) -> Path | None:
     ):
         raise ConfigurationError([Problem("config", "must lie in the team's folder")])
     if not given.exists():
-        raise ConfigurationError([Problem("config", f'there is no "{escape(team.config)}"')])
+        raise ConfigurationError([Problem("config", f'there is no "{cut(team.config)}"')])
     if given.is_dir() and any((given / name).is_file() for name in (*ROBOT_FILES, DIALECT_FILE)):
         return given
     goal = home / OWN_SET

@@ -19,7 +19,6 @@ from pathlib import Path, PurePosixPath
 from simmer_tui.config.leftovers import is_environment, is_leftover, is_leftover_folder
 from simmer_tui.errors import GradeError, reason_of
 from simmer_tui.grade.limits import Limits
-from simmer_tui.sim.command import escape_passage, shown_path
 
 # Programs have dozens of files; an environment that was submitted by mistake has ten thousands.
 MOST_FILES = 2000
@@ -123,7 +122,7 @@ class _Copy:
                 elif reason := self._not_copied(source, entry, goal, shown):
                     self.left_out[str(here)] = reason
             except OSError as error:
-                raise GradeError(f"{shown_path(here)}: {reason_of(error)}") from None
+                raise GradeError(f"{here}: {reason_of(error)}") from None
         goal.chmod(0o755)  # the program reads them with a user ID that nobody has
 
     def _listed(self, source: _Folder, shown: PurePosixPath) -> list[os.DirEntry[str]]:
@@ -136,7 +135,7 @@ class _Copy:
                         raise GradeError(f"has more than {_MOST_ENTRIES} files, folders and links")
                     found.append(entry)
         except OSError as error:
-            raise GradeError(f"{shown_path(shown)}: {reason_of(error)}") from None
+            raise GradeError(f"{shown}: {reason_of(error)}") from None
         return sorted(found, key=lambda entry: entry.name)
 
     def _not_copied(self, source: _Folder, entry: os.DirEntry[str], goal: Path, shown: PurePosixPath) -> str:
@@ -156,7 +155,7 @@ class _Copy:
         try:
             found = os.fstat(read)
             if not stat.S_ISREG(found.st_mode):
-                raise GradeError(f"{escape_passage(name)}: changed while it was copied")
+                raise GradeError(f"{name}: changed while it was copied")
             if found.st_nlink > 1 and found.st_uid != self._owner:
                 return False  # it is a link as well
             self._files += 1
@@ -189,7 +188,7 @@ def _largest(inside: Counter[PurePosixPath]) -> str:
     found = max(
         (path for path, count in inside.items() if 2 * count > whole), key=lambda path: len(path.parts)
     )
-    return f", most of them in {shown_path(found)}: leave it out" if found.parts else ""
+    return f", most of them in {found}: leave it out" if found.parts else ""
 
 
 def _write_all(descriptor: int, data: bytes) -> None:

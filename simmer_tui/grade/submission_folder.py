@@ -16,7 +16,6 @@ from simmer_tui.errors import ProgramError
 from simmer_tui.grade.archives import is_archive
 from simmer_tui.grade.submission_copy import ENVIRONMENT
 from simmer_tui.program.program_command import words_of
-from simmer_tui.sim.command import shown_path
 
 _BETWEEN_NAMES = re.compile(r"[\s'\"();,=]+")
 """Characters between the names in a command, also in one that a shell or MATLAB gets as one word."""
@@ -64,23 +63,20 @@ def unpacking_advice(files: Path, command: str) -> str:
     are in an archive, in a folder beside other files, or have another case, as Windows and macOS allow."""
     inside = sorted(files.iterdir())
     if inside and all(is_archive(path.name) for path in inside):
-        return f"{shown_path(inside[0].name)} is an archive, which is not unpacked: submit what is in it"
+        return f"{inside[0].name} is an archive, which is not unpacked: submit what is in it"
     words = _words(command)
     if any(_has(files, word) for word in words):
         return ""
     for word in words:
         for path in inside:
             if path.name.lower() == word.removeprefix("./").lower():
-                there = f"{shown_path(word)} is not there, but {shown_path(path.name)} is"
+                there = f"{word} is not there, but {path.name} is"
                 return f"{there}: write its name in the same letters"
     found = [(path.name, word) for path in inside for word in words if (path / word).is_file()]
     if len(found) != 1:
         return ""
     folder, word = found[0]
-    return (
-        f"{shown_path(word)} is not there, but {shown_path(f'{folder}/{word}')} is: "
-        f"submit what is in the folder {shown_path(folder)}"
-    )
+    return f"{word} is not there, but {f'{folder}/{word}'} is: submit what is in the folder {folder}"
 
 
 def _words(command: str) -> list[str]:

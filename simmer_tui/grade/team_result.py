@@ -12,7 +12,6 @@ from simmer_tui.document.formats import ESTIMATE
 from simmer_tui.grade.course import LONG, shown_name
 from simmer_tui.grade.grade_folder import Entry, GradeFolder
 from simmer_tui.report.causes import Kind
-from simmer_tui.sim.command import escape_passage
 from simmer_tui.trials.intervals import IntervalEstimate, median
 from simmer_tui.trials.sequential import Decision
 from simmer_tui.trials.trial import TrialResult
@@ -118,7 +117,7 @@ def _team_result(folder: GradeFolder, entry: Entry, *, hidden: bool) -> TeamResu
         results=results,
         time=median([result.time for result in results if result.success]),
         contacts=sum(result.contacts for result in results) / len(results) if results else None,
-        causes=[(escape_passage(cause), number) for cause, number in causes.most_common(_CAUSES)],
+        causes=[(cause, number) for cause, number in causes.most_common(_CAUSES)],
     )
 
 
@@ -142,4 +141,4 @@ def _status(entry: Entry, decision: Decision | None) -> TeamStatus:
 def last_failure(team_result: TeamResult) -> str:
     """Cause of the last failed run, or empty."""
     failed = [result for result in team_result.results if not result.success]
-    return escape_passage(failure_text(failed[-1])) if failed else ""
+    return failure_text(failed[-1]) if failed else ""

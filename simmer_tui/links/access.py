@@ -18,7 +18,7 @@ from simmer_tui.links.peer import CLOSING, host_of
 from simmer_tui.links.protocol.line_marks import without_marks
 from simmer_tui.robot.program_clock import clock_of
 from simmer_tui.run.events import Event, Notice, NoticeKind
-from simmer_tui.sim.command import escape_word
+from simmer_tui.sim.command import WORD, cut
 
 # The length of the longest command: a program without a token sends a command first.
 LONGEST_TOKEN = 256
@@ -83,7 +83,7 @@ class AccessCheck:
         if uid in (0, platform_has.user_id()):
             return True
         self._stranger_seen = True
-        user = escape_word(platform_has.user_name(uid))
+        user = cut(platform_has.user_name(uid), WORD)
         self.tell(
             f"a program of user {user} turned away from port {sock.getsockname()[1]}: this robot is "
             f"somebody else's; {self._way_in}"

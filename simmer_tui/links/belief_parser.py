@@ -27,7 +27,7 @@ from simmer_tui.run.belief_grid import (
 )
 from simmer_tui.run.events import LARGEST_NUMBER, Belief
 from simmer_tui.sim.angles import MOST_HEADINGS
-from simmer_tui.sim.command import escape_word
+from simmer_tui.sim.command import WORD, cut
 from simmer_tui.sim.pose import Pose
 
 # Judged: more than a large terminal has cells, so that more could not be distinguished.
@@ -74,7 +74,7 @@ def parse_belief(line: bytes, time: float, true: Pose, whole: Bounds) -> Belief:
 def _check_names(fields: dict[str, Any], known: Sequence[str], what: str) -> None:
     # An error, not ignored: a misspelt field would never be drawn, without a word.
     if unknown := sorted(set(fields) - set(known)):
-        raise ValueError(f"'{escape_word(unknown[0])}' is no field of a {what}; there are {', '.join(known)}")
+        raise ValueError(f"'{cut(unknown[0], WORD)}' is no field of a {what}; there are {', '.join(known)}")
 
 
 def _number(value: Any, name: str) -> float:

@@ -38,7 +38,7 @@ from simmer_tui.run.events import (
     VelocityEnded,
     WireMessage,
 )
-from simmer_tui.sim.command import PEOPLE, Command, counted, escape, escape_word, parse_command, shown_path
+from simmer_tui.sim.command import PEOPLE, WORD, Command, counted, cut, parse_command
 from simmer_tui.sim.records import REFUSALS, CommandResult, Status
 
 # A stream at 240 Hz would be most of a log, and its messages are all alike.
@@ -55,7 +55,7 @@ _STOP = Command(STOP, STOP, stops=True)
 def no_hook_advice(terminal: PtyDevice | None) -> str:
     """The next step for a program without the hook, with the pseudo-terminal that there is."""
     if terminal is not None:
-        other = f"let it open {shown_path(terminal.path)}"
+        other = f"let it open {terminal.path}"
     elif platform_has.POSIX:
         other = "give it a serial port with --pty PATH"
     else:
@@ -221,7 +221,7 @@ class DialectLink:
         self._terminal: PtyPort | None = None
         if context.terminal is not None:
             self._terminal = PtyPort(context.terminal, self)
-            where = shown_path(context.terminal.path)
+            where = str(context.terminal.path)
             self.engine.tell(Notice(NoticeKind.HINT, f"the robot's serial port is at {where}"))
 
     @property
@@ -276,7 +276,7 @@ class DialectLink:
             return
         refused = self._refused(endpoint, name)
         if refused:
-            self.engine.tell_fault(f"a program opened {escape_word(name)}{refused}: it was refused")
+            self.engine.tell_fault(f"a program opened {cut(name, WORD)}{refused}: it was refused")
             endpoint.answer(f"could not open port '{name}': Access is denied.")
             return
         self._driver = endpoint
@@ -285,7 +285,7 @@ class DialectLink:
         if baud is not None:
             self.set_baud(endpoint, baud)
             rate = f" at {baud:g} baud"
-        text = f"a program opened {escape_word(name)}{rate}"
+        text = f"a program opened {cut(name, WORD)}{rate}"
         self.engine.tell(Notice(NoticeKind.CONNECTED, text, endpoint.peer))
         endpoint.answer("")
         backend = self._context.backend
@@ -300,7 +300,7 @@ class DialectLink:
         if self._context.clock is not None and not endpoint.by_clock:
             return f", but {NOT_SERVED}"
         if self._driver is not None:
-            return f" while another one drives the robot by {escape_word(self._driver.port)}"
+            return f" while another one drives the robot by {cut(self._driver.port, WORD)}"
         refused = self._lock.acquire(self, f"a program by {name}")
         return f", but {refused}" if refused else ""
 
@@ -346,7 +346,7 @@ class DialectLink:
             text = f"dialect: the program left {counted(unread, 'byte')} of replies unread"
             self.engine.tell(Notice(kind, text))
         self._host.close(runs_on=self._runs_on)
-        text = f"the program closed {escape_word(endpoint.port)}"
+        text = f"the program closed {cut(endpoint.port, WORD)}"
         self.engine.tell(Notice(NoticeKind.LEFT, text, endpoint.peer))
         # One that only looks which ports there are is no client.
         if self._has_exchanged:
@@ -380,8 +380,8 @@ class DialectLink:
         """A read of the program has waited for long, at `place`."""
         if endpoint is not self._driver:
             return
-        last = f"; the last message was '{escape(self._last)}'" if self._last else ""
-        where = escape(place)
+        last = f"; the last message was '{cut(self._last)}'" if self._last else ""
+        where = cut(place)
         self.engine.tell_fault(
             f"dialect: the program waits at {where} for bytes that have not come for 10 s{last}"
         )

@@ -23,7 +23,7 @@ from simmer_tui.links.monitored_robot import MonitoredRobot
 from simmer_tui.links.protocol.packets import STOP
 from simmer_tui.robot.sessions import Answered, LoopTimer, Session
 from simmer_tui.run.events import NoticeKind
-from simmer_tui.sim.command import PEOPLE, Command, escape_word, parse_value
+from simmer_tui.sim.command import PEOPLE, WORD, Command, cut, parse_value
 from simmer_tui.sim.records import CommandResult, Status
 from simmer_tui.sim.velocity_commands import WAIT, parse_wait
 
@@ -342,7 +342,7 @@ class DialectRobot(MonitoredRobot):
         try:
             x, y, turn = (float(each) for each in (command.argument or "").split(";")[:3])
         except ValueError:
-            return f"'{escape_word(command.text)}' is no velocity of a key"
+            return f"'{cut(command.text, WORD)}' is no velocity of a key"
         if not (x or y or turn):
             return None
         found = self._inverse.code_of((x, y, turn))

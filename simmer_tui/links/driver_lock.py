@@ -9,7 +9,7 @@ from collections.abc import Callable
 from simmer_tui.links.peer import host_of
 from simmer_tui.links.processes import LONGEST_SEARCH, Process, ProcessLookup, session_of
 from simmer_tui.robot.program_clock import ProgramClock
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import cut
 
 NOT_SERVED = "by the program's clock only the program of --run is served"
 """The reason why other programs are refused."""
@@ -38,7 +38,7 @@ class DriverLock:
             return f"{self._name} drives the robot, and one program at a time does"
         if self._holder is not holder:
             self._process = None
-        self._holder, self._name, self.used = holder, escape(name), True
+        self._holder, self._name, self.used = holder, cut(name), True
         self._process = process or self._process
         return ""
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from simmer_tui import platform_has
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import cut
 
 WRITE_TIMEOUT = 2.0
 """Seconds after which a port that takes no bytes counts as lost."""
@@ -53,8 +53,7 @@ def list_ports() -> tuple[SerialPort, ...]:
 def describe_ports(found: Iterable[Any]) -> tuple[SerialPort, ...]:
     """pyserial's `ListPortInfo`s as ports with marks; text from devices is made safe to show."""
     return tuple(
-        SerialPort(escape(str(info.device)), escape(_description(info)), _mark(info))
-        for info in sorted(found)
+        SerialPort(cut(str(info.device)), cut(_description(info)), _mark(info)) for info in sorted(found)
     )
 
 
@@ -139,7 +138,7 @@ def close_port(port: Any) -> None:
 
 def explain(error: Exception, name: str, *, was_open: bool = False) -> str:
     """The reason why a port could not be opened, or was lost, and the next step."""
-    shown, detail = escape(name), escape(str(error))
+    shown, detail = cut(name), str(error)
     if was_open:
         if "timeout" in detail.lower():
             return f"{shown} takes no more bytes: is the robot on, and in reach?"

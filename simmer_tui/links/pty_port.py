@@ -19,7 +19,7 @@ from simmer_tui.errors import PortError, reason_of
 from simmer_tui.links.peer import PIECE
 from simmer_tui.links.serial_wire import DRIVER_BUFFER, USB_FRAME, SerialRobot
 from simmer_tui.robot.sessions import LoopTimer
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import cut
 
 NOT_ON_WINDOWS = (
     "--pty: Windows has no pseudo-terminals. A Python program is led to the robot by --run, or by what "
@@ -334,7 +334,7 @@ class PtyPort:
         room = max(DRIVER_BUFFER - len(self._unread), 0)
         if len(data) > room and not self._has_lost:
             self._has_lost = True
-            where = escape(self.port)
+            where = cut(self.port)
             self._robot.engine.tell_fault(f"dialect: the program at {where} does not read: replies are lost")
         self._unread += data[:room]
 

@@ -12,7 +12,7 @@ from simmer_tui.links.serial_link import RobotLink
 from simmer_tui.robot.engine import Engine
 from simmer_tui.robot.sessions import LoopTimer
 from simmer_tui.run.events import ActionDone, ActionName, EventHandler, Notice, NoticeKind
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import cut
 
 # Judged: the pieces of a greeting come closer together. After its messages the boot loader of an ESP32 takes
 # less to begin the sketch.
@@ -137,7 +137,7 @@ class RealRobot(EventHandler[None], Backend):
         self._greeted.cancel()
         said, self._said = bytes(self._said), bytearray()
         if said.strip():
-            shown = escape(said.strip().decode("latin-1"))
+            shown = cut(said.strip().decode("latin-1"))
             self._tell(NoticeKind.ROBOT, f"robot: the board said '{shown}' when it started")
 
     def _set_open(self) -> None:

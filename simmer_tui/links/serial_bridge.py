@@ -32,7 +32,7 @@ from simmer_tui.links.real_robot import RealRobot
 from simmer_tui.robot.sessions import Answered, LoopTimer, Session
 from simmer_tui.run.events import NoticeKind, TwinReading
 from simmer_tui.sim.arrays import FloatArray
-from simmer_tui.sim.command import Command, counted, escape, escape_passage
+from simmer_tui.sim.command import Command, counted, cut
 from simmer_tui.sim.records import CommandResult, LidarScan, Reading, Status, ray_bearings
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.sim.velocity_commands import WAIT, parse_wait
@@ -408,7 +408,7 @@ class SerialBridge(RealRobot):
             if not self.engine.simulator.is_velocity(result.command) or simulated.status is Status.REFUSED:
                 continue
             self._velocity_told = True
-            text = escape_passage(result.command.text)
+            text = result.command.text
             how = f"the robot answered {result.reply:g} to {text}"
             if result.status is Status.UNANSWERED:
                 how = f"{self.no_answer}: {text}"
@@ -436,7 +436,7 @@ class SerialBridge(RealRobot):
 
     def _report_discarded(self) -> None:
         count, sample = self._framer.take_discarded()
-        shown = escape(sample.decode("latin-1"))
+        shown = cut(sample.decode("latin-1"))
         text = f"{counted(count, 'byte')} from the robot discarded, no answer to anything: '{shown}'"
         self._tell(NoticeKind.ROBOT, text)
 

@@ -40,7 +40,7 @@ from simmer_tui.robot.playback_throttle import checked_pace
 from simmer_tui.robot.program_clock import ProgramClock, ProgramClockLoop
 from simmer_tui.robot.sessions import Answered, LinkDelay, Session
 from simmer_tui.run.events import Event, MissionEnd, Notice, NoticeKind
-from simmer_tui.sim.command import MISSION_QUERY, Command, escape
+from simmer_tui.sim.command import MISSION_QUERY, Command, cut
 from simmer_tui.sim.simulator import Simulator
 
 if TYPE_CHECKING:  # Modules that only some runs need are imported in those.
@@ -370,7 +370,7 @@ class Server:
         # The old bridge answers its open commands before the new one is used.
         self._use_simulator()  # the same port cannot be open twice
         serial = replace(self.configuration.settings.serial, port=port)
-        self.engine.tell(Notice(NoticeKind.ROBOT, f"programs drive the robot on {escape(port)}"))
+        self.engine.tell(Notice(NoticeKind.ROBOT, f"programs drive the robot on {cut(port)}"))
         from simmer_tui.links.robot_bridge import bridge_to
 
         link = self._robot_link(serial)

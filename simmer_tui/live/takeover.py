@@ -42,7 +42,7 @@ from simmer_tui.runlog.log_records import ActionRecord
 from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.runlog.rerun import SAME_TIME, Rerun
 from simmer_tui.runlog.writer import ReplayedPrefix
-from simmer_tui.sim.command import PEOPLE, shown_path
+from simmer_tui.sim.command import PEOPLE
 from simmer_tui.sim.simulator import Simulator
 
 BY = "the take-over"
@@ -313,7 +313,7 @@ class _LinkFollower(EventHandler[None]):
         took = self._engine.draw_link(2)
         if took != event.link:
             raise RunLogError(
-                f"{shown_path(self._path)}: line {self.line}: the link took {event.link!r} s in the "
+                f"{self._path}: line {self.line}: the link took {event.link!r} s in the "
                 f"log and {took!r} s now; in which order its delays were drawn is not known"
             )
 

@@ -17,7 +17,6 @@ from simmer_tui.errors import ProgramError, reason_of
 from simmer_tui.program.kept_process import Keeper, KeptProcess
 from simmer_tui.program.program_command import console_variables, start_advice, with_hook, words_of
 from simmer_tui.program.program_output import OutputReader, OutputRoute, ProgramOutput
-from simmer_tui.sim.command import shown_path
 
 if TYPE_CHECKING:
     from simmer_tui.program.job_process import JobProcess
@@ -125,7 +124,7 @@ class Program(RunningProgram):
                 raise
         except OSError as error:
             # The program's name is repeated only if the command has more words.
-            name = f"{shown_path(error.filename)}: " if error.filename not in (None, command) else ""
+            name = f"{error.filename}: " if error.filename not in (None, command) else ""
             why = (start_advice(command) if folder is None else "") or f"{name}{reason_of(error)}"
             raise ProgramError(f"--run {command!r}: {why}") from None
         self.pid = process.pid

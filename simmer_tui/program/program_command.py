@@ -11,7 +11,7 @@ from pathlib import Path, PureWindowsPath
 from simmer_tui import platform_has
 from simmer_tui.errors import ProgramError
 from simmer_tui.program.shell_syntax import shell_problem
-from simmer_tui.sim.command import escape_word, printable, shown_path, typed_path
+from simmer_tui.sim.command import WORD, cut, typed_path
 from simmer_tui.sim.rules import did_you_mean
 
 HOOK_FOLDER = Path(__file__).resolve().parent / "hook"
@@ -168,13 +168,13 @@ def missing_program(command: str) -> str:
 
         if which(name) or Path(name).exists():
             return ""
-        return f"there is no program {escape_word(name)}{did_you_mean(name, _USUAL)}"
+        return f"there is no program {cut(name, WORD)}{did_you_mean(name, _USUAL)}"
     if not name or Path(name).exists():
         return ""
     near = file_nearby(name)
     hint = f"; did you mean {typed_path(near)}?" if near else ""
-    folder = "" if Path(name).is_absolute() else f" in {shown_path(Path.cwd())}"
-    return f"there is no file {shown_path(name)}{folder}{hint}"
+    folder = "" if Path(name).is_absolute() else f" in {Path.cwd()}"
+    return f"there is no file {name}{folder}{hint}"
 
 
 def start_advice(command: str) -> str:
@@ -188,7 +188,7 @@ def start_advice(command: str) -> str:
     if starts == [str(path)]:
         return ""
     line = platform_has.shell_line([*starts, *words[1:]])
-    return f"{shown_path(path)} does not start by itself; {run_option(line)} starts it"
+    return f"{path} does not start by itself; {run_option(line)} starts it"
 
 
 def starting_words(path: Path) -> list[str]:
@@ -208,7 +208,7 @@ def starting_words(path: Path) -> list[str]:
 def run_option(command: str) -> str:
     """`--run "CMD ..."` as it is typed."""
     plain = not set(command) & set('"$`\\!')
-    return f'--run "{printable(command)}"' if plain else f"--run {typed_path(command)}"
+    return f'--run "{command}"' if plain else f"--run {typed_path(command)}"
 
 
 def file_nearby(name: str) -> Path | None:

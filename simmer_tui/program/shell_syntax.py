@@ -7,7 +7,6 @@ import shlex
 from collections.abc import Iterator
 
 from simmer_tui import platform_has
-from simmer_tui.sim.command import printable
 
 # POSIX.1-2024, 2.4 to 2.7 and 2.9.3: operators, redirections, substitutions; cmd.exe has the same operators.
 # A single & or ; inside a word is left to the program: addresses have them.
@@ -58,7 +57,7 @@ def shell_problem(command: str, *, windows: bool = not platform_has.POSIX) -> st
     if not found:
         return ""
     typed = _quoted(shell_command(command, windows=windows), windows=windows)
-    return f"{printable(found)} is a shell's, and no shell is used; type --run {printable(typed)}"
+    return f"{found} is a shell's, and no shell is used; type --run {typed}"
 
 
 def _quoted(command: str, *, windows: bool) -> str:

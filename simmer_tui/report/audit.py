@@ -35,7 +35,6 @@ from simmer_tui.report.sensor_sample import by_sensor, sample_of
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.angles import half_turn
-from simmer_tui.sim.command import shown_path
 from simmer_tui.sim.noise import bias_spread
 from simmer_tui.sim.specs import CELL_SIZE, DriveSpec, SensorSpec, SimulationSpec
 
@@ -243,4 +242,4 @@ def _device(code: str, rows: str, nominal: Nominal) -> DeviceUnderTest:
 
 
 def _by(nominal: Nominal) -> str:
-    return f"the nominal set {shown_path(nominal.name)}"
+    return f"the nominal set {nominal.name}"

@@ -35,7 +35,7 @@ from simmer_tui.run.phrases import (
 from simmer_tui.run.progress import HUNDRED
 from simmer_tui.run.run_history import CHAIN
 from simmer_tui.run.table import Timed
-from simmer_tui.sim.command import counted, escape_passage
+from simmer_tui.sim.command import counted
 from simmer_tui.sim.specs import CELL_SIZE
 
 # Judged: a good program crosses the maze with fewer movements.
@@ -156,13 +156,13 @@ def _behind(run: RunEvidence) -> tuple[str, tuple[str, ...]]:
 def _wire(run: RunEvidence) -> Fact | None:
     away, fault = run.turned_away, run.deciding_fault
     if away is not None:
-        why = escape_passage(away.text.partition(": ")[2])
+        why = away.text.partition(": ")[2]
         text = f"A program was turned away at {away.elapsed:.1f} s: {why}, and another was connected."
         return Fact(text, away, advice="End the other program, then start this one.")
     if fault is None:
         return None
     refused, of = run.refused_share
-    text = escape_passage(fault.text)
+    text = fault.text
     if refused and 2 * refused > of:
         text = f"{refused} of {counted(of, 'command')} were refused: {text}"
     # The fault itself says what to do.
@@ -173,13 +173,13 @@ def _refused(run: RunEvidence) -> Fact | None:
     seen, found = run.seen, run.mostly_refused
     if found is not None:
         codes, count, of, since, last = found
-        command, reason = last.result.command.shown, escape_passage(last.result.reason)
+        command, reason = last.result.command.shown, last.result.reason
         begin = f"{count} of {of} commands to drive were refused from {since:.1f} s on"
         return Fact(f"{begin}. The last was {command}: {reason}.", last, culprits=tuple(codes))
     refused, of = run.refused_share
     if 2 * refused > of and seen.refusals:
         first = seen.refusals[0]
-        command, reason = first.result.command.shown, escape_passage(first.result.reason)
+        command, reason = first.result.command.shown, first.result.reason
         return Fact(
             f"{refused} of {counted(of, 'command')} were refused. The first was {command}: {reason}.", first
         )
@@ -189,7 +189,7 @@ def _refused(run: RunEvidence) -> Fact | None:
     row = None if run.has_contact else run.refused_action
     if row is None or seen.task is None:
         return None
-    reason, code = escape_passage(row.result.reason), row.result.command.code
+    reason, code = row.result.reason, row.result.command.code
     return Fact(f"{row.result.command.shown} was refused: {reason}.", row, culprits=(code,))
 
 
@@ -208,7 +208,7 @@ def _undone(run: RunEvidence, rows: Sequence[RefusalRow]) -> Fact | None:
         if not rows or seen.taken:
             return None
         first, then = rows[0], " It was never closed."
-    command, reason = first.result.command, escape_passage(first.result.reason)
+    command, reason = first.result.command, first.result.reason
     often = f" {times_text(len(rows))}" if len(rows) > 1 else ""
     one = f"{command.shown} was refused at {first.elapsed:.1f} s: {reason}."
     if often and any(each.result.command.shown != command.shown for each in rows):

@@ -46,7 +46,7 @@ from simmer_tui.report.traces import traces
 from simmer_tui.report.verdict import Verdict
 from simmer_tui.run.run_history import OTHER_CODES, STOPS
 from simmer_tui.run.table import BINS, Errors
-from simmer_tui.sim.command import counted, escape_passage, typed_path
+from simmer_tui.sim.command import counted, typed_path
 from simmer_tui.sim.velocity_commands import WAIT
 
 _ROWS = 20
@@ -246,7 +246,7 @@ def output(verdict: Verdict) -> Bullets:
     """The program's last lines."""
     program = verdict.program
     said = () if program is None else (*program.stderr, *(() if program.crashed else program.stdout))
-    lines = [f"{line.time:.1f} s  {escape_passage(line.text)}" for line in said]
+    lines = [f"{line.time:.1f} s  {line.text}" for line in said]
     title = f"{_OUTPUT.title}, times{verdict.restart}" if verdict.restart else _OUTPUT.title
     return Bullets(title, lines, _OUTPUT.key, "output")
 

@@ -11,7 +11,7 @@ from simmer_tui.document.model import DataColumn, DataTable, data_table
 from simmer_tui.report.finding import FEWEST, Finding
 from simmer_tui.report.run_evidence import RunEvidence
 from simmer_tui.run.table import Columns
-from simmer_tui.sim.command import counted, escape_passage
+from simmer_tui.sim.command import counted
 
 NO_TRUTH = "this run has no truth: a real robot"
 """Text of rows that need the true pose, for a run without one."""
@@ -61,7 +61,7 @@ def _commands(run: RunEvidence) -> Iterator[tuple[object, ...]]:
     yield "sent", len(rows), _by_code(rows, names)
     refused = rows[rows["refused"] & ~rows["early"]]
     yield "refused", len(refused), _by_code(refused, names)
-    faults = [escape_passage(each.text) for each in run.faults]
+    faults = [each.text for each in run.faults]
     yield "faults on the wire", len(faults), "; ".join(faults[:_LISTED])
     unread = [each.code for each in run.never_read]
     yield "sensors never read", len(unread), " ".join(unread)

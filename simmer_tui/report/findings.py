@@ -12,7 +12,7 @@ from simmer_tui.run.events import ActionName
 from simmer_tui.run.history_rows import ContactRow
 from simmer_tui.run.phrases import WEDGED_TEXT, contact_ending, obstacles_text, pose_text, times_text
 from simmer_tui.run.run_history import RunHistory
-from simmer_tui.sim.command import counted, escape_word, first_of
+from simmer_tui.sim.command import WORD, counted, cut, first_of
 
 # Readings named in a sentence; it says how many more there are.
 _READINGS = 6
@@ -103,7 +103,7 @@ def _before(row: ContactRow) -> str:
     """The program's readings when it gave the command; empty if there were none."""
     if not row.seen:
         return ""
-    shown = [f"{escape_word(each.text.strip())} {each.reading.value:.1f}" for each in row.seen]
+    shown = [f"{cut(each.text.strip(), WORD)} {each.reading.value:.1f}" for each in row.seen]
     return f"Readings before it: {first_of(shown, _READINGS)}."
 
 

@@ -14,7 +14,7 @@ from simmer_tui.report.run_evidence import RunEvidence
 from simmer_tui.report.why import looks_there, shown_range
 from simmer_tui.run.events import Result
 from simmer_tui.run.phrases import grip_ending, place_text, pose_text, program_end_text
-from simmer_tui.sim.command import counted, escape_passage
+from simmer_tui.sim.command import counted
 
 MOST_MOMENTS = 7
 """Moments of a run: they fit on a screen, and a reader keeps as many in mind."""
@@ -146,9 +146,9 @@ def _fault(run: RunEvidence) -> Iterator[Moment]:
     if fault is not None and (refused is None or fault.notice.advice or fault.elapsed <= refused.elapsed):
         count, of = run.refused_share
         share = f"{count} of {counted(of, 'command')} were refused: " if 2 * count > of else ""
-        yield Moment(MomentKind.FAULT, fault.elapsed, f"{share}{escape_passage(fault.text)}", fault.line)
+        yield Moment(MomentKind.FAULT, fault.elapsed, f"{share}{fault.text}", fault.line)
     elif refused is not None:
-        command, reason = refused.result.command, escape_passage(refused.result.reason)
+        command, reason = refused.result.command, refused.result.reason
         count, of = run.refused_share
         others = f"; {count} of {of} commands were" if count > 1 else ""
         text = f"{command.shown} was refused: {reason}{others}"
@@ -161,7 +161,7 @@ def _person(run: RunEvidence) -> Iterator[Moment]:
         name = row.done.action.name
         has_acted = row.order > began and name.helps
         if not row.done.refused and (has_acted or (row.order == began and name.restarts)):
-            text = f"a person used {name.value}: {escape_passage(row.done.text)}"
+            text = f"a person used {name.value}: {row.done.text}"
             yield Moment(MomentKind.PERSON, row.elapsed, text, row.line)
 
 
@@ -224,7 +224,7 @@ def _end(run: RunEvidence) -> Iterator[Moment]:
         yield Moment(
             MomentKind.END,
             over.elapsed,
-            f"the mission ended: {escape_passage(over.event.reason)}",
+            f"the mission ended: {over.event.reason}",
             over.line,
             place=pose,
         )

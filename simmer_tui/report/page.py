@@ -31,7 +31,7 @@ from simmer_tui.report.verdict import Outcome, Verdict, goals_met
 from simmer_tui.run.attempt import Attempt, Task
 from simmer_tui.run.events import Goal
 from simmer_tui.run.phrases import SHOWN_OUTPUT, contacts_text
-from simmer_tui.sim.command import escape_passage, escape_word, plural, shown_path, typed_path
+from simmer_tui.sim.command import WORD, cut, plural, typed_path
 
 _TONES = {Outcome.SUCCEEDED: Tone.GOOD, Outcome.FAILED: Tone.BAD, Outcome.CRASHED: Tone.BAD}
 _CRASH_SIGN = "!"
@@ -74,8 +74,8 @@ def _page(run: RunStatistics, name: str, *, commands: bool) -> Document:
 def _about(run: RunStatistics, name: str) -> Paragraph:
     """Start, set, seed and name of the run, in one small line."""
     header = run.header
-    started = escape_word(header.start.replace("T", " "))[:16]  # without seconds
-    told = (f"Run of {started}", f"set {shown_path(header.configuration)}", f"seed {header.seed}", name)
+    started = cut(header.start.replace("T", " "), WORD)[:16]  # without seconds
+    told = (f"Run of {started}", f"set {header.configuration}", f"seed {header.seed}", name)
     return Paragraph(" · ".join(told), kind="run")
 
 
@@ -108,7 +108,7 @@ def _last_lines(verdict: Verdict) -> Bullets:
     """The last output of a crashed program."""
     program = verdict.program
     said = () if program is None else program.stderr[-SHOWN_OUTPUT:]
-    return Bullets("", [escape_passage(line.text) for line in said], kind="output")
+    return Bullets("", [line.text for line in said], kind="output")
 
 
 def _figures(run: RunStatistics, attempt: Attempt, *, crashed: bool) -> KeyFigures:

@@ -14,6 +14,7 @@ from importlib.resources import files
 from itertools import pairwise
 from typing import Any
 
+from simmer_tui.errors import printable
 from simmer_tui.report.recording import Recording
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.report.traces import page_clock
@@ -23,7 +24,6 @@ from simmer_tui.run.paths import BeliefCloud
 from simmer_tui.run.scan_traces import ScanTrace, range_step
 from simmer_tui.run.table import Newest, TimedItem
 from simmer_tui.sim.block import Block
-from simmer_tui.sim.command import printable
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import CELL_SIZE, WALL, SensorSpec, SimulationSpec

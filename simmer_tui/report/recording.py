@@ -17,6 +17,7 @@ from typing import Any
 
 from msgspec import Struct, structs
 
+from simmer_tui.errors import printable
 from simmer_tui.report.keyframes import Keyframe, keyframes_of, pose_at
 from simmer_tui.run.events import ActionName, Goal, Result
 from simmer_tui.run.history_rows import ActionRow, ContactRow, MissionRow, RefusalRow
@@ -26,7 +27,7 @@ from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.scan_traces import ScanTrace
 from simmer_tui.run.table import Newest, Timed, TimedItem
 from simmer_tui.sim.block import Block
-from simmer_tui.sim.command import escape, escape_passage
+from simmer_tui.sim.command import cut
 from simmer_tui.sim.gripper import in_global_frame
 from simmer_tui.sim.pose import Pose
 
@@ -264,12 +265,12 @@ class _Marked:
 
 
 def _mark(row: Timed, kind: MarkKind, text: str, point: tuple[float, float] | None = None) -> Mark:
-    return Mark(row.elapsed, kind, escape_passage(text), point)
+    return Mark(row.elapsed, kind, printable(text), point)
 
 
 def _refusal(row: RefusalRow) -> Mark:
     result = row.result
-    why = escape(result.reason) or result.status.value
+    why = cut(result.reason) or result.status.value
     return _mark(row, MarkKind.REFUSED, f"{result.command.shown}: {why}")
 
 

@@ -28,7 +28,7 @@ from simmer_tui.run.phrases import (
     program_end_text,
 )
 from simmer_tui.run.run_history import RunHistory
-from simmer_tui.sim.command import counted, escape_passage
+from simmer_tui.sim.command import counted
 
 
 class Outcome(StrEnum):
@@ -274,7 +274,7 @@ class _Judge:
         if cause is not None:
             return f"{outcome.value.capitalize()} {when}{reached}: {cause.text}"
         if outcome is Outcome.FAILED:
-            reason = "real time was up" if over is None else escape_passage(over.event.reason)
+            reason = "real time was up" if over is None else over.event.reason
             return f"Failed {when}{reached}: {reason}."
         end, last = self._end(), run.last_command
         is_quiet = outcome is Outcome.STILL_GOING or (last is not None and last[2] >= _QUIET)
@@ -301,7 +301,7 @@ class _Judge:
         if program.error.startswith(_NO_PACKAGE):
             return f"Try: {_OTHER_PYTHON}."
         if program.crashed:
-            place = escape_passage(program.place)
+            place = program.place
             return f"Try: mend the error in {place}." if place else ""
         return f"Try: find out why the program ends with exit code {program.exit_code}."
 
@@ -311,7 +311,7 @@ class _Judge:
             return program_end_text(self._program)
         if self._left is None:
             return ""
-        return escape_passage(self._left.text)
+        return self._left.text
 
     def _worst(self) -> str:
         """The worst event of a run without a mission."""

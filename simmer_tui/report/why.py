@@ -17,7 +17,7 @@ from simmer_tui.run.phrases import (
     went_text,
 )
 from simmer_tui.run.state import State
-from simmer_tui.sim.command import escape, parse_value
+from simmer_tui.sim.command import cut, parse_value
 from simmer_tui.sim.path import Contact
 from simmer_tui.sim.specs import Axes, DriveKind, SimulationSpec
 from simmer_tui.sim.trajectory import Trajectory
@@ -83,7 +83,7 @@ def _contact_facts(
 
 
 def _stop_text(ended: MovementEnded) -> str:
-    return f"stopped by {escape(ended.stopped_by)} at {ended.time:.2f} s"
+    return f"stopped by {cut(ended.stopped_by)} at {ended.time:.2f} s"
 
 
 def _errors(state: State, trajectory: Trajectory, kind: DriveKind, value: float) -> str:

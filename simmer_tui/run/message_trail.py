@@ -6,7 +6,7 @@ import math
 
 from simmer_tui.dialect.fault_notices import UNKNOWN_MESSAGE
 from simmer_tui.run.events import WireMessage
-from simmer_tui.sim.command import Command, escape_word, utf8_text
+from simmer_tui.sim.command import WORD, Command, cut, utf8_text
 
 # Seconds, for rounding of sums; a command begins at the moment at which its message has come.
 _SAME_MOMENT = 1e-6
@@ -33,7 +33,7 @@ class MessageTrail:
         """The command with this number begins. If it begins later than its message came, as the second step
         of several, it has no message."""
         if self.text and abs(time - self._time) < _SAME_MOMENT:
-            self._by_number[number] = escape_word(utf8_text(self.text))
+            self._by_number[number] = cut(utf8_text(self.text), WORD)
             if len(self._by_number) > _KEPT:
                 del self._by_number[next(iter(self._by_number))]
 

@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from simmer_tui.run.events import MovementEnded, ProgramEnded
 from simmer_tui.sim.angles import half_turn, side_name
 from simmer_tui.sim.arcs import Twist
-from simmer_tui.sim.command import counted, escape
+from simmer_tui.sim.command import counted, cut
 from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import Grip, LidarScan
@@ -292,8 +292,8 @@ def outside_text(off: tuple[float, float]) -> str:
 
 def crash_text(program: ProgramEnded) -> str:
     """The error that a program crashed with, and where: `KeyError: 'u9' in robot.py:12`."""
-    place = f" in {escape(program.place, _LONGEST)}" if program.place else ""
-    return f"{escape(program.error, _LONGEST)}{place}"
+    place = f" in {cut(program.place, _LONGEST)}" if program.place else ""
+    return f"{cut(program.error, _LONGEST)}{place}"
 
 
 def exit_text(code: int | None) -> str:
@@ -317,4 +317,4 @@ def last_output(program: ProgramEnded) -> str:
     """The last line that a program printed, on standard error if it failed; empty without any."""
     streams = (program.stderr, program.stdout) if program.exit_code else (program.stdout, program.stderr)
     said = (line.text.strip() for lines in streams for line in reversed(lines))
-    return escape(next(filter(None, said), ""), _LONGEST)
+    return cut(next(filter(None, said), ""), _LONGEST)

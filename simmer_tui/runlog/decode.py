@@ -61,7 +61,7 @@ from simmer_tui.runlog.log_records import (
 from simmer_tui.runlog.logged_scans import ScanDecoder
 from simmer_tui.sim.arcs import LARGEST_TURN, Arc, Twist
 from simmer_tui.sim.block import Block
-from simmer_tui.sim.command import Command, escape, parse_command, parse_value
+from simmer_tui.sim.command import Command, cut, parse_command, parse_value
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.gripper import missed_by
 from simmer_tui.sim.legs import Leg
@@ -286,7 +286,7 @@ class LogDecoder:
         turns = record.rate != 0.0 and abs(record.rate) * seconds > LARGEST_TURN + _SLACK
         inside = -_SLACK <= x <= maze.width + _SLACK and -_SLACK <= y <= maze.height + _SLACK
         if far or turns or not inside:
-            raise RunLogError(f"the leg of {escape(record.command)!r} leads out of the maze")
+            raise RunLogError(f"the leg of {cut(record.command)!r} leads out of the maze")
 
     def _leg_over(self, begun: LegBegun, record: AnyRecord) -> tuple[Event, ...]:
         """The end of the leg under way, if it ends before a record."""

@@ -33,7 +33,7 @@ from simmer_tui.runlog.logged_devices import (
 from simmer_tui.runlog.run_command import RunCommand
 from simmer_tui.runlog.typed_json import TypedJson
 from simmer_tui.sim.block import Block
-from simmer_tui.sim.command import escape, escape_word
+from simmer_tui.sim.command import WORD, cut
 from simmer_tui.sim.fingerprint import math_fingerprint
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.sensors import SensorKinds
@@ -62,7 +62,7 @@ class TakenOver(msgspec.Struct, frozen=True):
     elapsed: Real
 
     def __str__(self) -> str:
-        return f"from {escape(self.log)} at {self.elapsed:.2f} s"
+        return f"from {cut(self.log)} at {self.elapsed:.2f} s"
 
 
 class Header(msgspec.Struct, tag_field="kind", tag="header", frozen=True, kw_only=True, omit_defaults=True):
@@ -200,14 +200,14 @@ def parse_header(line: bytes, shown: str) -> Header:
     # Checked before the whole header is decoded: other formats have other fields.
     if version.format != FORMAT:
         raise RunLogError(
-            f"{shown} is a run log of format {escape_word(repr(version.format))}, written by simmer-tui "
-            f"{escape_word(str(version.program))}; simmer-tui {__version__} reads format {FORMAT}: "
+            f"{shown} is a run log of format {cut(repr(version.format), WORD)}, written by simmer-tui "
+            f"{cut(str(version.program), WORD)}; simmer-tui {__version__} reads format {FORMAT}: "
             "log the run again, with --log"
         )
     try:
         return _HEADER.decode(line)
     except ValueError as error:
-        raise RunLogError(f"{shown}: the header is broken: {escape(str(error))}") from None
+        raise RunLogError(f"{shown}: the header is broken: {cut(str(error))}") from None
 
 
 def rebuild(header: Header, kinds: SensorKinds | None = None) -> Configuration:
@@ -221,7 +221,7 @@ def rebuild(header: Header, kinds: SensorKinds | None = None) -> Configuration:
     known = recorded_kinds(header.kinds) if kinds is None else kinds
     for name in header.files:
         if not _is_plain_name(name):
-            raise RunLogError(f"the header holds {escape(name)!r}, which is no file of a set")
+            raise RunLogError(f"the header holds {cut(name)!r}, which is no file of a set")
     if missing := [name for name in FILES if name not in header.files]:
         raise RunLogError(f"the header lacks {', '.join(missing)}: the robot of this log is not known")
     # As files, so that the ordinary loader finds the same mistakes with the same messages.
@@ -254,7 +254,7 @@ def rebuild_to_run(header: Header, folder: Path | None = None) -> Configuration:
     for kind in header.kinds:
         if kind.name not in kinds:
             raise RunLogError(
-                f"the run had sensors of the kind {escape_word(kind.name)!r}, which is in none of its device "
+                f"the run had sensors of the kind {cut(kind.name, WORD)!r}, which is in none of its device "
                 "files: they were given in Python, and can be run again from there only"
             )
     return replace(rebuild(header, kinds), devices=files)

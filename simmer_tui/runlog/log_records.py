@@ -30,7 +30,7 @@ from simmer_tui.run.events import (
 )
 from simmer_tui.runlog.typed_json import TypedJson
 from simmer_tui.sim.block import Block
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import cut
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import Status
 
@@ -457,4 +457,4 @@ def decode_line(data: bytes, line: int) -> AnyRecord | BrokenLine:
     try:
         return _LINE.decode(data)
     except ValueError as error:
-        return BrokenLine(line, escape(str(error)) if data.strip() else "it is empty")
+        return BrokenLine(line, cut(str(error)) if data.strip() else "it is empty")

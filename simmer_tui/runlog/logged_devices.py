@@ -15,7 +15,7 @@ from simmer_tui.config.device_file import DeviceFile, is_device_name, read_devic
 from simmer_tui.config.device_trust import OPTION, is_trusted
 from simmer_tui.config.set_devices import DeviceStatus
 from simmer_tui.errors import ConfigurationError, Problem, RunLogError
-from simmer_tui.sim.command import escape, shown_path
+from simmer_tui.sim.command import cut
 from simmer_tui.sim.sensors import KINDS, SensorKinds, sensor_kinds
 from simmer_tui.sim.sensors.recorded_kinds import RecordedKind, recorded_class, recorded_kind
 from simmer_tui.sim.specs import SensorKind, SensorSpec
@@ -51,7 +51,7 @@ def recorded_kinds(kinds: Iterable[RecordedKind]) -> SensorKinds:
         try:
             found.append(recorded_class(kind))
         except (ValueError, TypeError) as error:
-            raise RunLogError(f"the header describes no kind of sensor: {escape(str(error))}") from None
+            raise RunLogError(f"the header describes no kind of sensor: {error}") from None
     return sensor_kinds(*found)
 
 
@@ -66,14 +66,14 @@ def same_files(
     found: list[DeviceFile] = []
     for each in logged:
         if not is_device_name(each.path):
-            raise RunLogError(f"the header names {escape(each.path)!r}, which is no device file")
+            raise RunLogError(f"the header names {cut(each.path)!r}, which is no device file")
         problems: list[Problem] = []
         files = read_devices(folder, [each.path], "the set of the log", problems)
-        needed = f"this needs {each.path} of the run, SHA-256 {escape(each.sha256[:_SHORT])}"
+        needed = f"this needs {each.path} of the run, SHA-256 {cut(each.sha256[:_SHORT])}"
         if not files:
             raise RunLogError(f"{needed}; {problems[0].what}; {remedy}")
         if files[0].sha256 != each.sha256:
-            shown = shown_path(folder)
+            shown = str(folder)
             raise RunLogError(f"{needed}; in {shown} it is another, {files[0].sha256[:_SHORT]}; {remedy}")
         found += files
     return tuple(found)
@@ -88,7 +88,7 @@ def runnable_kinds(files: Iterable[DeviceFile], folder: Path) -> SensorKinds:
     for file in files:
         if not is_trusted(file, folder):
             raise RunLogError(
-                f"{file.path} in {shown_path(folder)} is code that you have not trusted yet "
+                f"{file.path} in {folder} is code that you have not trusted yet "
                 f"(SHA-256 {file.sha256[:_SHORT]}): read it, then add {OPTION}"
             )
         try:

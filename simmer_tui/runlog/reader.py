@@ -23,7 +23,7 @@ from simmer_tui.runlog.decode import LogDecoder
 from simmer_tui.runlog.header import Header, parse_header, rebuild
 from simmer_tui.runlog.log_records import AnyRecord, BrokenLine, decode_line
 from simmer_tui.runlog.writer import LOG
-from simmer_tui.sim.command import shown_path, typed_path
+from simmer_tui.sim.command import typed_path
 
 # A belief of 5,000 particles takes 100 KB and a header some 20 KB: a longer line is in no log.
 MAX_LINE = 16 * 1024 * 1024
@@ -123,7 +123,7 @@ class OpenLog(Closing):
     def __init__(self, path: Path) -> None:
         """Raises RunLogError."""
         self.path = path
-        self.shown = shown_path(path)
+        self.shown = str(path)
         self._file, self.header = open_log(path, self.shown)
         self._stream = RecordStream(self._file, self.shown)
 

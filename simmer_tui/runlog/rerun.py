@@ -35,7 +35,7 @@ from simmer_tui.runlog.log_records import (
 from simmer_tui.runlog.logged_scans import LoggedRanges
 from simmer_tui.runlog.reader import LogReader
 from simmer_tui.sim.arrays import FloatArray
-from simmer_tui.sim.command import Command, counted, escape, escape_word, parse_command
+from simmer_tui.sim.command import WORD, Command, counted, cut, parse_command
 from simmer_tui.sim.fingerprint import math_fingerprint
 from simmer_tui.sim.legs import Leg
 from simmer_tui.sim.path import Contact
@@ -192,7 +192,7 @@ class Rerun(Closing):
         if not self.same_machine:
             self.notes.append(
                 "the log was written on a machine with other mathematics "
-                f"({escape_word(header.mathematics)}, "
+                f"({cut(header.mathematics, WORD)}, "
                 f"here {math_fingerprint()}): the last bits of its sines differ, so numbers count as equal "
                 f"within {_SAME_NUMBER:g}"
             )
@@ -259,7 +259,7 @@ class Rerun(Closing):
         except _DifferenceError as differs:
             raise RunLogError(
                 f"{self._log.shown} does not repeat exactly: {differs.difference} (written by "
-                f"simmer-tui {escape_word(self.header.program)}, this is {__version__})"
+                f"simmer-tui {cut(self.header.program, WORD)}, this is {__version__})"
             ) from None
         self._comparing = False  # the log may have legs of a command that it answers later
         self.simulator.advance(time)
@@ -428,7 +428,7 @@ class Rerun(Closing):
         taken = said.taken if isinstance(said, ReadingRecord | AnswerRecord) else None
         self.simulator.advance(said.t if taken is None else taken)
         self.commands += 1
-        return self.simulator.begin(command), f"command {escape(said.command)!r}"
+        return self.simulator.begin(command), f"command {cut(said.command)!r}"
 
     def _expect_number(self, line: int, logged: int, due: int) -> None:
         if logged != due:

@@ -17,7 +17,6 @@ from simmer_tui import platform_has
 from simmer_tui.errors import RunLogError, reason_of
 from simmer_tui.run.events import ActionDone, CommandResult, Event, MovementPlanned
 from simmer_tui.runlog.writer import LOG, LineFile, RunLog, new_file
-from simmer_tui.sim.command import shown_path
 
 BEFORE = 10
 """Runs saved beside the present one."""
@@ -50,7 +49,7 @@ def last_run(folder: Path | None = None) -> Path:
     runs = _runs(folder)
     if not runs:
         raise RunLogError(
-            f"no run is saved in {shown_path(folder)} yet. The app saves its runs there; "
+            f"no run is saved in {folder} yet. The app saves its runs there; "
             "a run without a screen is logged only with --log: name that file"
         )
     return runs[-1]
@@ -96,7 +95,7 @@ class SavedRun:
             # For the user only, whatever the umask is.
             path = new_file(folder, mode=0o600)
         except OSError as error:
-            shown = shown_path(folder)
+            shown = str(folder)
             raise RunLogError(f"runs cannot be saved in {shown}: {reason_of(error)}") from None
         self._file: _BackgroundFile | None = None
         self._log = log_to(path, self._open)

@@ -27,7 +27,7 @@ from simmer_tui.runlog.encode import LogEncoder, checkpoint_record
 from simmer_tui.runlog.header import TakenOver, header_of
 from simmer_tui.runlog.log_records import encode_line
 from simmer_tui.runlog.run_command import RunCommand
-from simmer_tui.sim.command import shown_path, typed_path
+from simmer_tui.sim.command import typed_path
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.whole_file import NOT_OVERWRITTEN
 
@@ -60,7 +60,7 @@ def auto_path(now: datetime | None = None) -> Path:
         folder.mkdir(parents=True, exist_ok=True)
         return new_file(folder, now)
     except OSError as error:
-        shown = shown_path(error.filename or folder)
+        shown = str(error.filename or folder)
         raise RunLogError(f"{shown} cannot be made: {reason_of(error)}") from None
 
 
@@ -165,7 +165,7 @@ class RunLog(Closing):
         self._on_stop: Callable[[str], None] = lambda why: None
         self._prefix = prefix
         self._clock = clock = prefix.clock if prefix is not None else clock or steady_clock()
-        shown = shown_path(path)
+        shown = str(path)
         try:
             self._file: LineFile = (file or _opened)(path)
         except OSError as error:
@@ -241,7 +241,7 @@ class RunLog(Closing):
             self._stop(error)
 
     def _stop(self, error: OSError) -> None:
-        self.stopped = f"logging to {shown_path(self.path)} has stopped: {reason_of(error)}"
+        self.stopped = f"logging to {self.path} has stopped: {reason_of(error)}"
         self._on_stop(self.stopped)
 
 

@@ -40,21 +40,18 @@ class Command(Struct, frozen=True):
 
     @property
     def shown(self) -> str:
-        """The text made safe to show: letters and signs of all scripts as they are, control characters
-        escaped."""
-        return escape(self.text if self.source in PEOPLE else utf8_text(self.text))
+        """The text as people write it: letters and signs of all scripts as they are, at most a line."""
+        return cut(self.text if self.source in PEOPLE else utf8_text(self.text))
 
 
-# Judged: the longest names people give; a line of a wide terminal; several of them, so that the end of a path
-# is still seen.
-_WORD, _LINE, _PASSAGE = 40, 120, 400
-"""Characters shown of a text from outside: of a word in a sentence, of a line, and of a path or sentences."""
+# Judged: the longest names people give; a line of a wide terminal.
+WORD, _LINE = 40, 120
+"""Characters kept of a text from outside, of any length before: a word in a sentence, and a line."""
 
 
-def escape(text: str, limit: int = _LINE) -> str:
-    """Text from outside made safe to show: control characters and direction marks escaped, cut at `limit`
-    characters."""
-    return _cut(printable(text), limit)
+def cut(text: str, most: int = _LINE) -> str:
+    """A text of at most `most` characters; a longer one ends in three dots."""
+    return text if len(text) <= most else text[: most - 3] + "..."
 
 
 def utf8_text(text: str) -> str:
@@ -69,44 +66,9 @@ def utf8_text(text: str) -> str:
         return text
 
 
-def _cut(shown: str, limit: int) -> str:
-    return shown if len(shown) <= limit else shown[: limit - 3] + "..."
-
-
-def _escaped(character: str) -> str:
-    """A character as its escape sequence. A byte that was no UTF-8, a surrogate in Python's texts, is shown
-    as that byte."""
-    if "\udc80" <= character <= "\udcff":
-        return f"\\x{ord(character) - 0xDC00:02x}"
-    return character.encode("unicode_escape").decode()
-
-
-def escape_word(text: str) -> str:
-    """A code, value or name made safe to show in a sentence."""
-    return escape(text, _WORD)
-
-
-def escape_passage(text: str) -> str:
-    """A text of several lines, or sentences, made safe to show."""
-    return escape(text, _PASSAGE)
-
-
-def shown_path(path: object) -> str:
-    """A path made safe to show. Letters of all scripts stay: people type commands with the path."""
-    return escape_passage(str(path))
-
-
-def printable(text: str) -> str:
-    """The whole text with control characters escaped, because they could control a terminal or break a page.
-    Other scripts stay."""
-    if text.isprintable():
-        return text
-    return "".join(c if c.isprintable() else _escaped(c) for c in text)
-
-
 def typed_path(path: object) -> str:
     """A path as it can be typed in a shell, unless it has control characters."""
-    return platform_has.shell_line([printable(str(path))])
+    return platform_has.shell_line([str(path)])
 
 
 def plural(number: int, noun: str) -> str:
@@ -171,7 +133,7 @@ def _no_number(argument: str, code: str) -> str:
     hint = f"; did you mean {code}-{meant}?" if meant else ""
     if rest != argument and meant:
         return f"the sign after {code} is a dash or letter of several bytes, not a hyphen{hint}"
-    return f"'{escape_word(value)}' is not a finite decimal number{hint or ', such as 3, -2.5 or 1e-3'}"
+    return f"'{cut(value, WORD)}' is not a finite decimal number{hint or ', such as 3, -2.5 or 1e-3'}"
 
 
 _DASHES = dict.fromkeys(map(ord, "\u2010\u2011\u2012\u2013\u2014\u2015\u2212\ufe58"), "-")

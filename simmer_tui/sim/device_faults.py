@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from simmer_tui.errors import DeviceError
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import cut
 from simmer_tui.sim.records import FloorPatch, RangeScan
 
 # An exception may quote a whole array.
@@ -31,7 +31,7 @@ def located(path: str, what: str, error: BaseException, kind: str = "") -> Devic
     trace = _frames(error.__traceback__)
     frames = [(frame, line) for frame, line in trace if frame.f_code.co_filename == path]
     try:
-        told = escape(" ".join(str(error).split()), _LONGEST)
+        told = cut(" ".join(str(error).split()), _LONGEST)
     except Exception:  # noqa: BLE001 - an exception of the team's own, whose text fails too
         told = "(its text cannot be shown)"
     if kind and not frames:
@@ -41,7 +41,7 @@ def located(path: str, what: str, error: BaseException, kind: str = "") -> Devic
     what = what or (frames[0][0].f_code.co_qualname if frames else "a part of it")
     if isinstance(error, NotImplementedError):
         return DeviceError(f"{where}: {what} is not written yet{f': {told}' if told else ''}")
-    return DeviceError(f"{where}: {what} raised {escape(type(error).__name__)}{f': {told}' if told else ''}")
+    return DeviceError(f"{where}: {what} raised {cut(type(error).__name__)}{f': {told}' if told else ''}")
 
 
 def _frames(trace: TracebackType | None) -> Iterator[tuple[FrameType, int]]:
@@ -67,7 +67,7 @@ def _faults(sensor: Any, kept: bool) -> Iterator[None]:
     # All exceptions: neither sys.exit() nor an unexpected exception may end the simulator.
     except BaseException as error:  # noqa: BLE001
         kind = type(sensor)
-        fault = located(str(sys.modules[kind.__module__].__file__), "", error, escape(kind.__name__))
+        fault = located(str(sys.modules[kind.__module__].__file__), "", error, cut(kind.__name__))
         if not kept:
             raise fault from None
         sensor.fault = sensor.fault or str(fault)

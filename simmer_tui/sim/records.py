@@ -5,6 +5,7 @@ from enum import StrEnum
 import numpy as np
 from msgspec import Struct
 
+from simmer_tui.errors import printable
 from simmer_tui.sim.arcs import Twist
 from simmer_tui.sim.arrays import BoolArray, FloatArray
 from simmer_tui.sim.command import Command
@@ -193,6 +194,6 @@ class CommandResult(Struct, frozen=True):
         """One line, for notebooks: the fields have their own, longer ones."""
         where = f"({self.pose.x:.2f}, {self.pose.y:.2f}, {self.pose.heading:.1f} deg)"
         return (
-            f"<CommandResult {self.number}: {self.command.shown[:40]} {self.status.value} {self.reply:g} "
-            f"at {where}, {self.time:.2f} s>"
+            f"<CommandResult {self.number}: {printable(self.command.shown)[:40]} {self.status.value} "
+            f"{self.reply:g} at {where}, {self.time:.2f} s>"
         )

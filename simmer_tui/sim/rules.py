@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Generic, TypeVar
 
 from msgspec import Struct
 
-from simmer_tui.sim.command import NUMBER, counted, escape_word
+from simmer_tui.sim.command import NUMBER, WORD, counted, cut
 
 _T = TypeVar("_T")
 
@@ -47,7 +47,7 @@ def listed(words: Iterable[str]) -> str:
 def describe(value: object) -> str:
     """A value from outside, shortened and escaped for display."""
     if isinstance(value, str):
-        return f'"{escape_word(value)}"'
+        return f'"{cut(value, WORD)}"'
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, dict):
@@ -60,7 +60,7 @@ def describe(value: object) -> str:
     if isinstance(value, int) and abs(value) >= 10**30:
         # str() refuses more than 4,300 digits.
         return "a far larger whole number"
-    return escape_word(str(value))
+    return cut(str(value), WORD)
 
 
 class Rule(Struct, Generic[_T], frozen=True):

@@ -14,8 +14,9 @@ from simmer_tui.sim.arrays import ArrayLike, FloatArray
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import (
     LARGEST_VALUE,
+    WORD,
     Command,
-    escape_word,
+    cut,
     keyboard_text,
     parse_command,
     parse_value,
@@ -640,8 +641,8 @@ class Simulator:
         code = code if text.isascii() else text[:2]
         if typed != text and typed[:2] in known:
             near = [typed]
-        hint = f"; did you mean {' or '.join(map(escape_word, near))}?" if near else ""
-        return f"no sensor or drive has the code {escape_word(code)}{hint}"
+        hint = f"; did you mean {' or '.join(cut(each, WORD) for each in near)}?" if near else ""
+        return f"no sensor or drive has the code {cut(code, WORD)}{hint}"
 
     def _check_pose(self, pose: Pose) -> None:
         problem = robot_problem(self.maze, self._obstacles, self.body, pose)

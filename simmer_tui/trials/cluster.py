@@ -23,7 +23,6 @@ from simmer_tui.config.leftovers import is_environment, is_leftover, is_leftover
 from simmer_tui.errors import ClusterError, SimmerError, TrialsError, reason_of
 from simmer_tui.program.program_command import is_python
 from simmer_tui.program.shell_syntax import shell_problem
-from simmer_tui.sim.command import escape_passage, shown_path
 from simmer_tui.trials.run import TrialRun, fault_result
 from simmer_tui.trials.trial import Trial, TrialResult
 from simmer_tui.version import requirement
@@ -157,7 +156,7 @@ def _add_below(files: dict[str, PackedFile], home: Path, goal: str) -> None:
 
 def _add(files: dict[str, PackedFile], name: str, path: Path) -> None:
     """Raises TrialsError."""
-    shown = shown_path(path)
+    shown = str(path)
     try:
         if not path.is_file():  # a socket, a pipe, a broken link
             return
@@ -200,11 +199,9 @@ def connect(address: str) -> Client:
     try:
         return Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
     except ValueError as error:
-        raise TrialsError(f"--dask {escape_passage(address)}: {error}") from None
+        raise TrialsError(f"--dask {address}: {error}") from None
     except OSError as error:
-        raise ClusterError(
-            f"--dask {escape_passage(address)}: no Dask scheduler answers there: {error}"
-        ) from None
+        raise ClusterError(f"--dask {address}: no Dask scheduler answers there: {error}") from None
 
 
 def run_on_cluster(

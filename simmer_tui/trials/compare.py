@@ -13,7 +13,7 @@ from simmer_tui.config.settings import all_settings, value_of
 from simmer_tui.document.formats import COUNT, ESTIMATE, TYPED, Format, estimate, number, numbers
 from simmer_tui.document.model import DataColumn, DataTable, Document, Paragraph, data_table
 from simmer_tui.errors import TrialsError
-from simmer_tui.sim.command import counted, escape
+from simmer_tui.sim.command import counted, cut
 from simmer_tui.sim.specs import SimulationSpec
 from simmer_tui.trials.failures import CHANGED_CAUSES, changed_causes, success_rate
 from simmer_tui.trials.folder import TrialFolder
@@ -218,7 +218,7 @@ def task_differences(first: TrialFolder, second: TrialFolder, mazes: Iterable[st
     if one_maze.floor != other_maze.floor:
         found.append(maze_csv.FLOOR_FILE)
     found += [
-        f"the maze {escape(name)}"
+        f"the maze {cut(name)}"
         for name in sorted(kinds - {"", RANDOM})
         if first.mazes[name].cells != second.mazes[name].cells
     ]
@@ -247,7 +247,7 @@ def _settings(one: Configuration, other: Configuration, matters: Callable[[str],
     for item in all_settings():
         values = [value_of(each.settings, item.name) for each in (one, other)]
         if matters(item.name) and values[0] != values[1]:
-            shown = " and ".join(escape(str(value)) for value in values)
+            shown = " and ".join(cut(str(value)) for value in values)
             found.append(f"the setting {item.name} ({shown})")
     return found
 

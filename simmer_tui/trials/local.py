@@ -26,7 +26,6 @@ from typing import Any, Protocol
 from simmer_tui import platform_has
 from simmer_tui.errors import InterruptedTrialError, SimmerError, TrialsError, reason_of
 from simmer_tui.program import Keeper
-from simmer_tui.sim.command import shown_path
 from simmer_tui.trials.run import TrialRun, fault_result
 from simmer_tui.trials.trial import Trial, TrialResult
 
@@ -181,7 +180,7 @@ def _result(
     except SimmerError as error:
         return TrialsError(str(error))
     except OSError as error:
-        return TrialsError(f"{trial.label}: {shown_path(error.filename or folder)}: {reason_of(error)}")
+        return TrialsError(f"{trial.label}: {error.filename or folder}: {reason_of(error)}")
     except Exception as error:  # noqa: BLE001 - a fault in one run must not end the others
         return fault_result(trial, f"{type(error).__name__}: {error}")
 

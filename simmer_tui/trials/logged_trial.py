@@ -18,7 +18,7 @@ from simmer_tui.errors import TrialsError, reason_of
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.report.verdict import Outcome
 from simmer_tui.runlog.header import rebuild_to_run
-from simmer_tui.sim.command import shown_path, typed_path
+from simmer_tui.sim.command import typed_path
 from simmer_tui.trials.explanations import ChangedRun, Explanation, Explanations, explained
 from simmer_tui.trials.folder import PLAN
 from simmer_tui.trials.interventions import UNCHANGED
@@ -168,7 +168,7 @@ def _own_configuration(run: RunStatistics, folder: Path, devices: Path | None) -
             file.parent.mkdir(parents=True, exist_ok=True)
             file.write_bytes(text.encode("utf-8", "surrogatepass"))
     except OSError as error:
-        raise TrialsError(f"{shown_path(folder)} cannot be written: {reason_of(error)}") from None
+        raise TrialsError(f"{folder} cannot be written: {reason_of(error)}") from None
     motion, listeners = configuration.settings.motion, configuration.settings.server.listeners
     # A log from elsewhere opens no port to other machines or users.
     safe: dict[str, object] = {"server.host": "127.0.0.1", "server.any_user": False}

@@ -9,7 +9,6 @@ import numpy as np
 from simmer_tui.config.leftovers import is_leftover
 from simmer_tui.config.maze_csv import read_cells
 from simmer_tui.errors import ConfigurationError, Problem
-from simmer_tui.sim.command import shown_path
 from simmer_tui.sim.specs import BLOCK, EMPTY, START, WALL, MazeSpec
 
 
@@ -110,7 +109,7 @@ def read_mazes(folder: Path) -> dict[str, MazeSpec]:
 
     Raises ConfigurationError with every mistake in any of them.
     """
-    shown = shown_path(folder)
+    shown = str(folder)
     if not folder.is_dir():
         raise ConfigurationError([Problem("--mazes", f"{shown} is not a folder")])
     found = (path for path in folder.iterdir() if path.suffix.lower() == ".csv" and path.is_file())

@@ -31,7 +31,7 @@ from simmer_tui.run.mission import MissionState
 from simmer_tui.run.phrases import REAL_TIME_LIMIT, exit_text, last_output
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.runlog.writer import LOG, PACKED
-from simmer_tui.sim.command import escape, escape_passage
+from simmer_tui.sim.command import cut
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.trials.trial import REAL, Ending, Trial, TrialResult, prepare, run_clock, with_clock
 from simmer_tui.whole_file import write_whole
@@ -162,7 +162,7 @@ class TrialRun:
             why="" if cause is None else verdict.last_moments,
             verdict=verdict.plain(),
             clock=_clock(server),
-            clock_note="" if server.clock is None else escape_passage(server.clock.unfit),
+            clock_note="" if server.clock is None else server.clock.unfit,
             findings=plain_findings(findings),
             real_seconds=time.perf_counter() - started,
             simulator_seconds=time.process_time() - used,
@@ -234,7 +234,7 @@ class TrialRun:
         self._mission_end.handle(event)
 
     def _take_line(self, line: str) -> None:
-        self._output.append(escape(line, _LINE_LENGTH))
+        self._output.append(cut(line, _LINE_LENGTH))
 
     def _wait(self, server: Server, program: RunningProgram, output: ProgramOutput) -> _End:
         """Wait for the end of the run; a mission is over then."""

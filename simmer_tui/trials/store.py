@@ -29,7 +29,6 @@ import msgspec
 from simmer_tui import platform_has
 from simmer_tui.errors import SimmerError, reason_of
 from simmer_tui.runlog.typed_json import TypedJson
-from simmer_tui.sim.command import escape_passage, shown_path
 from simmer_tui.version import __version__
 from simmer_tui.whole_file import PARTIAL, write_whole
 
@@ -107,7 +106,7 @@ class RunStore(Generic[Plan, Line]):
 
     def read_plan(self) -> Plan:
         kind, file = self._kind, self.path / self._kind.plan_file
-        shown = shown_path(self.path)
+        shown = str(self.path)
         try:
             data = file.read_bytes()
         except (FileNotFoundError, NotADirectoryError):
@@ -121,13 +120,12 @@ class RunStore(Generic[Plan, Line]):
             return self._plan.decode(data)
         except ValueError as error:
             raise kind.error(
-                f"{shown_path(file)}: {escape_passage(str(error))}; simmer-tui {__version__} cannot "
-                "continue with it: begin in another folder"
+                f"{file}: {error}; simmer-tui {__version__} cannot continue with it: begin in another folder"
             ) from None
 
     def lines(self) -> Iterator[tuple[str, Line]]:
         """All results in the order in which they came, each with its place for messages."""
-        shown = shown_path(self.results)
+        shown = str(self.results)
         with self.reported("read"):
             data = self.results.read_bytes() if self.results.exists() else b""
         for number, line in enumerate(_whole(data).splitlines(), 1):
@@ -135,9 +133,7 @@ class RunStore(Generic[Plan, Line]):
             try:
                 yield where, self._line.decode(line)
             except ValueError as error:
-                raise self._kind.error(
-                    f"{where}: {escape_passage(str(error))}; delete the line to run it again"
-                ) from None
+                raise self._kind.error(f"{where}: {error}; delete the line to run it again") from None
 
     def recover(self) -> None:
         """Remove a last line that was cut off, so that the next one does not continue it."""
@@ -180,7 +176,7 @@ class RunStore(Generic[Plan, Line]):
             try:
                 platform_has.lock_alone(file.fileno())
             except BlockingIOError:
-                shown = shown_path(self.path)
+                shown = str(self.path)
                 raise self._kind.error(
                     f"{shown}: another simmer-tui is adding results: wait until it has ended"
                 ) from None
@@ -193,7 +189,7 @@ class RunStore(Generic[Plan, Line]):
         try:
             yield
         except OSError as error:
-            where = shown_path(error.filename or self.path)
+            where = str(error.filename or self.path)
             raise self._kind.error(f"{where} cannot be {what}: {reason_of(error)}") from None
 
     @property
@@ -202,7 +198,7 @@ class RunStore(Generic[Plan, Line]):
         return self.path / f"{self._kind.plan_file}{PARTIAL}"
 
     def _check_free(self) -> None:
-        shown = shown_path(self.path)
+        shown = str(self.path)
         if (self.path / self._kind.plan_file).exists():
             raise self._kind.error(f"{shown} holds {self._kind.noun} already: add --resume to continue")
         if self._unfinished.exists():  # ours, by a process that was killed

@@ -22,7 +22,7 @@ from simmer_tui.config.settings import Settings, all_settings, value_of
 from simmer_tui.document.formats import Format
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim.columns import column_name
-from simmer_tui.sim.command import escape, escape_word
+from simmer_tui.sim.command import WORD, cut
 from simmer_tui.sim.rules import PairRule, did_you_mean
 from simmer_tui.sim.specs import SimulationSpec
 
@@ -47,11 +47,11 @@ def points_of(varied: Sequence[str]) -> tuple[SweepPoint, ...]:
         name, equals, listed = text.partition("=")
         values = [value.strip() for value in listed.split(";" if ";" in listed else ",")]
         if not name.strip() or not equals or not all(values):
-            what = f'must be a name and its values, NAME=VALUE,VALUE..., not "{escape(text)}"'
+            what = f'must be a name and its values, NAME=VALUE,VALUE..., not "{cut(text)}"'
             problems.append(Problem("--vary", what))
         points += [{name.strip(): value} for value in values]
     repeated = {shown_point(point) for point in points if points.count(point) > 1}
-    problems += [Problem("--vary", f"{escape(each)} is given twice") for each in sorted(repeated)]
+    problems += [Problem("--vary", f"{cut(each)} is given twice") for each in sorted(repeated)]
     if problems:
         raise ConfigurationError(problems)
     return tuple(points)
@@ -66,7 +66,7 @@ def _plain(value: str) -> int | float | str:
     return value
 
 
-SWEPT = Format(escape_word, split=lambda value: (_plain(value),))
+SWEPT = Format(lambda text: cut(text, WORD), split=lambda value: (_plain(value),))
 """A value as it was typed; to programs it is a number if it can be."""
 
 
@@ -111,7 +111,7 @@ def _change(
     name: str, value: str, folder: Path, changed: dict[str, str], problems: list[Problem], others: list[str]
 ) -> None:
     """Set the cell `name` (`u1.percent_error`, `ultra1.percent_error`) in the file that has it."""
-    where = f"--vary {escape(name)}"
+    where = f"--vary {cut(name)}"
     owner, _, column = name.rpartition(".")
     for file, headers in _TABLES.items():
         table = read_csv(folder / file, problems)
@@ -125,7 +125,7 @@ def _change(
         known = {column_name(each): each for each in (*headers, *head.cells) if each}
         if column not in known:
             hint = did_you_mean(column, [*known])
-            problems.append(Problem(where, f"{file} has no column {escape(column)}{hint}"))
+            problems.append(Problem(where, f"{file} has no column {cut(column)}{hint}"))
         else:
             changed[file] = _with_cell(head, rows, row, known[column], value)
         return

@@ -20,7 +20,7 @@ from simmer_tui.document.model import (
     data_table,
 )
 from simmer_tui.document.svg import PICTURE_WIDTH
-from simmer_tui.sim.command import escape, escape_word
+from simmer_tui.sim.command import WORD, cut
 from simmer_tui.trials.failures import grouped, success_rate
 from simmer_tui.trials.folder import TrialFolder
 from simmer_tui.trials.intervals import IntervalEstimate, median
@@ -109,7 +109,7 @@ def sweep_tables(folder: TrialFolder, wanted: float) -> list[DataTable]:
     return [
         replace(
             SWEEP.filled([_row(curve, each) for each in curve.values], answer(curve, wanted)),
-            title=f"Success against {escape(curve.name)}",
+            title=f"Success against {cut(curve.name)}",
         )
         for curve in curves(folder)
     ]
@@ -124,28 +124,28 @@ def _row(curve: Curve, point: SweepValue) -> tuple[object, ...]:
 
 def answer(curve: Curve, wanted: float) -> str:
     """Sentence about the largest value with which the program keeps a success rate."""
-    name, places, kept = escape(curve.name), curve.values, curve.kept(wanted)
+    name, places, kept = cut(curve.name), curve.values, curve.kept(wanted)
     if not curve.is_of_numbers:
-        good = ", ".join(escape(place.value) for place in kept) or "none of the values"
+        good = ", ".join(cut(place.value) for place in kept) or "none of the values"
         return f"The program keeps a success rate of {wanted:g} with {good} of {name}."
     if not kept:
         first = places[0]
         return (
             f"The program does not keep a success rate of {wanted:g} even with {name} at "
-            f"{escape(first.value)}, where it is {ESTIMATE.text(first.rate)}."
+            f"{cut(first.value)}, where it is {ESTIMATE.text(first.rate)}."
         )
     last = kept[-1]
     said = (
-        f"The program keeps a success rate of {wanted:g} with {name} up to {escape(last.value)}, where "
+        f"The program keeps a success rate of {wanted:g} with {name} up to {cut(last.value)}, where "
         f"it is {ESTIMATE.text(last.rate)}"
     )
     if len(kept) < len(places):
         beyond = places[len(kept)]
-        said += f"; at {escape(beyond.value)} it is {ESTIMATE.text(beyond.rate)}."
+        said += f"; at {cut(beyond.value)} it is {ESTIMATE.text(beyond.rate)}."
     else:
         said += ", and no greater value was tried."
     if last.rate.low < wanted:
-        said += f" {len(last.results)} runs of {escape(last.value)} do not rule out less than {wanted:g}."
+        said += f" {len(last.results)} runs of {cut(last.value)} do not rule out less than {wanted:g}."
     return said
 
 
@@ -196,7 +196,7 @@ _INTERVALS = Paragraph(
 
 
 def _title(folder: TrialFolder) -> str:
-    return f"Sweep of {escape(folder.plan.command)}"
+    return f"Sweep of {cut(folder.plan.command)}"
 
 
 def curve_figure(curve: Curve, wanted: float, title: str) -> Figure:
@@ -226,9 +226,9 @@ def curve_figure(curve: Curve, wanted: float, title: str) -> Figure:
         parts.append(svg.element("path", d=bar, fill="none", stroke=_CURVE))
         parts.append(svg.element("circle", cx=x, cy=up(each.value), r=4.0, fill=_CURVE))
         if x >= free:
-            parts.append(svg.text(x, bottom + 16, escape_word(value.value), text_anchor="middle"))
+            parts.append(svg.text(x, bottom + 16, cut(value.value, WORD), text_anchor="middle"))
             free = x + _LABEL
-    name = escape(curve.name)
+    name = cut(curve.name)
     parts.append(
         svg.text((_LEFT + PICTURE_WIDTH - _RIGHT) / 2, bottom + 36, name, 12.0, text_anchor="middle")
     )

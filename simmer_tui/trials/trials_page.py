@@ -22,7 +22,7 @@ from simmer_tui.document.model import (
     VerdictBox,
 )
 from simmer_tui.run.phrases import capitalized
-from simmer_tui.sim.command import counted, escape
+from simmer_tui.sim.command import counted, cut
 from simmer_tui.trials.explanations import WHY_FAILED
 from simmer_tui.trials.failures import CAUSES, DEVICES, counted_causes, failure_summary, grouped, success_rate
 from simmer_tui.trials.figures import histogram_figure, map_figure
@@ -77,7 +77,7 @@ def trials_page(folder: TrialFolder, run_pages: Mapping[int, str], required: flo
         Folded("All tables", [table for key, table in made.items() if key not in _SHOWN]),
         Paragraph(" ".join(clock_sentences(folder.configuration, results)), kind="note"),
     ]
-    return Document(f"Trials of {escape(folder.plan.command)}", parts)
+    return Document(f"Trials of {cut(folder.plan.command)}", parts)
 
 
 def run_line(folder: TrialFolder) -> Paragraph:
@@ -87,9 +87,9 @@ def run_line(folder: TrialFolder) -> Paragraph:
     runs = counted(total, "run") if done == total else f"{done} of {total} runs"
     clocks = clocks_text(results)
     parts = (
-        *(runs, f"set {escape(plan.configuration)}", f"seed {plan.seed}"),
+        *(runs, f"set {cut(plan.configuration)}", f"seed {plan.seed}"),
         *((f"clock: {clocks}",) if clocks else ()),
-        escape(plan.command),
+        cut(plan.command),
     )
     return Paragraph(" · ".join(parts), kind="run")
 
@@ -154,7 +154,7 @@ def _maps(
     drawn = sorted(groups.items(), key=lambda item: -sum(not result.success for result in item[1]))
     parts: list[DocumentPart] = []
     for name, group in drawn[:_MAPS]:
-        label = escape(name)
+        label = cut(name)
         parts += [SectionHeading(label, 3)] if label else []
         parts.append(map_figure(folder.maze(group[0].number), group, run_pages, f"Map {label}"))
     if len(drawn) > _MAPS:

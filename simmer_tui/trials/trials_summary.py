@@ -22,7 +22,7 @@ from simmer_tui.document.formats import (
 from simmer_tui.document.model import DataColumn, DataTable, Document, DocumentPart, Paragraph, data_table
 from simmer_tui.report.causes import Kind
 from simmer_tui.run.events import Goal
-from simmer_tui.sim.command import counted, escape, typed_path
+from simmer_tui.sim.command import counted, cut, typed_path
 from simmer_tui.trials.chance_control import CONTROL
 from simmer_tui.trials.explanations import CHANGED_RUNS, WHY_FAILED, explanation_tables
 from simmer_tui.trials.failures import (
@@ -60,7 +60,7 @@ def _shown_contacts(contacts: tuple[int, int]) -> str:
 
 _COUNTED = tuple(DataColumn(key, COUNT) for key in ("runs", "successes"))
 _RATE, _CONTACTS = DataColumn("success_rate", estimate(".2f")), DataColumn("contacts", COUNT)
-_OPTIONS = Format(lambda options: ", ".join(f"{name} {escape(str(it))}" for name, it in options.items()))
+_OPTIONS = Format(lambda options: ", ".join(f"{name} {cut(str(it))}" for name, it in options.items()))
 TRIALS = data_table(
     "trials",
     "Trials",
@@ -156,7 +156,7 @@ def trials_document(folder: TrialFolder, test: SequentialTest | None = None) -> 
     if test is not None and decision is not None:
         numbers = decision.runs, decision.successes
         parts.append(DECISION.filled([(decision.passed, *numbers, test.interval(*numbers))]))
-    return Document(f"Trials of {escape(folder.plan.command)}", parts)
+    return Document(f"Trials of {cut(folder.plan.command)}", parts)
 
 
 def success_texts(results: Sequence[TrialResult]) -> tuple[str, str]:

@@ -27,7 +27,7 @@ from simmer_tui.run.phrases import (
     stopped_by_text,
     velocity_text,
 )
-from simmer_tui.sim.command import counted, escape_passage, parse_value, plural, printable
+from simmer_tui.sim.command import counted, parse_value, plural
 from simmer_tui.sim.scan_rays import extremes
 from simmer_tui.sim.specs import Axes, DriveKind
 from simmer_tui.tui.event_text import clock_text, grid_lines, off_text
@@ -234,7 +234,7 @@ def program_output(program: ProgramEnded) -> str:
     lines: list[str] = []
     for name, printed in (("standard error", program.stderr), ("standard output", program.stdout)):
         if printed:
-            lines += [f"Last lines of {name}", *(f"  {printable(each.text)}" for each in printed), ""]
+            lines += [f"Last lines of {name}", *(f"  {each.text}" for each in printed), ""]
     return "\n".join(lines) or "The program printed nothing."
 
 
@@ -242,8 +242,8 @@ def verdict_answer(verdict: Verdict) -> AnswerCard:
     """The whole verdict."""
     first, *rest = verdict.lines
     role = "danger" if verdict.outcome.is_failure else "bold"
-    lines: list[StyledLine] = [((printable(first), role),)]
-    lines += [((printable(line), "value"),) for line in rest]
+    lines: list[StyledLine] = [((first, role),)]
+    lines += [((line, "value"),) for line in rest]
     return AnswerCard("why", "Esc closes", tuple(lines))
 
 
@@ -276,7 +276,7 @@ def _bias_in_brief(axis: str, bias: Mapping[DriveKind, Axes]) -> StyledLine:
 
 def note(title: str, text: str, role: str = "value") -> AnswerCard:
     """A sentence for a person about their last action."""
-    return AnswerCard(title, "Esc closes", (((printable(text), role),),))
+    return AnswerCard(title, "Esc closes", (((text, role),),))
 
 
 # -- the end of a run ------------------------------------------------------------------------------
@@ -295,14 +295,12 @@ def end_answer(snapshot: Snapshot, *, orders: bool, tries: bool = False) -> Answ
         if program is not None and program.crashed:
             return _crash(snapshot, program, orders=orders, tries=tries)
     if over is not None:
-        return _failure(snapshot, escape_passage(over.reason), orders=orders, tries=tries)
+        return _failure(snapshot, over.reason, orders=orders, tries=tries)
     if verdict is None or verdict.outcome is Outcome.STILL_GOING:
         return None
     if verdict.outcome.is_failure:
-        return _failure(
-            snapshot, _silent_text(verdict) or printable(verdict.text), orders=orders, tries=tries
-        )
-    text: StyledLine = ((printable(verdict.text), "value"),)
+        return _failure(snapshot, _silent_text(verdict) or verdict.text, orders=orders, tries=tries)
+    text: StyledLine = ((verdict.text, "value"),)
     failed = verdict.program is not None and verdict.program.exit_code != 0
     offered = _offered(_AFTERWARDS, orders=orders)
     tried = _tried(tries=tries and failed, orders=orders)
@@ -347,7 +345,7 @@ _GAP: StyledLine = (("   ", "plain"),)
 
 def _notes(verdict: Verdict | None) -> list[StyledLine]:
     """Notes on events after the end of a mission, such as a crash."""
-    return [] if verdict is None else [((printable(each), "value"),) for each in verdict.notes]
+    return [] if verdict is None else [((each, "value"),) for each in verdict.notes]
 
 
 def _failure(snapshot: Snapshot, reason: str, *, orders: bool, tries: bool) -> AnswerCard:
@@ -355,7 +353,7 @@ def _failure(snapshot: Snapshot, reason: str, *, orders: bool, tries: bool) -> A
     cause = None if verdict is None else verdict.cause
     lines: list[StyledLine] = [((reason, "danger"),)]
     if verdict is not None and cause is not None:
-        lines.append(((_first_sentences(printable(_told(verdict))), "value"),))
+        lines.append(((_first_sentences(_told(verdict)), "value"),))
     offered = _offered(_AFTERWARDS, orders=orders)
     notes = _notes(verdict)
     short: StyledLine = ((TRY_KEY, "mark"), (" try", "label")) if tries and orders else ()
@@ -385,7 +383,7 @@ def _first_sentences(text: str) -> str:
 
 def _crash(snapshot: Snapshot, program: ProgramEnded, *, orders: bool, tries: bool) -> AnswerCard:
     """The error of a program, and the calls before it, the innermost first."""
-    lines: list[StyledLine] = [((escape_passage(program.error), "danger"),)]
+    lines: list[StyledLine] = [((program.error, "danger"),)]
     if program.signal:
         lines = [((f"The program was ended by signal {program.exit_code - 128}.", "danger"),), *lines]
     calls = _calls(program)
@@ -404,11 +402,11 @@ def _calls(program: ProgramEnded) -> list[StyledLine]:
     for frame in own_frames([line.text for line in program.stderr])[:_FRAMES]:
         calls.append(((frame.place, "mark"), (f" in {frame.function}", "label")))
         if frame.code:
-            calls.append(((f"    {printable(frame.code)}", "value"),))
+            calls.append(((f"    {frame.code}", "value"),))
     if calls or program.place:
-        return calls or [((printable(program.place), "mark"),)]
+        return calls or [((program.place, "mark"),)]
     said = [line.text.rstrip() for line in program.stderr if line.text.strip()]
-    return [((printable(line), "value"),) for line in said[-_OUTPUT:]]
+    return [((line, "value"),) for line in said[-_OUTPUT:]]
 
 
 def _silent_text(verdict: Verdict) -> str:

@@ -26,7 +26,7 @@ from simmer_tui.report.why import why
 from simmer_tui.robot.playback_throttle import checked_pace
 from simmer_tui.run.events import Action
 from simmer_tui.runlog.saved_runs import SavedRun
-from simmer_tui.sim.command import Command, escape, printable, shown_path, typed_path
+from simmer_tui.sim.command import Command, typed_path
 from simmer_tui.sim.specs import DriveKind
 from simmer_tui.tui import answers
 from simmer_tui.tui.console import ConsolePane, History
@@ -304,7 +304,7 @@ class SimmerApp(Shell):
         elif self._plan.has_pages:  # three rows would cut it
             # As wide as the page's text, which is not wrapped.
             room = self.size.width - PAGE_FRAME
-            text = "\n\n".join(fill(printable(line), room) for line in snapshot.verdict.lines)
+            text = "\n\n".join(fill(line, room) for line in snapshot.verdict.lines)
             self.push_screen(ReportScreen(text, "Why", "Esc closes"))
         else:
             self.ask(answers.verdict_answer(snapshot.verdict))
@@ -318,8 +318,8 @@ class SimmerApp(Shell):
             )
             return
         begun = answers.verdict_so_far(snapshot) if snapshot is not None else ()
-        note = f"Esc closes; saved in {printable(saved.path.name)}"
-        text = "\n".join([*map(printable, begun), "", "Reading the run ..."])
+        note = f"Esc closes; saved in {saved.path.name}"
+        text = "\n".join([*(each for each in begun), "", "Reading the run ..."])
         screen = ReportScreen(text, "Report of this run", note)
         # Shown before the machine is busy with making it.
         await self.push_screen(screen)
@@ -351,9 +351,9 @@ class SimmerApp(Shell):
             write_whole(file, text)
             self._written.add(file.resolve())
         except (OSError, ValueError) as error:  # ValueError: a name with a zero byte
-            self._console.show_error(f"{shown_path(name)}: {escape(reason_of(error))}")
+            self._console.show_error(f"{name}: {reason_of(error)}")
         else:
-            self._operator.hint(f"{what} written to {printable(str(file))}")
+            self._operator.hint(f"{what} written to {file}")
 
     def _show_links(self) -> None:
         """Show the links to the page, until the answer is closed."""
@@ -370,7 +370,7 @@ class SimmerApp(Shell):
         except RunLogError as error:
             self._console.show_error(str(error))
         else:
-            self._operator.hint(f"logging to {printable(str(file))}")
+            self._operator.hint(f"logging to {file}")
 
     def _drive_for(self, values: str) -> None:
         refused = partial(self._console.refuse, self._console.given, f":vv {values.replace(';', ' ')}")

@@ -15,7 +15,7 @@ from textual.widgets import Input
 from simmer_tui import platform_has
 from simmer_tui.errors import ConsoleCommandError
 from simmer_tui.live.operating.orders import ConsoleCommand, completed, completions, read_console_command
-from simmer_tui.sim.command import escape_word
+from simmer_tui.sim.command import WORD, cut
 from simmer_tui.sim.specs import SimulationSpec
 from simmer_tui.tui.key_table import IN_CONSOLE, bindings_of
 from simmer_tui.tui.line_panel import LinePanel, StyledLine
@@ -303,7 +303,7 @@ class ConsolePane(Vertical):
         found = completions(value, self._spec)
         if not found:
             what = "order" if value.startswith(":") else "code"
-            name = escape_word(value.split()[0] if what == "order" else value.strip()[:2])
+            name = cut(value.split()[0] if what == "order" else value.strip()[:2], WORD)
             return ((f"no such {what} {name}; :help lists them", "warning"),)
         if len(found) == 1:
             return (f"{found[0][0]} ", "value"), (found[0][1], "label")

@@ -21,7 +21,7 @@ from simmer_tui.run.phrases import (
     went_text,
 )
 from simmer_tui.sim.angles import half_turn
-from simmer_tui.sim.command import PEOPLE, counted, escape_passage, utf8_text
+from simmer_tui.sim.command import PEOPLE, counted, utf8_text
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import CommandResult, Reading, Status
 from simmer_tui.tui.gauges import reading_text, with_unit
@@ -181,7 +181,7 @@ class _Wording(EventHandler[EventWords]):
         def pieces() -> StyledLine:
             believed, off = screen_pose_text(event.pose), f"{off_text(event)}{spread_text(event)}"
             off += "" if event.grid is None else f", {truth_text(event.grid)}"
-            note = f"  {escape_passage(event.note)}" if event.note else ""
+            note = f"  {event.note}" if event.note else ""
             return (f"{believed}, off {off}", "belief"), (note, "plain")
 
         return EventWords("belief", "belief", pieces)
@@ -207,7 +207,7 @@ class _Wording(EventHandler[EventWords]):
         )
 
     def on_wire(self, event: events.WireMessage) -> EventWords:
-        shown = escape_passage(utf8_text(event.data))
+        shown = utf8_text(event.data)
         if event.reply:
             return EventWords("robot", "<", lambda: ((shown, "value"),))
         return EventWords("client", ">", lambda: ((f"{shown}  ", "plain"), (event.meaning, "dim")))

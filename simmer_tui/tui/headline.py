@@ -7,7 +7,7 @@ from simmer_tui.live.snapshot import Snapshot
 from simmer_tui.report.verdict import Outcome
 from simmer_tui.run.events import Result
 from simmer_tui.run.phrases import contacts_text, crash_text, program_end_text
-from simmer_tui.sim.command import counted, escape, printable
+from simmer_tui.sim.command import counted, cut
 from simmer_tui.tui.event_text import clock_text
 from simmer_tui.tui.line_panel import StyledLine, between, length
 from simmer_tui.tui.readouts import ROOMY, Room
@@ -71,7 +71,7 @@ def header_line(snapshot: Snapshot, room: Room) -> StyledLine:
     left: StyledLine = ((f" {icon} ", "robot" if going else "bold"), (word, "bold"))
     if snapshot.advice and phase in (RunPhase.WAITING, RunPhase.GOING):
         icon, word = _ADVICE
-        left, text = ((f" {icon} {word}", "warning" if going else "bold"),), escape(snapshot.advice, _LONGEST)
+        left, text = ((f" {icon} {word}", "warning" if going else "bold"),), cut(snapshot.advice, _LONGEST)
         phase = RunPhase.GOING  # the one with the shortest right end
     right: StyledLine = ((f"{_right(snapshot, room, phase)} ", "plain"),)
     # Three blanks before the text, and at least one after it.
@@ -112,11 +112,11 @@ def _failure_words(snapshot: Snapshot) -> tuple[str, str]:
     if mission is not None and mission.over:
         if verdict is not None and verdict.outcome is Outcome.CRASHED and program is not None:
             return "MISSION FAILED", program_end_text(program)
-        return "MISSION FAILED", escape(mission.reason, _LONGEST)
+        return "MISSION FAILED", cut(mission.reason, _LONGEST)
     assert verdict is not None, "without a mission the verdict says that it failed"
     if program is not None and program.crashed and program.started:
         return _CRASHED, crash_text(program)
-    return "PROGRAM FAILED", escape(verdict.text, _LONGEST)
+    return "PROGRAM FAILED", cut(verdict.text, _LONGEST)
 
 
 # Half a usual screen, and the columns of the icon, the word and the time.
@@ -141,7 +141,7 @@ def _driver(snapshot: Snapshot, room: Room) -> list[str]:
     elif who and not roomy:
         who = who.rpartition(":")[0] or who
     if not room.ports:
-        who = printable(room.name)
+        who = room.name
     elif not who:
         who = f"no program   {_ports(room)}"
     rate = f"{snapshot.rate:.0f}{' commands' if roomy else ''}/s" if state.client else ""

@@ -21,9 +21,10 @@ from simmer_tui.config.describe_code import describe_code
 from simmer_tui.config.keys import DRIVING, keys_of
 from simmer_tui.config.robot_drawing import movement_commands, robot_drawing, sensor_drawing
 from simmer_tui.config.settings import KeySettings, all_settings
+from simmer_tui.errors import printable
 from simmer_tui.links.port_list import list_ports
 from simmer_tui.live.operating.orders import CONSOLE_COMMANDS
-from simmer_tui.sim.command import escape_word
+from simmer_tui.sim.command import WORD, cut
 from simmer_tui.sim.specs import SimulationSpec
 from simmer_tui.tui import key_table
 from simmer_tui.tui.key_table import KeyGroup, MazePane
@@ -92,13 +93,13 @@ def help_screen(keys: KeySettings, spec: SimulationSpec, code: str = "") -> "Hel
     for sensor in spec.sensors:
         if code in (sensor.code, sensor.id) and sensor.kind.has("x"):
             lines = [*lines, "", *sensor_drawing(spec.robot, sensor)]
-    return HelpScreen("\n".join(lines), f"Help: {escape_word(code)}", classes="one-code")
+    return HelpScreen("\n".join(lines), f"Help: {cut(code, WORD)}", classes="one-code")
 
 
 def folded(text: str, width: int) -> str:
     """A text of lines of at most `width` characters. The rest of a row stands below its second column."""
     lines: list[str] = []
-    for line in text.split("\n"):
+    for line in map(printable, text.split("\n")):
         if len(line) > width:
             columns = _COLUMNS.match(line)
             indent = " " * min(columns.end() if columns else _INDENT, width // 2)

@@ -12,7 +12,7 @@ from textual.geometry import Offset, Region, Size
 from textual.strip import Strip
 from textual.widget import Widget
 
-from simmer_tui.sim.command import escape_passage, printable
+from simmer_tui.errors import printable
 from simmer_tui.tui.strips import DirectLines
 
 StyledLine = tuple[tuple[str, str], ...]
@@ -41,7 +41,7 @@ def text_of(line: StyledLine) -> str:
 
 def fault_line(error: Exception) -> StyledLine:
     """A line in place of one that could not be shown."""
-    return ((f"cannot be shown: {type(error).__name__}: {escape_passage(str(error))}", "danger"),)
+    return ((f"cannot be shown: {type(error).__name__}: {error}", "danger"),)
 
 
 def wrapped_lines(line: StyledLine, width: int, indent: int) -> list[StyledLine]:

@@ -12,7 +12,6 @@ from simmer_tui.config.loader import Configuration
 from simmer_tui.live.server import Server
 from simmer_tui.live.snapshot import Snapshot
 from simmer_tui.runlog.saved_runs import SavedRun
-from simmer_tui.sim.command import printable
 from simmer_tui.tui.sizes import SMALLEST_COLUMNS
 
 # A changed clock is not worth frames at the full rate: an idle screen sends next to nothing.
@@ -80,7 +79,7 @@ async def why_text(saved: SavedRun, width: int, plain: bool, show: Callable[[str
         async for line in process.stderr:
             text = line.decode("utf-8", "replace").rstrip()
             if (found := _PROGRESS.match(text)) is not None:
-                show(_progress_text(int(found[2]), int(found[3]), printable(found[1]), plain))
+                show(_progress_text(int(found[2]), int(found[3]), found[1], plain))
             else:
                 other.append(text)
         out = await answer
@@ -97,7 +96,7 @@ async def why_text(saved: SavedRun, width: int, plain: bool, show: Callable[[str
             process.kill()
         raise
     shown = out.decode("utf-8", "replace").splitlines() if process.returncode == 0 else other
-    return "\n".join(map(printable, shown))
+    return "\n".join(each for each in shown)
 
 
 def _progress_text(done: int, most: int, text: str, plain: bool) -> str:
@@ -124,7 +123,7 @@ async def report_text(saved: SavedRun, width: int, plain: bool) -> str:
         await process.communicate()  # which closes its pipes
         raise
     shown = out if process.returncode == 0 else err
-    return "\n".join(printable(line) for line in shown.decode("utf-8", "replace").splitlines())
+    return "\n".join(line for line in shown.decode("utf-8", "replace").splitlines())
 
 
 async def _started(words: Sequence[str], width: int, plain: bool) -> asyncio.subprocess.Process:

@@ -10,7 +10,7 @@ from simmer_tui.run.mission import MissionState
 from simmer_tui.run.phrases import obstacles_text, progress_text, side_text, velocity_text
 from simmer_tui.run.state import State, TimeSpent
 from simmer_tui.sim.angles import half_turn
-from simmer_tui.sim.command import counted, escape, parse_value, printable
+from simmer_tui.sim.command import counted, cut, parse_value
 from simmer_tui.sim.records import LidarScan
 from simmer_tui.sim.scan_rays import extremes
 from simmer_tui.sim.specs import SensorSpec
@@ -99,7 +99,7 @@ def _goal_pieces(mission: MissionState, pointer: str) -> tuple[StyledLine, Style
     if mission.result is Result.SUCCESS:
         return ((result, "good"),), ((result.upper(), "good"),)
     orders: StyledLine = tuple((f" {order}", "mark") for order in pointer.split())
-    full: StyledLine = ((f"{result}: {escape(mission.reason)}", "danger"), *orders)
+    full: StyledLine = ((f"{result}: {cut(mission.reason)}", "danger"), *orders)
     return full, ((result.upper(), "danger"), *orders[:1])
 
 
@@ -261,7 +261,7 @@ def program_lines(snapshot: Snapshot, entries: Sequence[LogEntry], room: Room) -
     program = None if verdict is None else verdict.program
     if program is not None and program.exit_code and program.stderr:
         head = heading("program", "last lines of its errors", room.width, plain=room.plain)
-        errors = [(("  ", "plain"), (printable(line.text), "value")) for line in program.stderr]
+        errors = [(("  ", "plain"), (line.text, "value")) for line in program.stderr]
         return [head, *errors[-(room.rows - 1) :]]
     head = heading("program", "last lines of what it prints", room.width, plain=room.plain)
     printed: list[StyledLine] = []
@@ -270,7 +270,7 @@ def program_lines(snapshot: Snapshot, entries: Sequence[LogEntry], room: Room) -
             break
         text = _PRINTED.handle(entry.event)
         if text is not None:
-            printed.append(((f"{clock_text(entry.time)}  ", "dim"), (printable(text), "value")))
+            printed.append(((f"{clock_text(entry.time)}  ", "dim"), (text, "value")))
     if not printed:
         printed = [(("shows what a program started with --run prints", "dim"),)]
     return [head, *reversed(printed)]

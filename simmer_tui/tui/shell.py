@@ -17,7 +17,6 @@ from textual.screen import Screen
 from textual.widget import Widget
 
 from simmer_tui.live.snapshot import Snapshot
-from simmer_tui.sim.command import escape_passage
 from simmer_tui.tui.answers import AnswerCard
 from simmer_tui.tui.frame_pace import Backpressure, InputFirst, JumpThinning
 from simmer_tui.tui.key_table import ANYWHERE, IN_LOG, Hint, hints_of, keys_line
@@ -201,7 +200,7 @@ class Shell(FaultReporting, TerminalApp):
             return
         where = traceback.extract_tb(error.__traceback__)[-1:]
         place = "".join(f" ({Path(frame.filename).name}:{frame.lineno})" for frame in where)
-        self.fault = f"{type(error).__name__}: {escape_passage(str(error))}{place}"
+        self.fault = f"{type(error).__name__}: {error}{place}"
 
     def refresh_frame(self) -> None:
         """Draw again soon, even without an event."""

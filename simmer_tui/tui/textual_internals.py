@@ -40,6 +40,7 @@ from textual.scroll_view import ScrollView
 from textual.strip import Strip
 
 from simmer_tui import platform_has
+from simmer_tui.errors import printable
 from simmer_tui.tui.delta_writer import DeltaWriter
 
 # pyproject.toml pins it; a newer one needs a review of each function here.
@@ -200,9 +201,9 @@ def run_app(app: App[int], *, mouse: bool) -> int | None:
 
 
 def as_plain(text: str) -> str:
-    """Text for a parameter of Textual that would take it for markup. Its `escape` leaves `[/` unchanged
-    (Textualize/textual#6155); it can go with that."""
-    return cast(str, Content(text))
+    """Text for a parameter of Textual that would take it for markup, control characters escaped. Textual's
+    `escape` leaves `[/` unchanged (Textualize/textual#6155); this can be simpler with that."""
+    return cast(str, Content(printable(text)))
 
 
 class StillWhenClamped:

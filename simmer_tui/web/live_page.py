@@ -18,14 +18,13 @@ from simmer_tui.document.model import Bullets, Document, Paragraph, SideBySide
 from simmer_tui.report.figure import live_figure
 from simmer_tui.report.player import player_code, player_style
 from simmer_tui.run.attempt import Task
-from simmer_tui.sim.command import shown_path
 
 _SCRIPT = re.compile(r"<script>(.*?)</script>", re.DOTALL)
 
 
 def live_html(configuration: Configuration, task: Task | None, seed: int) -> str:
     """The page of a run."""
-    name = shown_path(configuration.name)
+    name = configuration.name
     kind = "Mission" if task is not None else "Run"
     document = Document(
         f"{kind}, live",

@@ -20,7 +20,7 @@ from websockets.datastructures import MultipleValuesError
 from websockets.http11 import Request, Response
 
 from simmer_tui.config.settings import WEB_PORT
-from simmer_tui.errors import PortError
+from simmer_tui.errors import PortError, printable
 from simmer_tui.links.access import AccessCheck
 from simmer_tui.links.owners import OwnerLookup
 from simmer_tui.links.peer import MOST_CONNECTIONS, MOST_WAITING, PIECE, ReadBudget
@@ -370,7 +370,7 @@ class PageServer:
 
     def _tell(self, viewer: Viewer, text: str) -> None:
         if viewer in self._viewers:
-            viewer.send(framed(msgspec.json.encode({"told": text})))
+            viewer.send(framed(msgspec.json.encode({"told": printable(text)})))
 
     def _take_word(self, viewer: Viewer, word: str) -> None:
         role = self._access.role_of(word)

@@ -107,8 +107,7 @@ def test_a_robot_that_never_moved_is_refused(tmp_path: Path) -> None:
     path = folder / f"{'n' * 200}.jsonl"
     with pytest.raises(CalibrationError) as refusal:
         log(path, ["u1", "u1"])
-    shown = f"{str(path)[:397]}..."
-    assert str(refusal.value) == f"{shown}: the robot never moved, so nothing can be estimated"
+    assert str(refusal.value) == f"{path}: the robot never moved, so nothing can be estimated"
 
 
 # -- a rough path ----------------------------------------------------------------------------------------

@@ -216,16 +216,6 @@ def test_what_was_learned_is_read_if_its_parts_fit(tmp_path: Path, changed: dict
     assert str(refusal.value) == f"{path} is damaged: its parts are of different sizes"
 
 
-def test_names_of_files_that_are_damaged_are_cut(tmp_path: Path) -> None:
-    """At 400 characters."""
-    folder = tmp_path / ("f" * 200) / ("g" * 200)
-    folder.mkdir(parents=True)
-    (folder / "calibration.json").write_text("{")
-    with pytest.raises(CalibrationError) as refusal:
-        read_knowledge(folder)
-    assert str(refusal.value).startswith(f"{str(folder)[:397]}... is damaged: ")
-
-
 # -- a guided session that has estimates ---------------------------------------------------------------
 
 

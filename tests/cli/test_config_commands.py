@@ -15,7 +15,7 @@ from simmer_tui.config.loader import load
 from simmer_tui.config.set_summary import summarize
 from simmer_tui.config.sets import FILES, bundled_folder, bundled_sets, find_set, init_set
 from simmer_tui.config.settings_file import Override
-from simmer_tui.errors import ConfigurationError
+from simmer_tui.errors import ConfigurationError, printable
 from simmer_tui.sim.command import typed_path
 from tests.in_process import simmer
 
@@ -34,7 +34,7 @@ def test_commands_to_type_name_a_folder_as_it_is_called(
         "simmer-tui check 'Übung 1'",
         "simmer-tui check 'Übung 2'",
     ]
-    assert (typed_path("a\x1bb"), typed_path(Path("команда"))) == (r"'a\x1bb'", "'команда'")
+    assert (printable(typed_path("a\x1bb")), typed_path(Path("команда"))) == (r"'a\x1bb'", "'команда'")
 
 
 def test_course_that_is_there_already_is_told_in_two_lines(

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from simmer_tui.config.describe_code import describe_code, side_of
+from simmer_tui.errors import printable
 from simmer_tui.sim import SimulationSpec
 from simmer_tui.sim.specs import Axes, GripperSpec
 
@@ -75,7 +76,7 @@ def test_drives_and_the_gripper_say_what_they_take(course_spec: SimulationSpec) 
 
 def test_a_code_that_there_is_not_says_which_there_are(course_spec: SimulationSpec) -> None:
     (line,) = describe_code(course_spec, "zz\x1b")
-    assert line.startswith("zz\\x1b: no sensor or drive has that code; there are u1 u2")
+    assert printable(line).startswith("zz\\x1b: no sensor or drive has that code; there are u1 u2")
 
 
 @pytest.mark.parametrize(

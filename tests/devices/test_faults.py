@@ -57,7 +57,7 @@ def read(folder: Path, code: str = "h1") -> CommandResult:
 def test_a_file_that_raises_is_a_mistake_with_its_line(make_set: MakeSet, raises: str, said: str) -> None:
     (problem,) = refused(make_set, f"{THERMAL}\n\n{raises}\n")
     assert problem.startswith(f"{DEVICE}:{THERMAL.count(chr(10)) + 3}: the file {said}")
-    assert len(problem) < 300
+    assert len(problem) < 400
 
 
 def test_a_constructor_that_raises_is_a_mistake_with_its_line(make_set: MakeSet) -> None:

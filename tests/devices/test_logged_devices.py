@@ -15,7 +15,6 @@ from simmer_tui.errors import RunLogError
 from simmer_tui.runlog.header import Header, header_of, rebuild, rebuild_to_run
 from simmer_tui.runlog.logged_devices import LoggedDevice, recorded_kinds, runnable_kinds, same_files
 from simmer_tui.sim import Simulator
-from simmer_tui.sim.command import shown_path
 from simmer_tui.sim.sensors import KINDS
 from simmer_tui.sim.sensors.recorded_kinds import recorded_kind
 from tests.devices.conftest import DEVICE, THERMAL, MakeSet, trust
@@ -40,7 +39,7 @@ def test_a_file_of_a_run_is_found_by_its_hash(file: DeviceFile, tmp_path: Path) 
     assert [each.sha256 for each in same_files([logged], folder)] == [file.sha256]
     needed = f"this needs {DEVICE} of the run, SHA-256 "
     other = LoggedDevice(DEVICE, "0123456789abcdef")
-    shown = shown_path(folder)
+    shown = str(folder)
     remedy = "name the folder of its set with --config DIR"
     said = raised(same_files, [logged, other], folder)
     assert said == f"{needed}0123456789ab; in {shown} it is another, {file.sha256[:12]}; {remedy}"

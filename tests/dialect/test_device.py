@@ -395,7 +395,7 @@ def test_unknown_messages_and_noise_are_told_with_the_nearest_pattern(tmp_path: 
     robot.received(b"SLOW 3\n")
     assert host.told[-1] == "'SLOW 3' is no message of the dialect; 'slow {s}' differs in case"
     robot.received(b"\xff\xfeget\n")
-    assert host.told[-1].startswith(r"'\xff\xfeget' is no message of the dialect"), "the bytes that came"
+    assert host.told[-1].startswith("'\udcff\udcfeget' is no message of the dialect"), "the bytes that came"
     robot.received(b"half")
     robot.closed()
     assert host.told[-1] == "4 bytes dropped, a message without its end: 'half'"
@@ -420,7 +420,7 @@ def test_a_mistake_that_is_repeated_is_told_once_and_counted_at_the_end(tmp_path
 def test_bytes_are_lost_while_it_boots_and_then_it_greets(tmp_path: Path) -> None:
     robot, host = device(tmp_path, '[robot]\nboot = 1.5\ngreeting = "ready"\n')
     robot.received(b"get\n")
-    assert host.told == [r"'get\n' is lost: the robot boots for 1.5 s after the port was opened"]
+    assert host.told == ["'get\n' is lost: the robot boots for 1.5 s after the port was opened"]
     host.pass_time(2)
     robot.received(b"get\n")
     assert host.take() == ["< ready", "< 25.4,inf,10"]

@@ -21,7 +21,7 @@ from typing import Any
 import pytest
 
 from simmer_tui import platform_has
-from simmer_tui.errors import GradeError, PortError, ProgramError
+from simmer_tui.errors import GradeError, PortError, ProgramError, printable
 from simmer_tui.grade import bubblewrap, container
 from simmer_tui.grade.bubblewrap import Bubblewrap, limits_text, seen_folders
 from simmer_tui.grade.call_filter import call_filter
@@ -708,6 +708,7 @@ def test_an_engine_is_asked_if_it_runs(
     monkeypatch.setattr(shutil, "which", lambda name: name)
     monkeypatch.setattr(subprocess, "run", run)
     missing = container.what_is_missing("docker", "ours")
+    missing = printable(missing)
     assert missing == said if code is not None else missing.startswith(said)
     options = {"capture_output": True, "text": True, "timeout": 30.0, "check": False}
     image = [(["docker", "image", "inspect", "ours"], options)] if code == 0 else []

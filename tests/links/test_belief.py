@@ -51,7 +51,7 @@ def test_all_fields_are_taken() -> None:
         ({"x": "1", "y": 2, "heading": 0}, "x must be a number"),
         ({"x": 1, "y": float("inf"), "heading": 0}, "y must be finite"),
         ({"x": 10**400, "y": 2, "heading": 0}, "x must be finite"),
-        ({"x": 1, "y": 2, "heading": 0, "hea\x1b": 1}, r"'hea\x1b' is no field of a belief"),
+        ({"x": 1, "y": 2, "heading": 0, "hea\x1b": 1}, "'hea\x1b' is no field of a belief"),
         ({"x": 1, "y": 2, "heading": 0, "note": 5}, "note must be text"),
         ({"x": 1, "y": 2, "heading": 0, "particles": 5}, "particles must be a list"),
         ({"x": 1, "y": 2, "heading": 0, "particles": [[1]]}, "each particle must be"),

@@ -22,7 +22,6 @@ from simmer_tui.links import port_list, serial_channel, serial_link
 from simmer_tui.links.port_list import describe_ports, explain, open_port
 from simmer_tui.links.serial_channel import ThreadChannel, channel_for
 from simmer_tui.links.serial_link import BackOff, SerialLink
-from simmer_tui.sim.command import escape
 from tests.links.recording import RecordingListener, until
 
 unix_only = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no ptys")
@@ -202,7 +201,7 @@ def test_missing_permission_names_the_group_to_join(tmp_path: Path) -> None:
     device.touch()
     group = grp.getgrgid(device.stat().st_gid).gr_name
     text = explain(PermissionError(errno.EACCES, "Permission denied"), str(device))
-    assert text.startswith(f"no permission to open {escape(str(device))}")
+    assert text.startswith(f"no permission to open {device}")
     assert f"usermod -aG {group}" in text
 
 
@@ -210,7 +209,7 @@ def test_missing_port_lists_the_ports_there_are(monkeypatch: pytest.MonkeyPatch)
     there = (port_list.SerialPort("COM3", "", ""), port_list.SerialPort("COM4", "", ""))
     monkeypatch.setattr(port_list, "list_ports", lambda: there)
     text = explain(FileNotFoundError(errno.ENOENT, "no"), "COM\x1b9")
-    assert text == "there is no port COM\\x1b9; there are COM3, COM4"
+    assert text == "there is no port COM\x1b9; there are COM3, COM4"
 
 
 @pytest.mark.parametrize("name", ["nothing://here", "socket://127.0.0.1:1"])
@@ -242,7 +241,7 @@ FOUND = [
 ]
 
 
-def test_bluetooth_and_arduino_ports_are_marked_and_names_made_safe() -> None:
+def test_bluetooth_and_arduino_ports_are_marked_as_they_are_named() -> None:
     ports = {port.device: port for port in describe_ports(FOUND)}
     assert {name: port.mark for name, port in ports.items()} == {
         "/dev/ttyS0": "",
@@ -252,7 +251,7 @@ def test_bluetooth_and_arduino_ports_are_marked_and_names_made_safe() -> None:
         "/dev/ttyUSB0": "probably Arduino (CH340)",
     }
     assert ports["/dev/ttyS0"].description == ""
-    assert ports["/dev/ttyUSB0"].description == "USB2.0-Serial \\x1b[31m"
+    assert ports["/dev/ttyUSB0"].description == "USB2.0-Serial \x1b[31m"
 
 
 def test_ports_command_lists_them(

@@ -13,19 +13,11 @@ import pytest
 from msgspec import NODEFAULT, Struct
 from msgspec.structs import fields, replace
 
+from simmer_tui.errors import printable
 from simmer_tui.sim import columns, fingerprint, rules
 from simmer_tui.sim.angles import eighth_of_turn
 from simmer_tui.sim.columns import CsvColumn
-from simmer_tui.sim.command import (
-    Command,
-    counted,
-    escape,
-    escape_passage,
-    escape_word,
-    first_of,
-    printable,
-    shown_path,
-)
+from simmer_tui.sim.command import WORD, Command, counted, cut, first_of
 from simmer_tui.sim.noise import RandomBias, random_bias
 from simmer_tui.sim.path import Path as Way
 from simmer_tui.sim.pose import Pose
@@ -255,17 +247,13 @@ def test_a_message_shortens_what_it_shows() -> None:
     assert rules.describe(-(10**30)) == rules.describe(10**30) == "a far larger whole number"
     assert rules.describe({}) == "a table"
     assert rules.describe(1.5) == "1.5"
-    assert escape("x" * 120) == "x" * 120
-    assert escape("x" * 121) == "x" * 117 + "..."
-    assert escape_word("x" * 41) == "x" * 37 + "..."
-    assert escape_passage("x" * 400) == shown_path("x" * 400) == "x" * 400
-    assert escape_passage("x" * 401) == shown_path("x" * 401) == "x" * 397 + "..."
-    assert escape("é°\x1b\u202e") == "é°\\x1b\\u202e"
+    assert cut("x" * 120) == "x" * 120
+    assert cut("x" * 121) == "x" * 117 + "..."
+    assert cut("x" * 41, WORD) == "x" * 37 + "..."
+    assert printable("é°\x1b\u202e") == "é°\\x1b\\u202e"
     # A command that is to be typed names the file as it is; a byte that is no UTF-8 has no character.
-    assert shown_path("/home/zoë/Übung 1/log.jsonl") == "/home/zoë/Übung 1/log.jsonl"
-    assert shown_path("a\x1b[2J\u202e\udcff") == "a\\x1b[2J\\u202e\\xff"
-    assert printable("é\x1b") == "é\\x1b"
-    assert printable("é") == "é"
+    assert printable("/home/zoë/Übung 1/log.jsonl") == "/home/zoë/Übung 1/log.jsonl"
+    assert printable("a\x1b[2J\u202e\udcff") == "a\\x1b[2J\\u202e\\xff"
     most = "9" * 39  # the digits of the longest seed
     for text, number in ((most, int(most)), ("+" + most, int(most)), ("-5", -5)):
         assert rules.IntegerRule(-5, 10**40).from_text(text) == number

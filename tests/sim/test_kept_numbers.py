@@ -17,6 +17,7 @@ import pytest
 from msgspec.structs import replace
 
 from simmer_tui.config import load_default
+from simmer_tui.errors import printable
 from simmer_tui.sim import angles, command, motion, noise, rules
 from simmer_tui.sim.arc_contact import first_arc_contact
 from simmer_tui.sim.arcs import Arc, Twist, poses_along
@@ -706,8 +707,12 @@ def commands_and_rules() -> Any:
     found: list[Any] = [command.parse_command(text, "console") for text in texts]
     found += [command.parse_command(text).shown for text in texts]
     found += [command.parse_value(value) for value in values]
-    found += [command.escape("a\n" * 50, 20), command.escape("abcde", 5), command.escape("abcdef", 5)]
-    found.append(command.printable("a\x1b é\n"))
+    found += [
+        printable(command.cut("a\n" * 50, 20)),
+        command.cut("abcde", 5),
+        command.cut("abcdef", 5),
+    ]
+    found.append(printable("a\x1b é\n"))
     kinds: list[rules.Rule[Any]] = [
         rules.NumberRule(),
         rules.NumberRule(0),

@@ -15,7 +15,7 @@ import pytest
 from msgspec.structs import replace
 
 from simmer_tui.config import load_default
-from simmer_tui.errors import SimmerError
+from simmer_tui.errors import SimmerError, printable
 from simmer_tui.sim import (
     Axes,
     ContactRule,
@@ -314,7 +314,7 @@ def test_commands_are_what_their_rows_say() -> None:
     ],
 )  # fmt: skip
 def test_a_refusal_has_its_reason(text: str, reason: str) -> None:
-    assert Simulator(equipped()).begin(text).reason == reason
+    assert printable(Simulator(equipped()).begin(text).reason) == reason
 
 
 def test_problems_of_a_block_and_of_poses_are_told() -> None:

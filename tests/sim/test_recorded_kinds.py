@@ -90,7 +90,7 @@ def test_the_columns_of_a_recorded_kind_have_rules_of_their_sort() -> None:
     found = {name: getattr(row, name) for name in ("gain", "mode", "most", "count", "awake", "note")}
     assert found == {
         "gain": 1.0,
-        "mode": "slow\\n",
+        "mode": "slow\n",
         "most": 0.0,
         "count": 7.0,
         "awake": True,

@@ -62,7 +62,7 @@ def test_values_of_settings_are_shown(mission: Configuration) -> None:
     changed = settings_from({"wheels.layout": "y\a"}, mission.settings)
     found = robot_differences(folder(mission), folder(replace(mission, settings=changed)))
     layout = value_of(mission.settings, "wheels.layout")
-    assert found == [rf"the setting wheels.layout ({layout} and y\x07)"]
+    assert found == [f"the setting wheels.layout ({layout} and y\x07)"]
 
 
 def test_parts_of_a_task(mission: Configuration) -> None:

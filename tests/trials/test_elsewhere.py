@@ -153,10 +153,10 @@ def test_a_scheduler_is_connected_to_in_ten_seconds(monkeypatch: pytest.MonkeyPa
     assert connect("tcp://a:1") == "a client"  # type: ignore[comparison-overlap]
     assert asked == [("tcp://a:1", {"timeout": "10s", "set_as_default": False})]
     fails.append(ValueError("odd"))
-    with pytest.raises(TrialsError, match=r"^--dask x{397}\.\.\.: odd$"):
+    with pytest.raises(TrialsError, match=r"^--dask x{500}: odd$"):
         connect("x" * 500)
     fails.append(OSError("late"))
-    with pytest.raises(ClusterError, match=r"^--dask x{397}\.\.\.: no Dask scheduler answers there: late$"):
+    with pytest.raises(ClusterError, match=r"^--dask x{500}: no Dask scheduler answers there: late$"):
         connect("x" * 500)
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(TrialsError, match=r"--dask needs the package distributed: pip install '.*dask.*'"):

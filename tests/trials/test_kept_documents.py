@@ -18,7 +18,7 @@ from simmer_tui.document.as_terminal import print_document
 from simmer_tui.document.model import Document, Figure
 from simmer_tui.report.causes import Kind
 from simmer_tui.report.finding import Basis, Finding, FindingKind, plain_findings
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import cut
 from simmer_tui.sim.specs import MazeSpec
 from simmer_tui.trials.compare import comparison, paired
 from simmer_tui.trials.figures import map_figure
@@ -226,7 +226,7 @@ def test_the_page_of_a_sweep_names_its_program(make: Make, made_result: Result) 
     folder = make("sweep", points=points_of(["strength=0.1,0.3"]), runs=2)
     fill(folder, made_result, "ssss")
     first = sweep_page(folder, 0.8).parts[0]
-    command = escape(folder.plan.command)
+    command = cut(folder.plan.command)
     assert first.text.startswith(f"4 runs · set {folder.plan.configuration} · seed {folder.plan.seed} · ")
     assert first.text.endswith(f" · {command}")
 

@@ -12,7 +12,7 @@ from textual.geometry import Region
 from textual.strip import Strip
 from textual.widget import Widget
 
-from simmer_tui.sim.command import printable
+from simmer_tui.errors import printable
 from simmer_tui.tui.line_panel import (
     ROLES,
     LinePanel,

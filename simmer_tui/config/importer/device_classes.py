@@ -21,7 +21,7 @@ from simmer_tui.config.importer.python_names import Budget
 from simmer_tui.config.importer.python_values import Call, Class, Instance, Located
 from simmer_tui.config.leftovers import is_leftover
 from simmer_tui.errors import ConfigurationError, Problem
-from simmer_tui.sim.command import escape, escape_word
+from simmer_tui.sim.command import WORD, cut
 
 _FOLDER = "devices"
 # A robot has a dozen devices; a folder with thousands of files is something else.
@@ -187,7 +187,7 @@ def read_device_classes(folder: Path | None, names: Mapping[str, Located] | None
     found = DeviceClasses(_modules=modules)
     classes = found._classes
     for path in _files(folder / _FOLDER) if folder is not None else []:
-        name = f"{_FOLDER}/{escape(path.name)}"
+        name = f"{_FOLDER}/{path.name}"
         try:
             data = path.read_bytes()[:_MOST_BYTES]
             module = python_tree(data.decode("utf-8", "replace"), name)
@@ -236,7 +236,7 @@ def _repair(module: ast.Module, file: str, slips: dict[str, list[Problem]]) -> N
             meant, read = _meaning(attribute), _meaning(str(key.value))
             if meant and read and meant != read and (read, key.value) in usual:
                 what = (
-                    f"self.{escape_word(attribute)} is read from {escape_word(str(key.value))!r}, a slip; "
+                    f"self.{cut(attribute, WORD)} is read from {cut(str(key.value), WORD)!r}, a slip; "
                     f"it is taken from {meant!r}"
                 )
                 slips.setdefault(cls.name, []).append(Problem(f"{file}:{line}", what))

@@ -8,7 +8,6 @@ from simmer_tui.config.importer.matlab import read_matlab
 from simmer_tui.config.importer.simmer_python import FILE as CONFIG
 from simmer_tui.config.importer.simmer_python import check_is_configuration, read_simmer_python
 from simmer_tui.errors import ConfigurationError, Problem
-from simmer_tui.sim.command import escape, shown_path
 
 
 def read_path(path: Path) -> Imported:
@@ -16,7 +15,7 @@ def read_path(path: Path) -> Imported:
 
     Raises ConfigurationError, also if the file is some other program.
     """
-    shown = shown_path(path)
+    shown = str(path)
     if path.is_dir():
         return read_path(path / _file_in(path))
     if path.suffix.lower() == ".m":
@@ -27,7 +26,7 @@ def read_path(path: Path) -> Imported:
             what = "there is no such file or folder"
         raise ConfigurationError([Problem(shown, what)])
     text = text_of_file(path)
-    name = escape(path.name)
+    name = path.name
     # A folder of a team may have many programs; only one of them describes a robot.
     check_is_configuration(text, name)
     return read_simmer_python(text, name, path.parent)
@@ -41,4 +40,4 @@ def _file_in(folder: Path) -> str:
         what = f"has a {MAIN} and a {CONFIG}: name the one to import"
     else:
         what = f"has no {MAIN} and no {CONFIG}: name the file to import"
-    raise ConfigurationError([Problem(shown_path(folder), what)])
+    raise ConfigurationError([Problem(str(folder), what)])

@@ -21,7 +21,7 @@ from simmer_tui.config.mission_plan import cells_of
 from simmer_tui.config.sets import unreadable
 from simmer_tui.config.settings import settings_from
 from simmer_tui.errors import ConfigurationError, Problem
-from simmer_tui.sim.command import escape_word
+from simmer_tui.sim.command import WORD, cut
 from simmer_tui.sim.obstacles import placement_problems
 from simmer_tui.sim.rules import NumberRule, Rule, describe
 from simmer_tui.sim.specs import (
@@ -161,7 +161,7 @@ class Notes:
 
     def where(self, line: int, name: str) -> str:
         """`file:line:name`, without parts that are 0 or empty."""
-        return ":".join(part for part in (self._file, str(line or ""), escape_word(name)) if part)
+        return ":".join(part for part in (self._file, str(line or ""), cut(name, WORD)) if part)
 
     def in_order(self) -> tuple[Problem, ...]:
         """All notes, by line."""

@@ -32,7 +32,7 @@ from simmer_tui.config.importer.python_values import (
     truth,
 )
 from simmer_tui.errors import NotUnderstoodError, RaisedError
-from simmer_tui.sim.command import escape_word
+from simmer_tui.sim.command import WORD, cut
 
 MAX_TURNS = 1000
 """Most turns of a `while` loop. One that never ends must not take the steps of the rest of the file."""
@@ -188,7 +188,7 @@ class _Reader(CallReader, ast.NodeVisitor):
 
     def _define(self, node: ast.FunctionDef | ast.ClassDef, value: Any) -> None:
         # A decorator may make anything of it.
-        why = f"{escape_word(node.name)} has a decorator"
+        why = f"{cut(node.name, WORD)} has a decorator"
         self._bind(node.name, Unreadable(why) if node.decorator_list else value, node.lineno)
 
     def visit_ClassDef(self, node: ast.ClassDef) -> None:

@@ -28,7 +28,7 @@ from simmer_tui.config.robot_csv import load_robot
 from simmer_tui.config.sensors_csv import load_sensors
 from simmer_tui.config.settings import Setting, all_settings
 from simmer_tui.errors import ConfigurationError, Problem
-from simmer_tui.sim.command import escape, escape_word, shown_path
+from simmer_tui.sim.command import WORD, cut
 from simmer_tui.sim.rules import LARGEST_PORT, FlagRule, listed
 from simmer_tui.sim.specs import RobotSpec
 
@@ -68,7 +68,7 @@ def read_matlab(folder: Path, file: str = FILE) -> Imported:
     first = _first_assignments(lines)
     if len(first.keys() & set(_TAKEN)) < 2:
         what = f"is no configuration: it sets no bot_center, block_center and the like; name the {FILE}"
-        raise ConfigurationError([Problem(escape(file), what)])
+        raise ConfigurationError([Problem(cut(file), what)])
     left_out: list[Problem] = []
     codes: dict[str, str] = {}
     maze = load_maze(config, left_out)
@@ -106,7 +106,7 @@ def _folder_of_csv_files(folder: Path) -> Path:
     if any((folder / name).is_file() for name in _CSV_FILES):
         return folder
     what = f"has no folder {CONFIG_FOLDER} with {listed(_CSV_FILES)}, nor these files themselves"
-    raise ConfigurationError([Problem(shown_path(folder), what)])
+    raise ConfigurationError([Problem(str(folder), what)])
 
 
 def _code(path: Path) -> Iterator[tuple[int, str]]:
@@ -177,7 +177,7 @@ def _value(text: str, meant: Setting) -> SettingValue:
         value = {"true": True, "false": False}.get(piece)
         value = read_expression(piece) if value is None else value
         if isinstance(value, Unreadable) or not isinstance(value, int | float):
-            raise ValueError(f"is not a plain number: {escape_word(text)}")
+            raise ValueError(f"is not a plain number: {cut(text, WORD)}")
         numbers.append(value)
     plain: object = numbers if bracketed else numbers[0]
     if isinstance(meant.rule, FlagRule) and plain in (0, 1):

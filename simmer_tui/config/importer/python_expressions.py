@@ -34,7 +34,7 @@ from simmer_tui.config.importer.python_values import (
     truth,
 )
 from simmer_tui.errors import NotUnderstoodError, RaisedError
-from simmer_tui.sim.command import escape_word
+from simmer_tui.sim.command import WORD, cut
 
 MAX_DEPTH = 60
 """Deepest nesting of expressions, statements and calls: each level takes several frames of Python's 1,000."""
@@ -209,7 +209,7 @@ class ExpressionReader(Scopes, ast.NodeVisitor):
             return "config"  # never the program that is started
         if node.id in CALLS or node.id in SPECIAL:
             return Reference(node.id)
-        what = f"{escape_word(node.id)} has no value that is known here"
+        what = f"{cut(node.id, WORD)} has no value that is known here"
         # Any name may come from `import *`.
         raise NotUnderstoodError(what) if self._imports_all else RaisedError(what)
 
@@ -241,7 +241,7 @@ class ExpressionReader(Scopes, ast.NodeVisitor):
         if dotted:
             value = self._of_module(dotted)
             if isinstance(value, Reference):
-                raise NotUnderstoodError(f"{escape_word(dotted)} is not a value that is known here")
+                raise NotUnderstoodError(f"{cut(dotted, WORD)} is not a value that is known here")
             return value
         of = self.evaluate(node.value)
         if isinstance(of, Reference):
@@ -262,7 +262,7 @@ class ExpressionReader(Scopes, ast.NodeVisitor):
             inner = of.arguments[0] if of.arguments and isinstance(of.arguments[0], dict) else of.keywords
             found = of.changes.get(name) or inner.get(name)
         if found is None:
-            raise RaisedError(f".{escape_word(name)} is not a value that is known here")
+            raise RaisedError(f".{cut(name, WORD)} is not a value that is known here")
         return readable(found.value)
 
     def _turns(self, generators: list[ast.comprehension]) -> Iterator[None]:

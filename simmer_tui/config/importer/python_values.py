@@ -10,7 +10,7 @@ from typing import Any
 from msgspec import Struct, field
 
 from simmer_tui.errors import NotUnderstoodError, RaisedError
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import cut
 
 MAX_NUMBER = 1e300
 """Largest number: far enough below the largest float that sums of a list stay finite."""
@@ -163,7 +163,7 @@ def readable(value: Any) -> Any:
 def truth(value: Any) -> bool:
     """The truth of a value in Python. Raises NotUnderstoodError for the result of an unknown call."""
     if isinstance(value, Call | Reference):
-        raise NotUnderstoodError(f"{escape(str(value))} has no value that is known here")
+        raise NotUnderstoodError(f"{cut(str(value))} has no value that is known here")
     return bool(value) if is_plain(value) or isinstance(value, list | dict) else True
 
 
@@ -191,7 +191,7 @@ def checked(function: Callable[..., Any], *arguments: Any) -> Any:
     try:
         return bounded(function(*arguments))
     except (TypeError, ValueError, ArithmeticError) as error:
-        raise RaisedError(escape(str(error))) from error
+        raise RaisedError(str(error)) from error
 
 
 def snapshot(value: Any, charge: Callable[[int], None]) -> Any:

@@ -32,7 +32,7 @@ from simmer_tui.config.maze_csv import CELLS, MAX_CELLS
 from simmer_tui.config.robot_csv import outline_fault
 from simmer_tui.config.settings import all_settings
 from simmer_tui.errors import ConfigurationError, Problem
-from simmer_tui.sim.command import escape_word
+from simmer_tui.sim.command import WORD, cut
 from simmer_tui.sim.rules import FlagRule, NumberRule, Rule, describe
 from simmer_tui.sim.specs import EMPTY, DriveSpec, MazeSpec, RobotSpec
 
@@ -147,7 +147,7 @@ def _tables(source: Source, notes: Notes) -> dict[str, dict[Any, Located]]:
         tables[name], made = coded(table, taken)
         taken.update(made.values())
         if made:
-            pairs = ", ".join(f'"{escape_word(key)}" is {code}' for key, code in made.items())
+            pairs = ", ".join(f'"{cut(key, WORD)}" is {code}' for key, code in made.items())
             notes.add(source.names[name].line, name, f"a code has two characters here: {pairs}")
     return tables
 

@@ -8,7 +8,7 @@ from typing import Any
 from simmer_tui.config.importer.device_classes import DeviceClasses
 from simmer_tui.config.importer.imported import Fields, Notes
 from simmer_tui.config.importer.python_values import Call, Instance, Located, Unreadable
-from simmer_tui.sim.command import escape_word
+from simmer_tui.sim.command import WORD, cut
 from simmer_tui.sim.rules import CodeRule
 
 USUAL_FIELDS = frozenset(
@@ -85,7 +85,7 @@ def devices_of(
                     foreign.append((device, fields))
                     continue
                 if foreign is None:
-                    raise ValueError(f"{escape_word(device.name)} {OWN_DEVICE}")
+                    raise ValueError(f"{cut(device.name, WORD)} {OWN_DEVICE}")
             if key in codes:
                 raise ValueError("the code is in use already")
             if description is None:

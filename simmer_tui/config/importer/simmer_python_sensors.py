@@ -11,7 +11,7 @@ from simmer_tui.config.importer.device_classes import DeviceClasses
 from simmer_tui.config.importer.imported import Fields, Notes, OwnDevice, free_number, pair
 from simmer_tui.config.importer.python_values import Call, Located
 from simmer_tui.config.importer.simmer_python_devices import OWN_DEVICE, USUAL_FIELDS, devices_of, turn_of
-from simmer_tui.sim.command import escape_word
+from simmer_tui.sim.command import WORD, cut
 from simmer_tui.sim.rules import IntegerRule, NumberRule
 from simmer_tui.sim.sensors import KINDS, Compass, Gyro, LineSensor, Ultrasonic
 from simmer_tui.sim.specs import SensorKind, SensorSpec
@@ -65,16 +65,14 @@ def read_sensors(
             notes.add_elsewhere(slip)
         parts = list(_origins(fields, sensors[-1], guessed=not known))
         if not known:
-            parts[:0] = [
-                f"{escape_word(call.name)} is taken as an ultra row, which reads the nearest distance"
-            ]
+            parts[:0] = [f"{cut(call.name, WORD)} is taken as an ultra row, which reads the nearest distance"]
         elif known != call.name:
-            parts[:0] = [f"{escape_word(call.name)} is read as {known}"]
+            parts[:0] = [f"{cut(call.name, WORD)} is read as {known}"]
         if parts:
             fields.note("", "; ".join(parts))
     # After the known ones, so that a proposed row has a number that is still free.
     for call, fields in foreign:
-        what = f"{escape_word(call.name)} {OWN_DEVICE}; left out"
+        what = f"{cut(call.name, WORD)} {OWN_DEVICE}; left out"
         silent = fields.silent()
         if pair(silent.value("position")) is not None:
             row = _placed(silent, Ultrasonic, taken + sensors, _ultrasonic(silent, surroundings))

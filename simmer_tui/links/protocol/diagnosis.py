@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 from msgspec import Struct
 
-from simmer_tui.sim.command import LARGEST_VALUE, escape, escape_word, parse_value, utf8_text
+from simmer_tui.sim.command import LARGEST_VALUE, WORD, cut, parse_value, utf8_text
 
 # Request line of RFC 9112, section 3: a browser, curl, or a health check.
 _HTTP = re.compile(r"[A-Z]{3,8} \S* ?HTTP/\d")
@@ -44,7 +44,7 @@ def wrong_protocol(text: str, port: int, others: Mapping[str, int]) -> Diagnosis
         there = f"send it to port {where}" if where else "start with --listeners packets"
         return Diagnosis(
             "packets on a line port",
-            f"port {port} takes lines; '{escape_word(utf8_text(text))}' is a packet: {there}",
+            f"port {port} takes lines; '{cut(utf8_text(text), WORD)}' is a packet: {there}",
         )
     if _JSON.match(text) and "beliefs" in others:
         return Diagnosis(
@@ -59,7 +59,7 @@ def wrong_packet(data: bytes, port: int, line_port: int | None) -> Diagnosis | N
     if is_http(text):
         return http(port)
     if data.endswith(b"\n") and b"[" not in data:
-        first = escape_word(text.splitlines()[0])
+        first = cut(text.splitlines()[0], WORD)
         there = f"send lines to port {line_port}" if line_port else "start with --listeners binary"
         return Diagnosis(
             "lines on a packet port", f"port {port} takes packets such as [u0]; '{first}' is a line: {there}"
@@ -79,7 +79,7 @@ def code_from_zero(code: str, known: frozenset[str], disabled: frozenset[str]) -
     if len(code) != 2 or code[1] != "0" or code in known | disabled or f"{code[0]}1" not in known:
         return None
     return Diagnosis(
-        "codes from 0", f"the program asks for {escape(code)}, but codes of this set begin at 1: {code[0]}1"
+        "codes from 0", f"the program asks for {cut(code)}, but codes of this set begin at 1: {code[0]}1"
     )
 
 
@@ -90,7 +90,7 @@ def joined(text: str, known: frozenset[str]) -> Diagnosis | None:
         if text[at : at + 2] in known and text[at].isalpha() and text[at] not in "eE":
             return Diagnosis(
                 "commands joined",
-                f"'{escape_word(utf8_text(text))}' came without a line end between its commands and was "
+                f"'{cut(utf8_text(text), WORD)}' came without a line end between its commands and was "
                 "taken for one: end each with a newline (\\n)",
             )
     return None
@@ -98,7 +98,7 @@ def joined(text: str, known: frozenset[str]) -> Diagnosis | None:
 
 def without_end(rest: bytes, peer: str) -> Diagnosis:
     """The mistake of a program that ends only some of its lines."""
-    shown = escape_word(rest.decode("utf-8", "surrogateescape"))
+    shown = cut(rest.decode("utf-8", "surrogateescape"), WORD)
     return Diagnosis(
         "line without an end",
         f"client {peer} sent '{shown}' without a line end and waits: its earlier lines ended with a newline "

@@ -8,7 +8,7 @@ from pathlib import PurePath
 
 from simmer_tui.live.operating.orders import CONSOLE_COMMANDS
 from simmer_tui.program.program_command import SCRIPTS, is_python, run_option
-from simmer_tui.sim.command import NUMBER, escape, escape_word, keyboard_text, meant_number
+from simmer_tui.sim.command import NUMBER, WORD, cut, keyboard_text, meant_number
 from simmer_tui.sim.specs import DriveKind, SimulationSpec
 
 _TERMINAL = (
@@ -38,18 +38,18 @@ def line_advice(text: str, spec: SimulationSpec) -> str:
     name = words[0].lower().strip("():;!?.")
     known = _codes(spec)
     if name in _ENDS:
-        return f"{escape_word(words[0])}: type :quit to end"
+        return f"{cut(words[0], WORD)}: type :quit to end"
     if _PROGRAM_LINE.match(line) and not _known(_AROUND.sub("", line), known):
         return "a line of a program: programs run in a second terminal; here u1, for example"
     if name in CONSOLE_COMMANDS:
-        return f"{name} is an order: type :{escape(' '.join([name, *words[1:]]))}"
+        return f"{name} is an order: type :{cut(' '.join([name, *words[1:]]))}"
     if name in ("run", "start") or _is_program(words):
         return _program_advice(words)
     compact = _AROUND.sub("", line)
     if meant := _known(compact, known):
-        return f"{escape_word(line)} is no command; did you mean {escape_word(meant)}?"
+        return f"{cut(line, WORD)} is no command; did you mean {cut(meant, WORD)}?"
     if name in _MOVES and (meant := _movement(name, words[1:], spec)):
-        return f"{escape_word(words[0])} is no command; did you mean {meant}?"
+        return f"{cut(words[0], WORD)} is no command; did you mean {meant}?"
     return ""
 
 
@@ -75,11 +75,11 @@ def _program_advice(words: list[str]) -> str:
         words = ["python", *words]
     line = " ".join(words)
     if words and is_python(words[0]) and len(words) > 1:
-        return f"a line for a second terminal, or: simmer-tui {escape(run_option(line))}"
+        return f"a line for a second terminal, or: simmer-tui {cut(run_option(line))}"
     if words and words[0].lower() not in ("simmer-tui", "simmer_tui"):
-        return f"{escape_word(line)} is for a terminal: open a second one and type it there"
+        return f"{cut(line, WORD)} is for a terminal: open a second one and type it there"
     if len(words) > 1:
-        return f"type :quit, and then {escape(line)} in the terminal"
+        return f"type :quit, and then {cut(line)} in the terminal"
     return 'a program runs in a second terminal, or with simmer-tui --run "python PROGRAM.py"'
 
 

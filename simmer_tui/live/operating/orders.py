@@ -10,8 +10,9 @@ from simmer_tui.errors import ConsoleCommandError
 from simmer_tui.run.events import LARGEST_NUMBER, Action, ActionName
 from simmer_tui.sim.command import (
     LARGEST_VALUE,
+    WORD,
     Command,
-    escape_word,
+    cut,
     keyboard_text,
     meant_number,
     parse_command,
@@ -205,7 +206,7 @@ def read_console_command(line: str, spec: SimulationSpec) -> ConsoleCommand:
     order = CONSOLE_COMMANDS.get(known)
     if order is None:
         hint = did_you_mean(name, CONSOLE_COMMANDS) or _other_order(known) or "; :help lists them"
-        raise ConsoleCommandError(f":{escape_word(name)} is not an order{hint}")
+        raise ConsoleCommandError(f":{cut(name, WORD)} is not an order{hint}")
     try:
         return order.read(order, words)
     except ValueError as error:

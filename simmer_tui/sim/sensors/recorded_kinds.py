@@ -15,7 +15,7 @@ from msgspec import Struct, defstruct
 from msgspec.structs import fields
 
 from simmer_tui.sim.columns import ERROR, ROTATION, CsvColumn, X, Y, Z
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import cut
 from simmer_tui.sim.rules import NumberRule, RawTextRule, Rule, WordRule
 from simmer_tui.sim.sensors.base import Sensor
 from simmer_tui.sim.specs import SensorKind, SensorSpec
@@ -119,7 +119,7 @@ def _plain(default: object) -> float | str | bool | None:
         return default
     if isinstance(default, int | float):
         return float(default) if math.isfinite(default) else None
-    return escape(str(default), _LONGEST_CELL)
+    return cut(str(default), _LONGEST_CELL)
 
 
 @lru_cache(maxsize=256)

@@ -9,6 +9,7 @@ import numpy as np
 from msgspec import Struct, field
 from msgspec.structs import replace
 
+from simmer_tui.errors import printable
 from simmer_tui.sim.angles import ARROWS, eighth_of_turn
 from simmer_tui.sim.arrays import BoolArray, FloatArray, NDArray
 from simmer_tui.tui.maze.palette import DEFAULT, Role
@@ -93,7 +94,7 @@ class Cells(Struct, frozen=True, eq=False):
 
     def write(self, row: int, column: int, text: str, color: int = DEFAULT, attribute: int = 0) -> None:
         """Write text on the present background; text beyond the row is cut off."""
-        codes = np.array([ord(character) for character in text], dtype=np.uint32)
+        codes = np.array([ord(character) for character in printable(text)], dtype=np.uint32)
         room = self.characters[row, column : column + len(codes)]
         room[:] = codes[: len(room)]
         self.foreground[row, column : column + len(codes)] = color

@@ -10,7 +10,7 @@ from textual.geometry import Offset
 from textual.strip import Strip
 from textual.theme import Theme
 
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import cut
 from simmer_tui.sim.specs import BLOCK, CELL_SIZE, START, WALL
 from simmer_tui.tui.maze.glyphs import Cells, blank_cells
 from simmer_tui.tui.maze.painter import Painter, legend_cells, paste_overview
@@ -298,7 +298,7 @@ class MazeView(CellsWidget, can_focus=True, inherit_bindings=False):
             self.fault = ""
         except Exception as error:  # noqa: BLE001 - a scene that cannot be drawn must not end the run
             self.fault = f"{type(error).__name__}: {error}"
-            self._show_text(f"The maze cannot be drawn. {escape(self.fault, 800)}")
+            self._show_text(f"The maze cannot be drawn. {cut(self.fault, 800)}")
 
     def _picture(self, scene: Scene, layout: Layout) -> Cells:
         window = self.viewport = self._window(scene, layout)

@@ -614,7 +614,7 @@ def test_a_set_without_a_block_has_no_mission(
 
 def test_text_from_the_file_is_shown_escaped() -> None:
     imported = read_simmer_python("sensors = {'\\x1b[31m': Lidar({})}")
-    assert all(problem.where.isprintable() and problem.what.isprintable() for problem in imported.left_out)
+    assert all(str(problem).isprintable() for problem in imported.left_out)
 
 
 def test_what_is_not_python_is_refused_at_its_line() -> None:

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from simmer_tui.errors import printable
 from simmer_tui.links.protocol.binary import GRACE, LONGEST_COMMAND, SKIP_GRACE, CommandReader, NumberEncoder
 from simmer_tui.sim import Command, CommandResult, Pose, Status, parse_command
 
@@ -104,7 +105,7 @@ def test_what_cannot_be_a_command_says_why(sent: bytes, problem: str) -> None:
 
 def test_nul_and_other_bytes_are_shown_escaped() -> None:
     (command,) = CommandReader().receive(b"\x00\xff\x1b[31m\n")
-    assert command.shown == r"\x00\xff\x1b[31m"
+    assert printable(command.shown) == r"\x00\xff\x1b[31m"
 
 
 def test_a_command_begun_in_the_bytes_that_end_another_waits_for_its_own_end() -> None:

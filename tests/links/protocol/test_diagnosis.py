@@ -74,7 +74,7 @@ LINES = "lines on a packet port"
             None,
             Diagnosis(
                 LINES,
-                f"port 9 takes packets such as [u0]; '\\xff{'x' * 33}...' is a line: start with "
+                f"port 9 takes packets such as [u0]; '\udcff{'x' * 36}...' is a line: start with "
                 "--listeners binary",
             ),
         ),
@@ -136,7 +136,7 @@ def test_what_came_is_shown_with_40_characters_at_most() -> None:
     assert shown == ["u1u2" * 10, "u1u2" * 9 + "u...", "x" * 40]
     assert without_end(b"\x00" + b"x" * 40, "a:1") == Diagnosis(
         "line without an end",
-        f"client a:1 sent '\\x00{'x' * 33}...' without a line end and waits: its earlier lines ended with "
+        f"client a:1 sent '\0{'x' * 36}...' without a line end and waits: its earlier lines ended with "
         "a newline (\\n), so every one must",
     )
 
