@@ -60,7 +60,7 @@ class LinePrinter:
             self._missed += 1
             return
         if self._missed:
-            line = f"... {counted(self._missed, 'line')} not shown\n{line}"
+            self._lines.put(f"... {counted(self._missed, 'line')} not shown")
             self._missed = 0
         self._lines.put(line)
 

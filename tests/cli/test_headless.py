@@ -586,7 +586,7 @@ def test_a_mission_that_failed_says_why_and_its_log_says_the_same(tmp_path: Path
         "verdict: Failed after .*: u2, which looks at the wall, was not read; then w1-200 was", told
     ), err
     assert "The program sent no belief." in err
-    assert re.search(r"^  \d+\.\d s: w1-200 was sent$", err, re.MULTILINE)
+    assert re.search(r"^  \d+\.\d s: the robot touched the wall", err, re.MULTILINE)
     assert f"verdict: {build_report(log).verdict.text}" == told
 
 
