@@ -1697,6 +1697,7 @@ kind(
         "it turns again and again and gets nowhere",
         "it never got a good look or heading and gave up",
         "the time limit passed",
+        "it drove with a wrong heading, into a wall",
     ),
     wrong=("the gyro or compass is faulty", "the program turns the wrong way"),
     device="r1",
@@ -1871,14 +1872,17 @@ kind(
     "byte-lost",
     "link",
     (
-        "The link lost one byte of a reply. From then on the program read every number across two "
-        "replies, and all its readings were nonsense."
+        "The link lost one byte of a reply. The program waited 3 s for the eighth byte and ended; the robot "
+        "had answered everything."
     ),
     right=(
-        "the program got replies out of step by a byte, from some moment on",
-        "replies were right as sent, but the program acted on other numbers",
+        "a part of a reply did not reach the program: it waited and ended after a command that was answered",
+        "the program ended with 7 of 8 bytes of a reply",
     ),
-    partly=("it was lost from that moment on", "the program ended or waited in the middle of its work"),
+    partly=(
+        "the program ended by a timeout in the middle of its work",
+        "it ended by itself: no reply in time",
+    ),
     wrong=("a sensor is faulty", "the program's byte order is wrong from the beginning"),
     shows="1 byte",
     changes=(IMPATIENT,),
@@ -1901,14 +1905,17 @@ kind(
     "local-echo",
     "link",
     (
-        "The bridge echoes every command to the program. The program took the echo for the reply, so all "
-        "its readings were nonsense."
+        "The bridge echoes every command to the program. The program found more bytes than the reply that it "
+        "had asked for, and ended after its first commands."
     ),
     right=(
         "the program got other bytes than the replies that were sent: an echo of its commands",
-        "replies were right as sent, but the program acted on other numbers from the first one on",
+        "more bytes came back to the program than it had asked for, from the first command on",
     ),
-    partly=("it never localized", "the program ended early", "it was lost"),
+    partly=(
+        "the program ended at its beginning",
+        "it gave up because of a reply that it did not understand",
+    ),
     wrong=("a sensor is faulty", "it gave up for lack of a search"),
     shows="echo",
     changes=(IMPATIENT,),
