@@ -1928,7 +1928,7 @@ kind(
     "port-taken",
     "people",
     (
-        "Another program, left running by a neighbour, had the port first and drives the robot. The "
+        "Another program, left running by a neighbour, had the port first and uses the robot. The "
         "team's program was turned away."
     ),
     right=("the program was turned away: another one was connected already",),
