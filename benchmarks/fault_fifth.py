@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import concurrent.futures
-import csv
 import json
 import os
 import shlex
@@ -288,6 +287,10 @@ PERSON = """
 import os, signal, socket, subprocess, sys, time
 
 deed, program = sys.argv[1], sys.argv[2]
+if deed == "occupy":
+    old = socket.create_connection(("127.0.0.1", int(os.environ["SIMMER_PORT"])))
+    old.sendall(b"u1\\n")
+    old.recv(8)
 child = subprocess.Popen([sys.executable, "-u", program], stdout=subprocess.PIPE, text=True)
 for line in child.stdout:
     print(line, end="", flush=True)
@@ -295,12 +298,6 @@ for line in child.stdout:
         if deed == "kill":
             child.send_signal(signal.SIGTERM)
             print("team: killed by a person", flush=True)
-        elif deed == "turn":
-            port = int(os.environ["SIMMER_PACKET_PORT"])
-            with socket.create_connection(("127.0.0.1", port)) as line_out:
-                line_out.sendall(b"[r1-50]")
-            print("team: a second program has turned the robot", flush=True)
-            time.sleep(1.0)
 code = child.wait()
 sys.exit(code if code >= 0 else 128 - code)
 """
@@ -379,7 +376,8 @@ def tell(message):
     with socket.create_connection(("127.0.0.1", int(os.environ["SIMMER_PACKET_PORT"])), timeout=3) as line:
         line.sendall(message.encode())
     time.sleep(0.1)
-    with socket.create_connection(("127.0.0.1", int(os.environ["SIMMER_PACKET_REPLY_PORT"])), timeout=3) as line:
+    port = int(os.environ["SIMMER_PACKET_REPLY_PORT"])
+    with socket.create_connection(("127.0.0.1", port), timeout=3) as line:
         line.settimeout(0.5)
         try:
             return line.recv(4096).decode()
@@ -447,10 +445,13 @@ KINDS: dict[str, Kind] = {
         mission={"start": "[30.0, 18.0]", "heading": "90.0"},
     ),
     "map-upside-down": Kind(
-        "The program reads its map upside down: its rows count from the wrong side. No start fits the"
-        " readings, which were right, so it gave up without localizing.",
-        ("it never localized although its readings were right: its map is not this maze",),
-        ("it never localized, and gave up by itself with exit code 3",),
+        "The program reads its map upside down: its rows count from the wrong side. Its start (90, 6) fitted"
+        " the readings, but its route leads through a wall here, near (78, 18), and it drove into that.",
+        (
+            "it knew where it was, and its route led straight into a wall: its map is not this maze",
+            "belief right until the contact, the command leads 12 in into the wall cell around (78, 18)",
+        ),
+        (BLIND, "it did not read a sensor before that drive"),
         edits=(*UNKNOWN, ("MAZE[3 - row]", "MAZE[row]")),
         mission=CORNER,
     ),
@@ -460,7 +461,7 @@ KINDS: dict[str, Kind] = {
         " a look.",
         (
             "it knew where it was, and drove 12 in into a wall cell that its map has as free",
-            "belief right until the contact, the command leads straight into a wall near (54, 18)",
+            "belief right until the contact, the command leads straight into the wall cell around (54, 18)",
         ),
         (BLIND, "it did not read a sensor before that drive"),
         edits=(*UNKNOWN, ('"10200101"', '"10201101"'), ("(5, 2))", "(4, 2))")),
@@ -555,14 +556,15 @@ KINDS: dict[str, Kind] = {
         mission={"time_limit": "80.0"},
     ),
     "empty-mean": Kind(
-        "The program crashed with the block in its gripper: it drops ranges over 35 in as outliers. On the way"
-        " to the drop zone u3 rightly read 49 in, none was left, and it divided by zero.",
+        "The program crashed with the block in its gripper: it drops ranges over 35 in as outliers. On the"
+        " way to the drop zone u3 rightly read 49 in, none was left, and it divided by zero.",
         ("the program crashed: ZeroDivisionError, after u3 read about 49 in, with the block held",),
         ("the program crashed", "the program ended with exit code 1 before the delivery"),
         edits=(
             (
                 "return self.link.ask(code)[0]",
-                "near = [r for r in self.link.ask(code, code) if r < 35]\n        return sum(near) / len(near)",
+                "near = [r for r in self.link.ask(code, code) if r < 35]\n"
+                "        return sum(near) / len(near)",
             ),
         ),
     ),
@@ -652,26 +654,19 @@ KINDS: dict[str, Kind] = {
         ("a wall was hit while it carried the block", BLIND),
         edits=(("self.back(1.3, 43.7)", "self.back(6.0, 39.0)"),),
     ),
-    "too-small-a-body": Kind(
-        "The program plans with a robot of a third of its size. It knew where it was, but passed a wall"
-        " too close, and touched it.",
-        ("it knew where it was, and its path was too close to a wall for the robot's size",),
-        (BLIND,),
-        edits=(("Body(self.ground, footprint.reach)", "Body(self.ground, 0.3 * footprint.reach)"),),
-        program=SOLVE,
-    ),
-    "blind-after-start": Kind(
-        "The program localized well and then never read a range again. It went on by counting, became lost,"
-        " and its errors grew until the failure.",
+    "settles-too-early": Kind(
+        "The program takes its particles for settled while they are spread over much of the maze. Their mean,"
+        " between several possible places, is where the robot is not, and all that followed went wrong.",
         (
-            "after it had localized it read no range sensor any more; its belief drifted away",
-            "dead reckoning: the error of the belief grew since it localized",
+            "it localized wrongly: it took its belief for sure with a spread of many inches",
+            "the mean of particles in several places was taken for the pose",
         ),
-        (BLIND, "belief and truth were apart in the end"),
+        (BLIND, "belief and truth were far apart", "it never localized"),
         edits=(
-            ("        if chosen:\n", "        if chosen and self.localizer.spread > 0.7:\n"),
-            ("(sum(map(read, ALONG)) / 2, sum", "(0.9 * sum(map(read, ALONG)) / 2, sum"),
-            ("low = self.robot.read(LOW)", "low = self.robot.read(LOW)\n        self.localizer.fit = 1.0"),
+            (
+                "return self.spread < 0.7 and float(self._weights @ off**2) < 4.0**2 and self.fit > DOUBTFUL",
+                "return self.spread < 25.0 and len(off) > 0",
+            ),
         ),
         program=SOLVE,
     ),
@@ -719,15 +714,15 @@ KINDS: dict[str, Kind] = {
         mission=CORNER,
     ),
     "front-knocked": Kind(
-        "The front sonar, u1, does not look ahead: it is turned by 40 degrees. It measured the corridor's"
+        "The front sonar, u1, does not look ahead: it is turned by 70 degrees. It measured the corridor's"
         " side and never saw the wall that the robot drove into.",
         (
-            "u1 does not fit its mounting: turned by about 40 degrees",
+            "u1 does not fit its mounting: turned by about 70 degrees",
             "u1 did not see the wall ahead while the robot drove into it",
         ),
         (BLIND,),
         "u1",
-        sensors={"u1": {"Rotation (deg)": 40}},
+        sensors={"u1": {"Rotation (deg)": 70}},
     ),
     "left-too-short": Kind(
         "The drive to the left, w1, goes 60 % of what it is asked: 7.2 in for 12. The robot did not reach"
@@ -814,8 +809,8 @@ KINDS: dict[str, Kind] = {
         wire=("lost-command", 1),
     ),
     "sent-twice": Kind(
-        "The link delivered the first drive, w1-12, twice. The robot moved 24 in in place of 12, and all later"
-        " places were 12 in off.",
+        "The link delivered the first drive, w1-12, twice. The robot moved 24 in in place of 12, and all"
+        " later places were 12 in off.",
         ("w1-12 came twice at once, and was done twice", "a drive was doubled on the link"),
         ("belief and truth are 12 in apart since the second w1", "the gripper closed far from the block"),
         wire=("doubled", 1),
@@ -880,10 +875,10 @@ KINDS: dict[str, Kind] = {
         options=("--reply-format", "float32"),
     ),
     "bracket-missing": Kind(
-        "The program's packets have no closing bracket, so none of them is a command. The robot did nothing,"
-        " and the program gave up.",
-        ("packets without their ], none was done",),
-        ("the robot did no command", "the program gave up without an answer"),
+        "The program's packets have no closing bracket: [u1 was taken for a command with the code [u, which"
+        " no device has. Each was answered Not Found. The robot did nothing, and the program gave up.",
+        ("packets without their ], so none was a command", "all commands were unknown: [u1, [w1-12"),
+        ("the robot did nothing", "the program gave up, with exit code 5"),
         options=("--listeners", "packets", "--idle", "2"),
         program=PACKETS,
     ),
@@ -894,13 +889,12 @@ KINDS: dict[str, Kind] = {
         ("the program ended before it had the block",),
         person="kill",
     ),
-    "second-program": Kind(
-        "A second program turned the robot by 50 degrees in the middle of the run. The first knew nothing of"
-        " it, drove on as at 180 degrees, and hit a wall.",
-        ("another client sent r1-50, and turned the robot by 50 degrees", "two programs drove the robot"),
-        (BLIND, "the heading was wrong since the turn by 50 degrees"),
-        options=("--listeners", "binary,packets"),
-        person="turn",
+    "old-program-connected": Kind(
+        "An old program of a teammate was still connected when this one began, and one program at a time"
+        " drives. The new one could not drive the robot, and ended by a lost connection.",
+        ("two programs were connected: the connection of one was closed by that of the other",),
+        ("the program crashed with a connection error", "the program ended at once, with nothing done"),
+        person="occupy",
     ),
 }
 
@@ -944,13 +938,13 @@ def write_set(folder: Path, kind: Kind) -> None:
     (folder / "mission.toml").write_text(lines, encoding="utf-8")
 
 
-def edited(text: str, edits: tuple[tuple[str, str], ...]) -> str:
-    """The program with all replacements. Raises ValueError if one does not occur."""
+def edited(files: dict[str, str], edits: tuple[tuple[str, str], ...]) -> dict[str, str]:
+    """The program's files with all replacements. Raises ValueError if one does not occur."""
     for old, new in edits:
-        if old not in text:
+        if not any(old in text for text in files.values()):
             raise ValueError(f"the program has no {old!r}")
-        text = text.replace(old, new)
-    return text
+        files = {name: text.replace(old, new) for name, text in files.items()}
+    return files
 
 
 def run(name: str, kind: Kind, seed: int, out: Path) -> dict[str, object]:
@@ -962,11 +956,12 @@ def run(name: str, kind: Kind, seed: int, out: Path) -> dict[str, object]:
     log.unlink(missing_ok=True)
     write_set(work / "set", kind)
     program = work / "program.py"
-    program.write_text(edited(kind.program, kind.edits), encoding="utf-8")
+    files = {program.name: kind.program}
     if kind.program is SOLVE:
-        for part in (ROOT / "scripts").glob("solve_*.py"):
-            changes = tuple(edit for edit in kind.edits if edit[0] in part.read_text(encoding="utf-8"))
-            (work / part.name).write_text(edited(part.read_text(encoding="utf-8"), changes), encoding="utf-8")
+        parts = (ROOT / "scripts").glob("solve_*.py")
+        files |= {part.name: part.read_text(encoding="utf-8") for part in parts}
+    for file, text in edited(files, kind.edits).items():
+        (work / file).write_text(text, encoding="utf-8")
     command = [sys.executable, "-u", str(program)]
     if kind.wire is not None:
         wire = work / "wire.py"
