@@ -353,7 +353,7 @@ def _failure(snapshot: Snapshot, reason: str, *, orders: bool, tries: bool) -> A
     cause = None if verdict is None else verdict.cause
     lines: list[StyledLine] = [((reason, "danger"),)]
     if verdict is not None and cause is not None:
-        lines.append(((_first_sentences(_told(verdict)), "value"),))
+        lines.append(((_first_sentences(cause.text), "value"),))
     offered = _offered(_AFTERWARDS, orders=orders)
     notes = _notes(verdict)
     short: StyledLine = ((TRY_KEY, "mark"), (" try", "label")) if tries and orders else ()
@@ -361,13 +361,6 @@ def _failure(snapshot: Snapshot, reason: str, *, orders: bool, tries: bool) -> A
     lines += [*notes, _numbers(snapshot), *_tried(tries=tries, orders=orders)]
     at = f"at {clock_text(mission.time)}" if mission is not None else ""
     return AnswerCard("why it failed", at, (*lines, *offered), brief, role="danger")
-
-
-def _told(verdict: Verdict) -> str:
-    """The moment that is the cause, and the end if it is another one."""
-    marked = [each for each in verdict.moments if each.is_cause]
-    ends = [each for each in verdict.moments[-1:] if not each.is_cause]
-    return ". ".join(each.sentence for each in (*marked, *ends))
 
 
 def _first_sentences(text: str) -> str:
