@@ -59,9 +59,9 @@ def _commands(run: RunEvidence) -> Iterator[tuple[object, ...]]:
     seen, history = run.seen, run.seen.history
     rows, names = seen.within(history.commands), history.code_names
     yield "sent", len(rows), _by_code(rows, names)
-    refused = rows[rows["refused"] & ~rows["early"]]
+    refused = rows[rows["refused"] & seen.counts(rows)]
     yield "refused", len(refused), _by_code(refused, names)
-    faults = [each.text for each in run.faults]
+    faults = run.fault_texts
     yield "faults on the wire", len(faults), "; ".join(faults[:_LISTED])
     unread = [each.code for each in run.never_read]
     yield "sensors never read", len(unread), " ".join(unread)

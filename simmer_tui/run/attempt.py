@@ -213,11 +213,15 @@ class Attempt:
         """The program's commands that did nothing, newest last. Those that came too early are left out if
         they were sent again until the robot had stopped."""
         moves, names = self.within(self.history.movements), self.history.code_names
+        rows, last = self._rows(self.history.refusals), moves["number"].max(initial=-1)
+        drives = {each.code for each in self.spec.drive_rows}
+        trailing = {each.result.command.code for each in rows if each.result.number > last} & drives
         found = []
-        for row in self._rows(self.history.refusals):
+        for row in rows:
             result = row.result
             place = int(np.searchsorted(moves["number"], result.number))
-            again = place == len(moves) or names[moves["code"][place]] == result.command.code
+            # A program that asks until the robot has stopped repeats one command; others go on to the next.
+            again = len(trailing) < 2 if place == len(moves) else names[moves["code"][place]] == result.command.code
             if result.command.source not in PEOPLE and not (result.is_early and again):
                 found.append(row)
         return found
@@ -226,9 +230,13 @@ class Attempt:
     def refused(self) -> int:
         """Number of refused commands. Of those that came too early only the kept `refusals` count."""
         rows = self.within(self.history.commands)
-        return int((rows["refused"] & ~rows["early"]).sum()) + sum(
-            row.result.is_early for row in self.refusals
-        )
+        return int((rows["refused"] & self.counts(rows)).sum())
+
+    def counts(self, rows: Columns) -> BoolArray:
+        """True for the commands that are no repetition in vain, (n,): those that came too early and were
+        sent again until the robot had stopped are left out."""
+        kept = {row.result.number for row in self.refusals if row.result.is_early}
+        return np.asarray(~rows["early"] | np.isin(rows["number"], list(kept)))
 
     @cached_property
     def commands(self) -> int:
@@ -534,9 +542,9 @@ class Attempt:
 
     def refused_drives(self, since: float) -> tuple[list[str], int, int]:
         """Codes of the program's commands to drive that were refused from a moment on (elapsed seconds), how
-        many those were, and how many came in all. Commands that came too early are left out."""
+        many those were, and how many came in all; see `counts`."""
         rows, names = self.within(self.history.commands), self.history.code_names
-        rows = rows[(rows["elapsed"] >= since) & ~rows["early"] & ~np.isin(rows["number"], self.typed)]
+        rows = rows[(rows["elapsed"] >= since) & self.counts(rows) & ~np.isin(rows["number"], self.typed)]
         driving = {each.code for each in self.spec.drives} | {each.code for each in self.spec.velocities}
         rows = rows[np.isin(rows["code"], [place for place, name in enumerate(names) if name in driving])]
         codes = rows["code"][rows["refused"]]
