@@ -19,7 +19,7 @@ from simmer_tui.report.run_evidence import RunEvidence
 from simmer_tui.report.typical_runs import most_different
 from simmer_tui.report.why import shown_range
 from simmer_tui.run.attempt import Attempt
-from simmer_tui.run.facts import displacement, missed_zone
+from simmer_tui.run.facts import SLIGHT, displacement, missed_zone
 from simmer_tui.run.history_rows import BeliefRow, RefusalRow
 from simmer_tui.run.phrases import (
     body_text,
@@ -56,6 +56,8 @@ _FAR = CELL_SIZE
 """Distance to the block, inches, from which a grip was no miss but another place."""
 _SAME_MISS = 0.5
 """Inches within which misses are one and the same. Judged."""
+_MAP_ADVICE = "Look whether your program's map has {wall}, and compare each movement with the distance to it."
+"""Advice where a right belief led into a wall."""
 _NAMED = 4
 """Findings named in a sentence; the table of devices has all."""
 
@@ -106,9 +108,10 @@ def advice_on(kind: Kind) -> str:
 def _made(run: RunEvidence, rule: CauseRule, fact: Fact) -> Cause:
     seen, text, culprits = run.seen, fact.text, fact.culprits
     if fact.has_behind or rule is NO_RULE:
+        declared, marked = _declared(run, culprits)
         behind, codes = _behind(run)
-        text = f"{text} {behind}".rstrip()
-        culprits = tuple(dict.fromkeys((*culprits, *codes)))
+        text = " ".join(filter(None, (text, declared, behind)))
+        culprits = tuple(dict.fromkeys((*culprits, *marked, *codes)))
     met = run.contact if run.has_contact else None
     if run.stray_block is not None and rule.kind in _ABOUT_BLOCK:
         text = f"{text} The block lay at {place_text(*run.stray_block)}, outside the loading zone."
@@ -148,6 +151,15 @@ def _behind(run: RunEvidence) -> tuple[str, tuple[str, ...]]:
     told = "; or ".join(each.text for each in run.corrections)
     of = tuple(dict.fromkeys(code for each in run.corrections for code in each.of))
     return f"{text} {told}.".strip(), of
+
+
+def _declared(run: RunEvidence, known: Sequence[str]) -> tuple[str, tuple[str, ...]]:
+    """Sentences on devices with a large error that their set declares, and their codes."""
+    if run.seen.task is None:
+        return "", ()
+    told = {code: text for code, text in run.declared.items() if code not in known}
+    codes = tuple(told)[:_NAMED]
+    return " ".join(f"{code} {told[code]}, as its set says." for code in codes), codes
 
 
 # -- commands ----------------------------------------------------------------------------------------------
@@ -296,8 +308,12 @@ def _unread(run: RunEvidence) -> Fact | None:
         since = f" for {ago}" if ago else f" for more than {BLIND:g} in or {BLIND_TURN:g} deg of path"
         if met.belief is None and last is None:
             since = ""
-        text = f"{who} {verb}{since}; then {_sent(run)}. {_contact(run)}"
+        text = _with_belief(run, f"{who} {verb}{since}; then {_sent(run)}. {_contact(run)}")
         advice = f"Read {codes[0] if codes else 'a range sensor'} before each movement."
+        if met.lost is not None:
+            advice = advice_on(Kind.LOST)
+        elif met.knew:
+            advice = _MAP_ADVICE.format(wall=obstacle_place(met.met.contact, run.seen.spec))
         return Fact(
             text, met.met.row, since=met.sent, place=met.met.contact.point, advice=advice, has_behind=True
         )
@@ -333,14 +349,13 @@ def _known_wall(run: RunEvidence) -> Fact | None:
     # A wrong sensor shows the program something else than its set says.
     if shown is not None and all(each.of != shown.code for each in run.findings):
         read = f"{shown.code} read {shown_range(shown.value)} at {shown.elapsed:.1f} s"
-        text = f"{read}; then {_sent(run)}. {_contact(run)}"
+        text = _with_belief(run, f"{read}; then {_sent(run)}. {_contact(run)}")
         advice = f"Compare each movement with {shown.code} before you send it."
         return Fact(text, row, since=met.sent, place=point, advice=advice, has_behind=True)
     if not met.is_into_known or met.belief is None:
         return None
     text = f"Its belief was right, off by {met.belief.error_text}; {_free(run)}"
-    wall = obstacle_place(met.met.contact, run.seen.spec)
-    advice = f"Look whether your program's map has {wall}, and compare each movement with the distance to it."
+    advice = _MAP_ADVICE.format(wall=obstacle_place(met.met.contact, run.seen.spec))
     return Fact(text, row, since=met.sent, place=point, has_behind=True, advice=advice)
 
 
@@ -440,7 +455,6 @@ def _missed_grip(run: RunEvidence) -> Fact | None:
             else f". The last time, {miss_text(missed)}"
         )
         far = ""
-        codes: tuple[str, ...] = ()
         moved = seen.history.movements.before(done.order)
         if moved is not None and missed is not None and math.hypot(*missed) > _FAR:
             off = math.hypot(moved.x - done.grip.block.x, moved.y - done.grip.block.y)
@@ -448,15 +462,13 @@ def _missed_grip(run: RunEvidence) -> Fact | None:
             far = (
                 f" The robot was at {where}, {off:.0f} in from the block, and had driven {moved.gone:.1f} in."
             )
-        elif (reach := _short_reach(seen)) and missed is not None and missed[0] > 0.0:
-            far, codes = f" {reach}", (reach.partition(" ")[0],)
         all_missed = [each.grip.missed for each in seen.misses if each.grip.missed is not None]
         if len(all_missed) >= FEWEST["nominal"]:
             spread = np.ptp(np.array(all_missed), axis=0)
             last = f"{last}, each time within {spread.max():.2f} in" if spread.max() <= _SAME_MISS else last
         text = f"The gripper closed on nothing{often}{last}.{far}{_was_lost(run, done.order)}"
         place = (done.grip.block.x, done.grip.block.y)
-        return Fact(text, done, place=place, culprits=codes, has_behind=True)
+        return Fact(text, done, place=place, has_behind=True)
     gripper = seen.spec.gripper
     if gripper is None:
         return None
@@ -484,15 +496,6 @@ def _missed_grip(run: RunEvidence) -> Fact | None:
     return Fact(text, first, place=(first.x, first.y), culprits=(gripper.code,), advice=advice)
 
 
-def _short_reach(seen: Attempt) -> str:
-    """The reach of the gripper, where the nominal set has another; empty where it is the same."""
-    nominal = seen.history.nominal
-    own, usual = seen.spec.gripper, None if nominal is None else nominal.spec.gripper
-    if own is None or usual is None or own.reach == usual.reach:
-        return ""
-    return f"{own.code} reaches {own.reach:g} in ahead of the robot, in the nominal set {usual.reach:g} in."
-
-
 def _dropped(run: RunEvidence) -> Fact | None:
     seen, done = run.seen, run.seen.put_down
     if seen.task is None or done is None or run.has_contact:
@@ -509,7 +512,21 @@ def _dropped(run: RunEvidence) -> Fact | None:
 
 def _was_lost(run: RunEvidence, order: int) -> str:
     lost = run.seen.belief_before(order)[1]
-    return "" if lost is None else f" It was lost: {wrong_text(lost)}."
+    return "" if lost is None else f" It was lost: {wrong_text(lost)}.{run.belief.parted}"
+
+
+def _with_belief(run: RunEvidence, text: str) -> str:
+    """Sentences on a contact, with the last belief before it: one that was right leaves the map or the plan,
+    one that was wrong comes before all else."""
+    met = run.contact
+    if met is None or met.belief is None:
+        return text
+    begin = text[0].lower() + text[1:]
+    if met.knew and met.belief.distance <= SLIGHT:
+        return f"Its belief was right, off by {met.belief.error_text}; {begin}"
+    if met.lost is not None:
+        return f"Its belief was off by {met.belief.error_text}; {begin}{run.belief.parted}"
+    return text
 
 
 # -- beliefs and paths -------------------------------------------------------------------------------------
@@ -553,7 +570,7 @@ def _too_close(run: RunEvidence) -> Fact | None:
         seen = [each.reading for each in row.seen if each.reading.sensor.kind.is_range]
         silent = " and ".join(each.sensor.code for each in seen if math.isinf(each.value))
         before = f" Before it {silent} read nothing in range." if silent else ""
-        text = f"{_free(run)}{before}"
+        text = _with_belief(run, f"{_free(run)}{before}")
         advice = advice_on(Kind.KNOWN_WALL)
     else:
         text = f"{row.shown} passed {obstacle_place(contact, run.seen.spec)} too close. {_contact(run)}"

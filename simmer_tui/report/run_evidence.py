@@ -15,6 +15,7 @@ from simmer_tui.report.command_audit import multiplied_corrections
 from simmer_tui.report.contact_evidence import ContactEvidence
 from simmer_tui.report.finding import FEWEST, Basis, Disagreement, Finding, kept_disagreements
 from simmer_tui.report.sensor_sample import world_without_block
+from simmer_tui.report.set_errors import set_errors
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.episodes import Episode, EpisodeKind
 from simmer_tui.run.events import Goal, NoticeKind, ProgramEnded
@@ -256,6 +257,13 @@ class RunEvidence:
         """The findings about drives, or about sensors."""
         codes = {each.code for each in self.seen.spec.drives}
         return [each for each in self.findings if (each.of in codes) is drives]
+
+    @cached_property
+    def declared(self) -> dict[str, str]:
+        """Large errors that the set itself declares, by code of the device; those with a finding are left
+        out."""
+        known = {each.of for each in self.findings}
+        return {code: text for code, text in set_errors(self.seen).items() if code not in known}
 
     @cached_property
     def never_read(self) -> list[SensorSpec]:

@@ -221,7 +221,11 @@ class Attempt:
             result = row.result
             place = int(np.searchsorted(moves["number"], result.number))
             # A program that asks until the robot has stopped repeats one command; others go on to the next.
-            again = len(trailing) < 2 if place == len(moves) else names[moves["code"][place]] == result.command.code
+            again = (
+                len(trailing) < 2
+                if place == len(moves)
+                else names[moves["code"][place]] == result.command.code
+            )
             if result.command.source not in PEOPLE and not (result.is_early and again):
                 found.append(row)
         return found
