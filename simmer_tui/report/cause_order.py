@@ -35,7 +35,7 @@ from simmer_tui.run.phrases import (
 from simmer_tui.run.progress import HUNDRED
 from simmer_tui.run.run_history import CHAIN
 from simmer_tui.run.table import Timed
-from simmer_tui.sim.command import counted
+from simmer_tui.sim.command import WORD, counted, cut
 from simmer_tui.sim.specs import CELL_SIZE
 
 # Judged: a good program crosses the maze with fewer movements.
@@ -45,6 +45,9 @@ STAYED, MOVES = 0.25, 20
 """Share of the time limit, and number of movements (or none), without progress that count as a cause."""
 _NO_REPLY = re.compile(r"no reply to '([^']+)'")
 """A program's own message that it waited in vain, as the client of this project writes it."""
+LINK_ENDED = ("Connection", "BrokenPipe")
+LINK_WAITED = ("Timeout", "socket.timeout", "asyncio.TimeoutError")
+"""Beginnings of errors with which a program tells that its link ended, or gave no reply."""
 _WAITED = 2.0
 """Real seconds without a command until the program's end from which it waited for something. Judged."""
 # Most programs send both signs: a heading is corrected to either side.
@@ -122,6 +125,8 @@ def _made(run: RunEvidence, rule: CauseRule, fact: Fact) -> Cause:
         evidence = met.sentences
     elif seen.is_silent:
         evidence = (f"Last output: {run.last_words}." if run.last_words else "",)
+    # A reason may end with a question; a sentence ends with one mark.
+    text = text.replace("?.", "?")
     at = fact.at
     elapsed = fact.since if fact.since is not None else seen.elapsed if at is None else at.elapsed
     return Cause(
@@ -185,13 +190,13 @@ def _refused(run: RunEvidence) -> Fact | None:
     seen, found = run.seen, run.mostly_refused
     if found is not None:
         codes, count, of, since, last = found
-        command, reason = last.result.command.shown, last.result.reason
+        command, reason = cut(last.result.command.shown, WORD), _reason(last)
         begin = f"{count} of {of} commands to drive were refused from {since:.1f} s on"
         return Fact(f"{begin}. The last was {command}: {reason}.", last, culprits=tuple(codes))
     refused, of = run.refused_share
     if 2 * refused > of and seen.refusals:
         first = seen.refusals[0]
-        command, reason = first.result.command.shown, first.result.reason
+        command, reason = cut(first.result.command.shown, WORD), _reason(first)
         return Fact(
             f"{refused} of {counted(of, 'command')} were refused. The first was {command}: {reason}.", first
         )
@@ -201,8 +206,12 @@ def _refused(run: RunEvidence) -> Fact | None:
     row = None if run.has_contact else run.refused_action
     if row is None or seen.task is None:
         return None
-    reason, code = row.result.reason, row.result.command.code
-    return Fact(f"{row.result.command.shown} was refused: {reason}.", row, culprits=(code,))
+    reason, code = _reason(row), row.result.command.code
+    return Fact(f"{cut(row.result.command.shown, WORD)} was refused: {reason}.", row, culprits=(code,))
+
+
+def _reason(row: RefusalRow) -> str:
+    return row.result.reason.rstrip(".")
 
 
 def _undone(run: RunEvidence, rows: Sequence[RefusalRow]) -> Fact | None:
@@ -220,15 +229,14 @@ def _undone(run: RunEvidence, rows: Sequence[RefusalRow]) -> Fact | None:
         if not rows or seen.taken:
             return None
         first, then = rows[0], " It was never closed."
-    command, reason = first.result.command, first.result.reason
+    command, reason = first.result.command, _reason(first)
     often = f" {times_text(len(rows))}" if len(rows) > 1 else ""
-    one = f"{command.shown} was refused at {first.elapsed:.1f} s: {reason}."
+    shown = cut(command.shown, WORD)
+    one = f"{shown} was refused at {first.elapsed:.1f} s: {reason}."
     if often and any(each.result.command.shown != command.shown for each in rows):
         text = f"{len(rows)} commands were refused and never carried out. The first: {one}"
     else:
-        text = (
-            f"{command.shown} was refused{often}, first at {first.elapsed:.1f} s: {reason}." if often else one
-        )
+        text = f"{shown} was refused{often}, first at {first.elapsed:.1f} s: {reason}." if often else one
     return Fact(f"{text}{then}", first, culprits=(command.code,))
 
 
@@ -493,6 +501,9 @@ def _missed_grip(run: RunEvidence) -> Fact | None:
     else:
         return None
     text = f"The gripper was never {what}, first at {first.elapsed:.1f} s."
+    dwell = seen.dwell
+    if dwell is not None and dwell.readings >= HUNDRED:
+        text += f" From {dwell.since:.1f} s on it only read: {dwell.code} {times_text(dwell.often)}."
     return Fact(text, first, place=(first.x, first.y), culprits=(gripper.code,), advice=advice)
 
 
@@ -664,10 +675,12 @@ def _slow(run: RunEvidence) -> Fact | None:
     parts = {"driving": spent.driving, "reading": spent.reading, "the link": spent.link, "waiting": rest}
     most = max(parts, key=lambda name: parts[name])
     listed = ", ".join(f"{name} {time:.1f} s" for name, time in parts.items() if time >= 0.05)
-    code, often = next(iter(spent.readings.most_common(1)), ("", 0))
-    read = (
-        f" It read sensors {times_text(spent.readings.total())} ({code} {times_text(often)})." if code else ""
-    )
+    counts = spent.took if most == "reading" else spent.readings
+    code = next((code for code, _ in counts.most_common(1)), "")
+    often = times_text(spent.readings[code])
+    if most == "reading":
+        often = f"{often}, {spent.took[code] / 1000.0:.1f} s"
+    read = f" It read sensors {times_text(spent.readings.total())} ({code} {often})." if code else ""
     return Fact(f"Most of its time went to {most} ({listed}).{read}", has_behind=True)
 
 
@@ -731,6 +744,8 @@ def waited_text(run: RunEvidence) -> str:
     if run.program is not None:
         said = f"{said} {run.program.error}"
     asked = _NO_REPLY.search(said)
+    if last is not None and run.program is not None and run.program.error.startswith(LINK_ENDED):
+        return f" Its connection ended after its last command to arrive, {last[0]}, at {last[1]:.1f} s."
     if last is None or not (last[2] >= _WAITED or (asked and last[2] >= _WAITED / 2)):
         return ""
     name, at, quiet = last

@@ -100,7 +100,7 @@ def _of_drives(seen: Attempt) -> Iterator[tuple[str, str]]:
         if own.code not in used or row is None or row.kind is not own.kind or not row.gain:
             continue
         if abs(own.gain / row.gain - 1.0) >= _GAIN:
-            yield own.code, f"{own.kind.verb} {own.gain / row.gain:.2f} times what it does in {name}"
+            yield own.code, f"{own.kind.verb} {own.gain / row.gain:.2f} times as far as in {name}"
     gripper = seen.spec.gripper
     if gripper is None or not seen.misses:
         return

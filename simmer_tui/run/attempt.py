@@ -109,6 +109,8 @@ class SpentTime:
     link: float = 0.0
     between: float = 0.0
     readings: Counter[str] = field(default_factory=Counter)
+    took: Counter[str] = field(default_factory=Counter)
+    """Whole milliseconds of the readings, by code."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -622,7 +624,9 @@ class Attempt:
                 # A reading without a time of its own took the configured one.
                 took = np.where(mine["took"], mine["took"], sensors[code].read_time)
                 spent.readings[code] = len(mine)
-                spent.reading += float(took.sum(dtype=np.float64))
+                seconds = float(took.sum(dtype=np.float64))
+                spent.reading += seconds
+                spent.took[code] = round(1000.0 * seconds)
         times = np.concatenate((commands["real_time"], movements["real_time"][~movements["answers"]]))
         times = times[np.isfinite(times)]
         spent.between = float(times.max() - times.min()) if len(times) else 0.0
