@@ -202,7 +202,7 @@ def _mounted(
     history: RunHistory, rows: Columns, own: SensorSpec, row: SensorSpec, nominal: Nominal
 ) -> Iterator[Claim]:
     """A sensor that is elsewhere, or looks elsewhere."""
-    if row.kind is not own.kind or _is_another_robot(history.spec, nominal.spec):
+    if row.kind is not own.kind or is_another_robot(history.spec, nominal.spec):
         return
     device, count = DeviceUnderTest(own.code, "reading", Basis.NOMINAL), len(rows)
     turned = half_turn(own.rotation - row.rotation)
@@ -220,7 +220,8 @@ def _mounted(
         yield device.claim(0.0, FindingKind.MOUNTING, higher, what, count, unit="in")
 
 
-def _is_another_robot(spec: SimulationSpec, nominal: SimulationSpec) -> bool:
+def is_another_robot(spec: SimulationSpec, nominal: SimulationSpec) -> bool:
+    """True if most sensors of a set are mounted elsewhere than in the nominal one."""
     places = {each.code: _mounting(each) for each in nominal.sensors}
     elsewhere = [places.get(each.code) != _mounting(each) for each in spec.sensors]
     return sum(elsewhere) > _ELSEWHERE * len(elsewhere)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections import Counter
 from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,10 +14,12 @@ from simmer_tui.report.belief_audit import SURE, BeliefMotion
 from simmer_tui.report.finding import FEWEST, Disagreement, kept_disagreements
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.facts import SLIGHT, SLIGHT_TURN, UNSURE, UNSURE_TURN
+from simmer_tui.run.phrases import times_text
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.angles import cos_sin_array, half_turn
 from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.command import counted
+from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.sensors import ObservingSensor, modelled_sensor
 from simmer_tui.sim.specs import CELL_SIZE
 
@@ -28,6 +32,8 @@ _TWICE, _APART = 2, 5.0
 """Fewest movements of a code, and times the error with other codes, with which it stands out. Judged."""
 _ASSUMED = 1.0
 """Spread, inches, of a first belief that no reading can have led to. Judged."""
+_STOOD = 0.05
+"""Inches below which a displacement is shown as 0."""
 _LEAST = 2.0
 """Least constant offset, inches, that matters: a sixth of a cell."""
 _ON_GRID = 1.0
@@ -154,20 +160,53 @@ class BeliefFacts:
                 f" Belief and truth parted with {worst}: by {means[worst]:.1f} in in each of {count}, "
                 f"with other commands by {max(others):.1f} in."
             )
-        lost, history = self._seen.beliefs[1], self._seen.history
+        return self._first_parting
+
+    @property
+    def _first_parting(self) -> str:
+        """The movements that arrived between the last right belief, or the start, and the first lost one, and
+        beside them how far robot and belief moved."""
+        seen = self._seen
+        lost, history = seen.beliefs[1], seen.history
         if lost is None or not self.has_truth:
             return ""
         place = int(np.searchsorted(self.rows["order"], lost.order))
-        moves = self._seen.within(history.movements)
-        moves = moves[(moves["order"] < lost.order) & ~moves["grips"]]
-        if not 0 < place < len(self.rows) or not len(moves):
+        since = max(seen.placed, history.began)
+        if 0 < place < len(self.rows):
+            row = self.rows[place - 1]
+            since = int(row["order"])
+            true, believed = (
+                Pose(*(float(row[f"{kind}{axis}"]) for axis in ("x", "y", "heading")))
+                for kind in ("true_", "")
+            )
+        elif place == 0 and history.start is not None and (not seen.placed or seen.placed == history.began):
+            true = believed = history.start
+        else:
             return ""
-        before, last = self.rows[place - 1], moves[-1]
-        grew = lost.distance - float(before["distance"])
-        if last["order"] < before["order"] or grew < SLIGHT or not np.isfinite(last["asked"]):
+        moves = seen.within(history.movements)
+        moves = moves[(moves["order"] > since) & (moves["order"] < lost.order) & ~moves["grips"]]
+        grew = np.hypot(
+            lost.x - believed.x - lost.true_x + true.x, lost.y - believed.y - lost.true_y + true.y
+        )
+        came = Counter(
+            history.code_names[code] + (f"-{asked:g}" if np.isfinite(asked) else "")
+            for code, asked in zip(moves["code"].tolist(), moves["asked"].tolist(), strict=True)
+        )
+        if grew < SLIGHT or len(came) > _MOST_NAMED:
             return ""
-        command = f"{history.code_names[last['code']]}-{last['asked']:g}"
-        return f" The error grew by {grew:.1f} in with {command} at {last['elapsed']:.1f} s."
+        names = [name if count == 1 else f"{name} {times_text(count)}" for name, count in came.items()]
+        arrived = f"{' and '.join(names)} arrived" if names else "no movement arrived"
+        if len(came) == 1:
+            ((name, count),) = came.items()
+            arrived = f"{name} arrived" if count == 1 else f"{name} arrived {times_text(count)}"
+        robot, own = _way(true, lost.true), _way(believed, lost.believed)
+        if robot == own:
+            return ""
+        if place == 0:
+            moved = f"the robot was {robot} from its start, the belief {own} from it"
+            return f" Before its first belief {arrived}; {moved}."
+        when = f"{float(self.rows[place - 1]['elapsed']):.1f} s and {lost.elapsed:.1f} s"
+        return f" Between {when} {arrived}; the robot moved {robot}, the belief {own}."
 
     @property
     def _parted_by_code(self) -> dict[str, list[float]]:
@@ -216,3 +255,22 @@ class BeliefFacts:
         beliefs = seen.history.beliefs
         before = beliefs.place_of(lost.order) - beliefs.place_of(seen.placed)
         return [seen.placed, lost.order - 1] if before >= FEWEST["set"] else [seen.placed]
+
+
+def _way(first: Pose, second: Pose) -> str:
+    """A displacement in the robot's frame at its beginning, in words: `12.0 in to the left`."""
+    x, y = second.x - first.x, second.y - first.y
+    far, bearing = math.hypot(x, y), half_turn(math.degrees(math.atan2(y, x)) - first.heading)
+    turn = half_turn(second.heading - first.heading)
+    turned = (
+        f" and {abs(turn):.0f} deg to the {'left' if turn > 0.0 else 'right'}" if abs(turn) >= 1.0 else ""
+    )
+    if far < _STOOD:
+        return f"0 in{turned}"
+    if abs(bearing) <= 45.0:
+        side = "ahead"
+    elif abs(bearing) >= 135.0:
+        side = "back"
+    else:
+        side = "to the left" if bearing > 0.0 else "to the right"
+    return f"{far:.1f} in {side}{turned}"

@@ -19,7 +19,7 @@ from simmer_tui.report.run_evidence import RunEvidence
 from simmer_tui.report.typical_runs import most_different
 from simmer_tui.report.why import shown_range
 from simmer_tui.run.attempt import Attempt
-from simmer_tui.run.facts import displacement, missed_zone
+from simmer_tui.run.facts import SLIGHT, displacement, missed_zone
 from simmer_tui.run.history_rows import BeliefRow, RefusalRow
 from simmer_tui.run.phrases import (
     body_text,
@@ -35,7 +35,7 @@ from simmer_tui.run.phrases import (
 from simmer_tui.run.progress import HUNDRED
 from simmer_tui.run.run_history import CHAIN
 from simmer_tui.run.table import Timed
-from simmer_tui.sim.command import counted
+from simmer_tui.sim.command import WORD, counted, cut
 from simmer_tui.sim.specs import CELL_SIZE
 
 # Judged: a good program crosses the maze with fewer movements.
@@ -45,6 +45,9 @@ STAYED, MOVES = 0.25, 20
 """Share of the time limit, and number of movements (or none), without progress that count as a cause."""
 _NO_REPLY = re.compile(r"no reply to '([^']+)'")
 """A program's own message that it waited in vain, as the client of this project writes it."""
+LINK_ENDED = ("Connection", "BrokenPipe")
+LINK_WAITED = ("Timeout", "socket.timeout", "asyncio.TimeoutError")
+"""Beginnings of errors with which a program tells that its link ended, or gave no reply."""
 _WAITED = 2.0
 """Real seconds without a command until the program's end from which it waited for something. Judged."""
 # Most programs send both signs: a heading is corrected to either side.
@@ -56,6 +59,8 @@ _FAR = CELL_SIZE
 """Distance to the block, inches, from which a grip was no miss but another place."""
 _SAME_MISS = 0.5
 """Inches within which misses are one and the same. Judged."""
+_MAP_ADVICE = "Look whether your program's map has {wall}, and compare each movement with the distance to it."
+"""Advice where a right belief led into a wall."""
 _NAMED = 4
 """Findings named in a sentence; the table of devices has all."""
 
@@ -106,9 +111,10 @@ def advice_on(kind: Kind) -> str:
 def _made(run: RunEvidence, rule: CauseRule, fact: Fact) -> Cause:
     seen, text, culprits = run.seen, fact.text, fact.culprits
     if fact.has_behind or rule is NO_RULE:
+        declared, marked = _declared(run, culprits)
         behind, codes = _behind(run)
-        text = f"{text} {behind}".rstrip()
-        culprits = tuple(dict.fromkeys((*culprits, *codes)))
+        text = " ".join(filter(None, (text, declared, behind)))
+        culprits = tuple(dict.fromkeys((*culprits, *marked, *codes)))
     met = run.contact if run.has_contact else None
     if run.stray_block is not None and rule.kind in _ABOUT_BLOCK:
         text = f"{text} The block lay at {place_text(*run.stray_block)}, outside the loading zone."
@@ -119,6 +125,8 @@ def _made(run: RunEvidence, rule: CauseRule, fact: Fact) -> Cause:
         evidence = met.sentences
     elif seen.is_silent:
         evidence = (f"Last output: {run.last_words}." if run.last_words else "",)
+    # A reason may end with a question; a sentence ends with one mark.
+    text = text.replace("?.", "?")
     at = fact.at
     elapsed = fact.since if fact.since is not None else seen.elapsed if at is None else at.elapsed
     return Cause(
@@ -150,6 +158,15 @@ def _behind(run: RunEvidence) -> tuple[str, tuple[str, ...]]:
     return f"{text} {told}.".strip(), of
 
 
+def _declared(run: RunEvidence, known: Sequence[str]) -> tuple[str, tuple[str, ...]]:
+    """Sentences on devices with a large error that their set declares, and their codes."""
+    if run.seen.task is None:
+        return "", ()
+    told = {code: text for code, text in run.declared.items() if code not in known}
+    codes = tuple(told)[:_NAMED]
+    return " ".join(f"{code} {told[code]}, as its set says." for code in codes), codes
+
+
 # -- commands ----------------------------------------------------------------------------------------------
 
 
@@ -173,13 +190,13 @@ def _refused(run: RunEvidence) -> Fact | None:
     seen, found = run.seen, run.mostly_refused
     if found is not None:
         codes, count, of, since, last = found
-        command, reason = last.result.command.shown, last.result.reason
+        command, reason = cut(last.result.command.shown, WORD), _reason(last)
         begin = f"{count} of {of} commands to drive were refused from {since:.1f} s on"
         return Fact(f"{begin}. The last was {command}: {reason}.", last, culprits=tuple(codes))
     refused, of = run.refused_share
     if 2 * refused > of and seen.refusals:
         first = seen.refusals[0]
-        command, reason = first.result.command.shown, first.result.reason
+        command, reason = cut(first.result.command.shown, WORD), _reason(first)
         return Fact(
             f"{refused} of {counted(of, 'command')} were refused. The first was {command}: {reason}.", first
         )
@@ -189,8 +206,12 @@ def _refused(run: RunEvidence) -> Fact | None:
     row = None if run.has_contact else run.refused_action
     if row is None or seen.task is None:
         return None
-    reason, code = row.result.reason, row.result.command.code
-    return Fact(f"{row.result.command.shown} was refused: {reason}.", row, culprits=(code,))
+    reason, code = _reason(row), row.result.command.code
+    return Fact(f"{cut(row.result.command.shown, WORD)} was refused: {reason}.", row, culprits=(code,))
+
+
+def _reason(row: RefusalRow) -> str:
+    return row.result.reason.rstrip(".")
 
 
 def _undone(run: RunEvidence, rows: Sequence[RefusalRow]) -> Fact | None:
@@ -208,15 +229,14 @@ def _undone(run: RunEvidence, rows: Sequence[RefusalRow]) -> Fact | None:
         if not rows or seen.taken:
             return None
         first, then = rows[0], " It was never closed."
-    command, reason = first.result.command, first.result.reason
+    command, reason = first.result.command, _reason(first)
     often = f" {times_text(len(rows))}" if len(rows) > 1 else ""
-    one = f"{command.shown} was refused at {first.elapsed:.1f} s: {reason}."
+    shown = cut(command.shown, WORD)
+    one = f"{shown} was refused at {first.elapsed:.1f} s: {reason}."
     if often and any(each.result.command.shown != command.shown for each in rows):
         text = f"{len(rows)} commands were refused and never carried out. The first: {one}"
     else:
-        text = (
-            f"{command.shown} was refused{often}, first at {first.elapsed:.1f} s: {reason}." if often else one
-        )
+        text = f"{shown} was refused{often}, first at {first.elapsed:.1f} s: {reason}." if often else one
     return Fact(f"{text}{then}", first, culprits=(command.code,))
 
 
@@ -296,8 +316,12 @@ def _unread(run: RunEvidence) -> Fact | None:
         since = f" for {ago}" if ago else f" for more than {BLIND:g} in or {BLIND_TURN:g} deg of path"
         if met.belief is None and last is None:
             since = ""
-        text = f"{who} {verb}{since}; then {_sent(run)}. {_contact(run)}"
+        text = _with_belief(run, f"{who} {verb}{since}; then {_sent(run)}. {_contact(run)}")
         advice = f"Read {codes[0] if codes else 'a range sensor'} before each movement."
+        if met.lost is not None:
+            advice = advice_on(Kind.LOST)
+        elif met.knew:
+            advice = _MAP_ADVICE.format(wall=obstacle_place(met.met.contact, run.seen.spec))
         return Fact(
             text, met.met.row, since=met.sent, place=met.met.contact.point, advice=advice, has_behind=True
         )
@@ -333,14 +357,13 @@ def _known_wall(run: RunEvidence) -> Fact | None:
     # A wrong sensor shows the program something else than its set says.
     if shown is not None and all(each.of != shown.code for each in run.findings):
         read = f"{shown.code} read {shown_range(shown.value)} at {shown.elapsed:.1f} s"
-        text = f"{read}; then {_sent(run)}. {_contact(run)}"
+        text = _with_belief(run, f"{read}; then {_sent(run)}. {_contact(run)}")
         advice = f"Compare each movement with {shown.code} before you send it."
         return Fact(text, row, since=met.sent, place=point, advice=advice, has_behind=True)
     if not met.is_into_known or met.belief is None:
         return None
     text = f"Its belief was right, off by {met.belief.error_text}; {_free(run)}"
-    wall = obstacle_place(met.met.contact, run.seen.spec)
-    advice = f"Look whether your program's map has {wall}, and compare each movement with the distance to it."
+    advice = _MAP_ADVICE.format(wall=obstacle_place(met.met.contact, run.seen.spec))
     return Fact(text, row, since=met.sent, place=point, has_behind=True, advice=advice)
 
 
@@ -440,7 +463,6 @@ def _missed_grip(run: RunEvidence) -> Fact | None:
             else f". The last time, {miss_text(missed)}"
         )
         far = ""
-        codes: tuple[str, ...] = ()
         moved = seen.history.movements.before(done.order)
         if moved is not None and missed is not None and math.hypot(*missed) > _FAR:
             off = math.hypot(moved.x - done.grip.block.x, moved.y - done.grip.block.y)
@@ -448,15 +470,13 @@ def _missed_grip(run: RunEvidence) -> Fact | None:
             far = (
                 f" The robot was at {where}, {off:.0f} in from the block, and had driven {moved.gone:.1f} in."
             )
-        elif (reach := _short_reach(seen)) and missed is not None and missed[0] > 0.0:
-            far, codes = f" {reach}", (reach.partition(" ")[0],)
         all_missed = [each.grip.missed for each in seen.misses if each.grip.missed is not None]
         if len(all_missed) >= FEWEST["nominal"]:
             spread = np.ptp(np.array(all_missed), axis=0)
             last = f"{last}, each time within {spread.max():.2f} in" if spread.max() <= _SAME_MISS else last
         text = f"The gripper closed on nothing{often}{last}.{far}{_was_lost(run, done.order)}"
         place = (done.grip.block.x, done.grip.block.y)
-        return Fact(text, done, place=place, culprits=codes, has_behind=True)
+        return Fact(text, done, place=place, has_behind=True)
     gripper = seen.spec.gripper
     if gripper is None:
         return None
@@ -481,16 +501,10 @@ def _missed_grip(run: RunEvidence) -> Fact | None:
     else:
         return None
     text = f"The gripper was never {what}, first at {first.elapsed:.1f} s."
+    dwell = seen.dwell
+    if dwell is not None and dwell.readings >= HUNDRED:
+        text += f" From {dwell.since:.1f} s on it only read: {dwell.code} {times_text(dwell.often)}."
     return Fact(text, first, place=(first.x, first.y), culprits=(gripper.code,), advice=advice)
-
-
-def _short_reach(seen: Attempt) -> str:
-    """The reach of the gripper, where the nominal set has another; empty where it is the same."""
-    nominal = seen.history.nominal
-    own, usual = seen.spec.gripper, None if nominal is None else nominal.spec.gripper
-    if own is None or usual is None or own.reach == usual.reach:
-        return ""
-    return f"{own.code} reaches {own.reach:g} in ahead of the robot, in the nominal set {usual.reach:g} in."
 
 
 def _dropped(run: RunEvidence) -> Fact | None:
@@ -509,7 +523,21 @@ def _dropped(run: RunEvidence) -> Fact | None:
 
 def _was_lost(run: RunEvidence, order: int) -> str:
     lost = run.seen.belief_before(order)[1]
-    return "" if lost is None else f" It was lost: {wrong_text(lost)}."
+    return "" if lost is None else f" It was lost: {wrong_text(lost)}.{run.belief.parted}"
+
+
+def _with_belief(run: RunEvidence, text: str) -> str:
+    """Sentences on a contact, with the last belief before it: one that was right leaves the map or the plan,
+    one that was wrong comes before all else."""
+    met = run.contact
+    if met is None or met.belief is None:
+        return text
+    begin = text[0].lower() + text[1:]
+    if met.knew and met.belief.distance <= SLIGHT:
+        return f"Its belief was right, off by {met.belief.error_text}; {begin}"
+    if met.lost is not None:
+        return f"Its belief was off by {met.belief.error_text}; {begin}{run.belief.parted}"
+    return text
 
 
 # -- beliefs and paths -------------------------------------------------------------------------------------
@@ -553,7 +581,7 @@ def _too_close(run: RunEvidence) -> Fact | None:
         seen = [each.reading for each in row.seen if each.reading.sensor.kind.is_range]
         silent = " and ".join(each.sensor.code for each in seen if math.isinf(each.value))
         before = f" Before it {silent} read nothing in range." if silent else ""
-        text = f"{_free(run)}{before}"
+        text = _with_belief(run, f"{_free(run)}{before}")
         advice = advice_on(Kind.KNOWN_WALL)
     else:
         text = f"{row.shown} passed {obstacle_place(contact, run.seen.spec)} too close. {_contact(run)}"
@@ -647,10 +675,12 @@ def _slow(run: RunEvidence) -> Fact | None:
     parts = {"driving": spent.driving, "reading": spent.reading, "the link": spent.link, "waiting": rest}
     most = max(parts, key=lambda name: parts[name])
     listed = ", ".join(f"{name} {time:.1f} s" for name, time in parts.items() if time >= 0.05)
-    code, often = next(iter(spent.readings.most_common(1)), ("", 0))
-    read = (
-        f" It read sensors {times_text(spent.readings.total())} ({code} {times_text(often)})." if code else ""
-    )
+    counts = spent.took if most == "reading" else spent.readings
+    code = next((code for code, _ in counts.most_common(1)), "")
+    often = times_text(spent.readings[code])
+    if most == "reading":
+        often = f"{often}, {spent.took[code] / 1000.0:.1f} s"
+    read = f" It read sensors {times_text(spent.readings.total())} ({code} {often})." if code else ""
     return Fact(f"Most of its time went to {most} ({listed}).{read}", has_behind=True)
 
 
@@ -714,6 +744,8 @@ def waited_text(run: RunEvidence) -> str:
     if run.program is not None:
         said = f"{said} {run.program.error}"
     asked = _NO_REPLY.search(said)
+    if last is not None and run.program is not None and run.program.error.startswith(LINK_ENDED):
+        return f" Its connection ended after its last command to arrive, {last[0]}, at {last[1]:.1f} s."
     if last is None or not (last[2] >= _WAITED or (asked and last[2] >= _WAITED / 2)):
         return ""
     name, at, quiet = last

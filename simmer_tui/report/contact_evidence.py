@@ -63,6 +63,8 @@ class ShownPlace:
     value: float
     elapsed: float
     ago: float
+    is_last: bool
+    """True if that sensor was not read again."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,6 +202,7 @@ class ContactEvidence:
         rows = rows[(rows["order"] < met.row.order) & (rows["gone"] >= met.row.gone_before - CELL_SIZE)]
         found: list[ShownPlace] = []
         for sensor, mine in self._by_range(rows):
+            newest = mine["order"].max(initial=0)
             mine = mine[_right(mine, sensor) & np.isfinite(mine["value"])]
             heading, ray = np.radians(mine["heading"].astype(np.float64)), np.radians(sensor.rotation)
             cos, sin = np.cos(heading), np.sin(heading)
@@ -212,14 +215,19 @@ class ContactEvidence:
             if len(places):
                 last = mine[int(places[-1])]
                 ago = met.row.gone_before - float(last["gone"])
-                found.append(ShownPlace(sensor.code, float(last["value"]), float(last["elapsed"]), ago))
+                is_last = bool(last["order"] == newest)
+                found.append(
+                    ShownPlace(sensor.code, float(last["value"]), float(last["elapsed"]), ago, is_last)
+                )
         return max(found, key=lambda each: each.elapsed, default=None)
 
     @cached_property
     def ignored(self) -> ShownPlace | None:
-        """The right reading of the wall that its command led into; None if there is none, or if a wrong
-        belief or errors of the drives explain the movement."""
+        """The right reading of the wall that its command led into; None if there is none, or if a later one
+        of that sensor, a wrong belief or errors of the drives explain the movement."""
         shown, far = self.shown, self.beyond > _INTO
+        if shown is None or not shown.is_last:
+            return None
         # With a right belief a program needs no readings to keep off a wall; only a wall straight ahead
         # counts.
         against = (far and self._asked_for_more) if self.knew else (far or self._asked_for_more)

@@ -14,10 +14,13 @@ from simmer_tui.report.run_evidence import RunEvidence
 from simmer_tui.report.why import looks_there, shown_range
 from simmer_tui.run.events import Result
 from simmer_tui.run.phrases import grip_ending, place_text, pose_text, program_end_text
-from simmer_tui.sim.command import counted
+from simmer_tui.sim.command import WORD, counted, cut
 
 MOST_MOMENTS = 7
 """Moments of a run: they fit on a screen, and a reader keeps as many in mind."""
+_TIMED = (MomentKind.SIGHT, MomentKind.COMMAND, MomentKind.LOST)
+_SAME_TIME = 1.0
+"""Kinds of moments of one time, and seconds within which one is that of the cause. Judged."""
 _WORDS = 80
 """Characters of a program's last output in a moment: a line of a terminal."""
 _KEPT = (
@@ -95,12 +98,16 @@ def moments_of(run: RunEvidence, cause: Cause | None = None) -> tuple[Moment, ..
         same = [each for each in found if each.kind is cause.moment]
         # Of several goals or persons the last one counts.
         near = min(same, key=lambda each: abs(each.elapsed - cause.elapsed), default=None)
-        if near is not None:
+        # A moment of the same kind at another time is another fact.
+        is_other = near is not None and near.kind in _TIMED and abs(near.elapsed - cause.elapsed) > _SAME_TIME
+        if near is not None and not is_other:
             found.remove(near)
             marked = replace(near, is_cause=True)
         else:
             code = cause.culprits[0] if cause.culprits else ""
             text = _uncapitalized(cause.text.rstrip("."))
+            if is_other:
+                text = text.partition(". ")[0]
             marked = Moment(cause.moment, cause.elapsed, text, cause.line, code, cause.place, is_cause=True)
     # Newer ones of a kind come first: the last goal counts more than the one before.
     ranked = sorted(found, key=lambda each: (_KEPT.index(each.kind), -each.elapsed))
@@ -143,15 +150,16 @@ def _all_moments(run: RunEvidence) -> Iterator[Moment]:
 
 def _fault(run: RunEvidence) -> Iterator[Moment]:
     fault, refused = next(iter(run.faults), None), next(iter(run.seen.refusals), None)
+    fault_text = next(iter(run.fault_texts), "")
     if fault is not None and (refused is None or fault.notice.advice or fault.elapsed <= refused.elapsed):
         count, of = run.refused_share
         share = f"{count} of {counted(of, 'command')} were refused: " if 2 * count > of else ""
-        yield Moment(MomentKind.FAULT, fault.elapsed, f"{share}{fault.text}", fault.line)
+        yield Moment(MomentKind.FAULT, fault.elapsed, f"{share}{fault_text}", fault.line)
     elif refused is not None:
         command, reason = refused.result.command, refused.result.reason
         count, of = run.refused_share
-        others = f"; {count} of {of} commands were" if count > 1 else ""
-        text = f"{command.shown} was refused: {reason}{others}"
+        others = f"; in all, {count} of {of} commands were refused" if count > 1 else ""
+        text = f"{cut(command.shown, WORD)} was refused: {reason}{others}"
         yield Moment(MomentKind.FAULT, refused.elapsed, text, refused.line, command.code)
 
 

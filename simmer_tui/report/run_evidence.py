@@ -15,6 +15,7 @@ from simmer_tui.report.command_audit import multiplied_corrections
 from simmer_tui.report.contact_evidence import ContactEvidence
 from simmer_tui.report.finding import FEWEST, Basis, Disagreement, Finding, kept_disagreements
 from simmer_tui.report.sensor_sample import world_without_block
+from simmer_tui.report.set_errors import set_errors
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.episodes import Episode, EpisodeKind
 from simmer_tui.run.events import Goal, NoticeKind, ProgramEnded
@@ -35,6 +36,8 @@ _SEEN = 1.0
 """Least change of a reading by the block, inches, with which a sensor sees it."""
 _HARDLY = 0.01
 """Share of the ranges read since the last goal below which a sensor was hardly read. Judged."""
+_NONSENSE = "makes no sense as a movement"
+"""Words of the connection doctor for the value of a command."""
 _POSES = 400
 """Most poses from which it is computed who sees the block: the strip between two is then an inch or two."""
 
@@ -97,6 +100,12 @@ class RunEvidence:
         return [row for row in rows if row.order > self.seen.history.began]
 
     @cached_property
+    def fault_texts(self) -> list[str]:
+        """The faults in words. Of a number that makes no sense only that is told: a reply may have been
+        misread, late, or of another command."""
+        return [fact for fact, _ in map(_nonsense, self.faults)]
+
+    @cached_property
     def goals(self) -> list[MissionRow]:
         """Goals met, in order."""
         rows = self.seen.history.missions.items
@@ -109,13 +118,13 @@ class RunEvidence:
         last = self.goals[-1].order if self.goals else 0
         silent = self.seen.is_silent
         rows = (row for row in self.faults if row.order > last)
-        return next((row for row in rows if row.notice.advice or silent), None)
+        return next((row for row in rows if (row.notice.advice and not _nonsense(row)[1]) or silent), None)
 
     @cached_property
     def refused_share(self) -> tuple[int, int]:
         """Number of the program's refused commands, and of all its commands."""
         rows = self.seen.within(self.seen.history.commands)
-        rows = rows[~rows["early"] & ~np.isin(rows["number"], self.seen.typed)]
+        rows = rows[self.seen.counts(rows) & ~np.isin(rows["number"], self.seen.typed)]
         return int(rows["refused"].sum()), len(rows)
 
     @cached_property
@@ -127,7 +136,6 @@ class RunEvidence:
             codes, count, of = seen.refused_drives(since)
             # Only the newest refusals are kept with their reasons.
             rows = [each for each in seen.refusals if each.result.command.code in codes]
-            rows = [each for each in rows if not each.result.is_early]
             if count >= FEWEST["set"] and 2 * count > of and rows:
                 return codes, count, of, since, rows[-1]
         return None
@@ -251,6 +259,13 @@ class RunEvidence:
         return [each for each in self.findings if (each.of in codes) is drives]
 
     @cached_property
+    def declared(self) -> dict[str, str]:
+        """Large errors that the set itself declares, by code of the device; those with a finding are left
+        out."""
+        known = {each.of for each in self.findings}
+        return {code: text for code, text in set_errors(self.seen).items() if code not in known}
+
+    @cached_property
     def never_read(self) -> list[SensorSpec]:
         """The enabled sensors of the set that were never read."""
         read = set(self.seen.history.sensor_codes)
@@ -369,6 +384,12 @@ class RunEvidence:
     def lost(self) -> BeliefRow | None:
         """The first of the unbroken row of wrong beliefs at the end."""
         return self.seen.beliefs[1]
+
+
+def _nonsense(row: NoticeRow) -> tuple[str, bool]:
+    """A fault in words, and True if it is a number that makes no sense."""
+    fact, found, _ = row.text.partition(_NONSENSE)
+    return (f"{fact}{_NONSENSE}", True) if found else (row.text, False)
 
 
 def _is_same(first: Columns, second: Columns) -> bool:

@@ -109,6 +109,8 @@ class SpentTime:
     link: float = 0.0
     between: float = 0.0
     readings: Counter[str] = field(default_factory=Counter)
+    took: Counter[str] = field(default_factory=Counter)
+    """Whole milliseconds of the readings, by code."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,11 +215,19 @@ class Attempt:
         """The program's commands that did nothing, newest last. Those that came too early are left out if
         they were sent again until the robot had stopped."""
         moves, names = self.within(self.history.movements), self.history.code_names
+        rows, last = self._rows(self.history.refusals), moves["number"].max(initial=-1)
+        drives = {each.code for each in self.spec.drive_rows}
+        trailing = {each.result.command.code for each in rows if each.result.number > last} & drives
         found = []
-        for row in self._rows(self.history.refusals):
+        for row in rows:
             result = row.result
             place = int(np.searchsorted(moves["number"], result.number))
-            again = place == len(moves) or names[moves["code"][place]] == result.command.code
+            # A program that asks until the robot has stopped repeats one command; others go on to the next.
+            again = (
+                len(trailing) < 2
+                if place == len(moves)
+                else names[moves["code"][place]] == result.command.code
+            )
             if result.command.source not in PEOPLE and not (result.is_early and again):
                 found.append(row)
         return found
@@ -226,9 +236,13 @@ class Attempt:
     def refused(self) -> int:
         """Number of refused commands. Of those that came too early only the kept `refusals` count."""
         rows = self.within(self.history.commands)
-        return int((rows["refused"] & ~rows["early"]).sum()) + sum(
-            row.result.is_early for row in self.refusals
-        )
+        return int((rows["refused"] & self.counts(rows)).sum())
+
+    def counts(self, rows: Columns) -> BoolArray:
+        """True for the commands that are no repetition in vain, (n,): those that came too early and were
+        sent again until the robot had stopped are left out."""
+        kept = {row.result.number for row in self.refusals if row.result.is_early}
+        return np.asarray(~rows["early"] | np.isin(rows["number"], list(kept)))
 
     @cached_property
     def commands(self) -> int:
@@ -534,9 +548,9 @@ class Attempt:
 
     def refused_drives(self, since: float) -> tuple[list[str], int, int]:
         """Codes of the program's commands to drive that were refused from a moment on (elapsed seconds), how
-        many those were, and how many came in all. Commands that came too early are left out."""
+        many those were, and how many came in all; see `counts`."""
         rows, names = self.within(self.history.commands), self.history.code_names
-        rows = rows[(rows["elapsed"] >= since) & ~rows["early"] & ~np.isin(rows["number"], self.typed)]
+        rows = rows[(rows["elapsed"] >= since) & self.counts(rows) & ~np.isin(rows["number"], self.typed)]
         driving = {each.code for each in self.spec.drives} | {each.code for each in self.spec.velocities}
         rows = rows[np.isin(rows["code"], [place for place, name in enumerate(names) if name in driving])]
         codes = rows["code"][rows["refused"]]
@@ -610,7 +624,9 @@ class Attempt:
                 # A reading without a time of its own took the configured one.
                 took = np.where(mine["took"], mine["took"], sensors[code].read_time)
                 spent.readings[code] = len(mine)
-                spent.reading += float(took.sum(dtype=np.float64))
+                seconds = float(took.sum(dtype=np.float64))
+                spent.reading += seconds
+                spent.took[code] = round(1000.0 * seconds)
         times = np.concatenate((commands["real_time"], movements["real_time"][~movements["answers"]]))
         times = times[np.isfinite(times)]
         spent.between = float(times.max() - times.min()) if len(times) else 0.0

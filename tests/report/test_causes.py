@@ -20,6 +20,7 @@ from simmer_tui.report.counterfactuals import Change, CounterfactualWorld
 from simmer_tui.report.finding import Basis, Finding, FindingKind
 from simmer_tui.report.moments import MOST_MOMENTS, moments_of
 from simmer_tui.report.run_evidence import RunEvidence
+from simmer_tui.report.verdict import verdict_of
 from simmer_tui.robot.engine import Engine
 from simmer_tui.run.attempt import Attempt, Task, task_of
 from simmer_tui.run.events import (
@@ -178,6 +179,58 @@ def test_a_wrong_heading_alone_is_being_lost_too() -> None:
     cause = mission.why()
     assert cause.kind is Kind.LOST
     assert "heading was off by 30 deg" in cause.text
+
+
+def test_a_busy_answer_is_a_refusal_unless_the_same_was_sent_again() -> None:
+    mission = begin()
+    mission.ask_while_moving("d1-1", "d1-1", "d1-1")
+    assert mission.evidence().refused_share == (0, 0)
+    mission = begin()
+    mission.ask_while_moving("w1-2", *["d1-3"] * 8)
+    run = mission.evidence()
+    assert run.refused_share == (9, 9)
+    assert cause_of(run).text.startswith("9 of 9 commands to drive were refused")
+
+
+def test_a_large_error_that_the_set_declares_is_named() -> None:
+    mission = begin(
+        change=lambda sensor: replace(sensor, bias=-2.5, min_range=0.0) if sensor.code == "u5" else sensor
+    )
+    mission.give("u1", "u5", "u5", "u5")
+    cause = mission.why(code=3)
+    assert "u5 reads 2.5 in too short on average, as its set says." in cause.text
+    assert cause.culprits == ("u5",)
+    assert "u1" not in cause.text
+
+
+def test_what_arrived_stands_beside_what_the_belief_moved() -> None:
+    mission = begin()
+    mission.believe()
+    mission.give("d1-6", "d1-6")
+    mission.believe(ahead=-6.0)
+    cause = mission.why(code=3)
+    assert cause.kind is Kind.LOST
+    assert "d1-6 arrived twice; the robot moved 12.0 in ahead, the belief 6.0 in ahead." in cause.text
+
+
+def test_a_right_belief_before_a_contact_comes_first() -> None:
+    mission = begin()
+    mission.give("u1")
+    mission.give("d1-6", "d1--6")
+    mission.believe()
+    mission.give("w1-9")
+    cause = mission.why()
+    assert cause.text.startswith("Its belief was right, off by 0.0 in and 0 deg; ")
+    assert "map has" in cause.advice
+
+
+def test_an_ended_connection_is_advised_to_look_at_the_link() -> None:
+    mission = begin()
+    mission.give("d1-1")
+    mission.referee.end("the program ended with exit code 1")
+    ended = ProgramEnded(0.0, 1, error="ConnectionError: robot is gone", place="program.py:26")
+    mission.history.add_program_end(ended)
+    assert "look at the link" in verdict_of(mission.history, mission.task).advice
 
 
 @pytest.mark.parametrize("spread", [None, 2.0])
@@ -378,7 +431,7 @@ def test_time_is_told_by_what_it_went_to() -> None:
     cause = mission.why()
     assert cause.kind is Kind.TOO_SLOW
     assert "Most of its time went to reading" in cause.text
-    assert "(u5 20 times)" in cause.text
+    assert "(u5 20 times, 10.0 s)" in cause.text
 
 
 def go_round(mission: Mission, rounds: int, command: str = "d1-0.5") -> None:

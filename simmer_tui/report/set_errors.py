@@ -1,0 +1,112 @@
+"""Large errors that a run's own set declares: a device does as its set says, and misleads a program all the
+same."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cache
+
+import numpy as np
+
+from simmer_tui.config import load_default
+from simmer_tui.report.audit import is_another_robot
+from simmer_tui.report.finding import LEAST_DEGREES
+from simmer_tui.report.sensor_sample import by_sensor
+from simmer_tui.run.attempt import Attempt
+from simmer_tui.run.run_history import RunHistory
+from simmer_tui.run.table import Columns
+from simmer_tui.sim.angles import half_turn
+from simmer_tui.sim.specs import GripperSpec, SensorSpec, SimulationSpec
+
+# Judged: an inch is a third of the way beside a robot in a corridor; 5 degrees lead an inch aside in a cell.
+_LARGE = {"in": 1.0, "deg": 5.0}
+"""Mean errors of readings from which a declared error is named, by unit."""
+_GAIN = 0.1
+"""Share by which a drive moves more or less than another set says, from which that is named. Judged."""
+_SLOW = 1.0
+"""Seconds by which a reading takes longer than in another set, from which that is named. Judged."""
+_REACH = 0.25
+"""Inches by which a gripper reaches less far than in another set, from which that is named. Judged."""
+_SYSTEMATIC = ("bias", "drift", "hard_iron", "soft_iron", "random_walk", "cross_talk", "incidence_limit")
+"""Fields of a sensor's row that declare an error of one sign."""
+
+
+def reference_set(history: RunHistory) -> tuple[str, SimulationSpec]:
+    """The set that a row is compared with, and its name: the nominal one, else the bundled one."""
+    nominal = history.nominal
+    return ("the bundled set", _bundled()) if nominal is None else (f"the set {nominal.name}", nominal.spec)
+
+
+@cache
+def _bundled() -> SimulationSpec:
+    # It does not change, and takes a moment to read.
+    return load_default().simulation
+
+
+def set_errors(seen: Attempt) -> dict[str, str]:
+    """Large errors of the devices that an attempt used, by code: `reads 60.0 deg too high on average`. None
+    of a real robot, whose truth no log has."""
+    if seen.history.is_twin:
+        return {}
+    found: dict[str, str] = {}
+    for code, text in (*_of_sensors(seen), *_of_drives(seen)):
+        found[code] = f"{found[code]}, and {text}" if code in found else text
+    return found
+
+
+def _of_sensors(seen: Attempt) -> Iterator[tuple[str, str]]:
+    name, reference = reference_set(seen.history)
+    usual = {each.code: each for each in reference.sensors}
+    elsewhere = is_another_robot(seen.spec, reference)
+    for own, rows in by_sensor(seen.history, seen.within(seen.history.readings)):
+        if not len(rows):
+            continue
+        text = _misleads(own, rows)
+        if text:
+            yield own.code, text
+        row = usual.get(own.code)
+        if row is None or row.kind is not own.kind:
+            continue
+        turned = half_turn(own.rotation - row.rotation)
+        if own.kind.has("rotation") and not elsewhere and abs(turned) >= LEAST_DEGREES:
+            side = "left" if turned > 0 else "right"
+            yield own.code, f"looks {abs(turned):.0f} deg further to the {side} than in {name}"
+        if own.read_time - row.read_time >= _SLOW:
+            yield own.code, f"takes {own.read_time:g} s for a reading, in {name} {row.read_time:g} s"
+
+
+def _misleads(own: SensorSpec, rows: Columns) -> str:
+    """The mean error of a sensor whose row declares one, in words; empty where it is small."""
+    errors = rows["error"][np.isfinite(rows["error"])]
+    if own.is_yes_or_no:
+        wrong = int((np.abs(errors) > 0.5).sum())
+        return f"was wrong in {wrong} of {len(errors)} readings" if 2 * wrong > len(errors) else ""
+    if own.gain == 1.0 and not any(getattr(own, field) for field in _SYSTEMATIC):
+        return ""
+    mean = float(errors.mean()) if len(errors) else 0.0
+    if abs(mean) < _LARGE.get(own.unit, np.inf):
+        return ""
+    words = ("too long", "too short") if own.kind.is_range else ("too high", "too low")
+    return f"reads {abs(mean):.1f} {own.unit} {words[mean < 0.0]} on average"
+
+
+def _of_drives(seen: Attempt) -> Iterator[tuple[str, str]]:
+    name, reference = reference_set(seen.history)
+    usual = {each.code: each for each in reference.drives}
+    names = seen.history.code_names
+    used = {names[number] for number in np.unique(seen.within(seen.history.movements)["code"])}
+    for own in seen.spec.drives:
+        row = usual.get(own.code)
+        if own.code not in used or row is None or row.kind is not own.kind or not row.gain:
+            continue
+        if abs(own.gain / row.gain - 1.0) >= _GAIN:
+            yield own.code, f"{own.kind.verb} {own.gain / row.gain:.2f} times as far as in {name}"
+    gripper = seen.spec.gripper
+    if gripper is None or not seen.misses:
+        return
+    other, where = reference.gripper, f"in {name}"
+    if other is None:
+        # A set without a gripper: that of a row that gives no reach.
+        other, where = GripperSpec(code=gripper.code), "by default"
+    if other.reach - gripper.reach >= _REACH:
+        yield gripper.code, f"reaches {gripper.reach:g} in ahead of the robot, {where} {other.reach:g} in"
