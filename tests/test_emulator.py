@@ -335,7 +335,8 @@ def test_replies_that_lost_bytes_become_nan_and_leave_the_others_whole(
     lost = numbers.count("nan")
     assert 1 <= lost <= 10
     assert numbers.count("7.5") == 40 - lost
-    assert done.stderr.count("did not answer within 1 s") == lost
+    # Each as it happens, and the first among the moments of the run.
+    assert done.stderr.count("did not answer within 1 s") == lost + 1
 
 
 @unix_only

@@ -16,6 +16,7 @@ from textual.geometry import Size
 from textual.screen import Screen
 from textual.widget import Widget
 
+from simmer_tui.errors import printable
 from simmer_tui.live.snapshot import Snapshot
 from simmer_tui.tui.answers import AnswerCard
 from simmer_tui.tui.frame_pace import Backpressure, InputFirst, JumpThinning
@@ -200,7 +201,7 @@ class Shell(FaultReporting, TerminalApp):
             return
         where = traceback.extract_tb(error.__traceback__)[-1:]
         place = "".join(f" ({Path(frame.filename).name}:{frame.lineno})" for frame in where)
-        self.fault = f"{type(error).__name__}: {error}{place}"
+        self.fault = printable(f"{type(error).__name__}: {error}{place}")
 
     def refresh_frame(self) -> None:
         """Draw again soon, even without an event."""

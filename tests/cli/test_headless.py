@@ -388,7 +388,7 @@ def test_what_happens_after_the_program_has_ended_is_told_too() -> None:
         "os.fork() or time.sleep(1e9)"
     )
     result, _, err = ended("--run", python(code))
-    assert (result, err.splitlines()[-2][-28:]) == (0, "disconnected after 1 command"), err
+    assert (result, "disconnected after 1 command\n" in err) == (0, True), err
 
 
 def test_run_tells_the_program_where_to_connect() -> None:
@@ -682,7 +682,7 @@ def test_a_log_deleted_in_a_short_run_is_told_at_the_end(tmp_path: Path) -> None
     program = f"{sys.executable} {tmp_path / 'program.py'}"
     code, _, err = ended("--log", str(log), "--run", program)
     assert code == 0, err
-    assert err.splitlines()[-2].endswith("has stopped: the file has been deleted")
+    assert "has stopped: the file has been deleted\n" in err
 
 
 def test_a_program_that_sends_nothing_has_not_succeeded() -> None:

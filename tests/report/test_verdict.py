@@ -422,7 +422,7 @@ def test_contacts_after_the_mission_change_no_verdict_on_screen(mission_run: Any
         texts.append(live.verdict.text)
         mission_run.send(*("d1-60",) * MANY)
     assert texts[0] == texts[1]
-    assert "d1-60 led the robot into the wall" in texts[1]
+    assert "then d1-60 was sent. Contact at" in texts[1]
 
 
 def test_the_end_waits_for_a_search_of_the_verdict(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 
+from simmer_tui.errors import printable
 from simmer_tui.links.backend import MOST_COMMANDS
 from simmer_tui.run.events import MovementEnded
 
@@ -64,7 +65,8 @@ def test_a_bad_line_is_answered_nan_moves_nothing_and_is_told(serve: Any, line: 
     assert math.isnan(program.number())
     assert program.ask("o3") == 0.0, "exactly one reply came, and nothing moved"
     refused = next(event for event in served.events if getattr(event, "reason", ""))
-    assert refused.command.shown.isprintable()
+    assert printable(refused.command.shown).isprintable()
+    assert repr(refused).isprintable()
     program.close()
     assert_next_is_served(serve, served)
 
