@@ -59,9 +59,11 @@ def _page(run: RunStatistics, name: str, *, commands: bool) -> Document:
         _about(run, name),
         verdict_box(verdict, is_mission=attempt.task is not None),
         *((_last_lines(verdict),) if crashed else ()),
-        _moments(verdict),
         _figures(run, attempt, crashed=crashed),
-        SideBySide(tuple(_picture(run)), tuple(_cards(run, attempt, name if commands else ""))),
+        # Beside the picture: verdict, moments and picture fit a screen.
+        SideBySide(
+            tuple(_picture(run)), (_moments(verdict), *_cards(run, attempt, name if commands else ""))
+        ),
         Folded("All that happened", (Bullets("", findings(run)), Bullets("Notes", run.notes))),
         *(() if strips is None else (Folded("Sensors over time", (strips,)),)),
         Folded("Movements, errors of readings, timing", report_tables(run, name)),

@@ -105,4 +105,4 @@ def test_the_screen_has_a_crash(kind: CrashKind, pane: Pane, tmp_path: Path) -> 
     # Columns stand side by side: words of a sentence that was wrapped are looked for one by one.
     pane.until("verdict", *first.split())
     pane.type(":why", "Enter")
-    pane.until("Try: ", *(word for part in kind.said for word in part.split()))
+    pane.until("Esc closes", *(word for part in kind.said for word in part.split()))

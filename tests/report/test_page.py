@@ -146,7 +146,7 @@ def test_space_opens_a_fold_and_presses_the_button_that_has_the_focus(tmp_path: 
 @pytest.mark.slow
 def test_paper_has_a_large_picture_and_nothing_about_the_player(tmp_path: Path) -> None:
     page = tmp_path / "page.html"
-    page.write_text(report_page(build_report(run_of(SPOKEN, tmp_path)), "run.jsonl"), "utf-8")
+    page.write_text(report_page(build_report(run_of(LOST, tmp_path, "--mission")), "run.jsonl"), "utf-8")
     size = "parseFloat(getComputedStyle(document.querySelector('NAME')).fontSize)"
     with tab() as browser:
         browser.open(page.as_uri(), size=(718, 1000))  # A4 without its margins
