@@ -238,6 +238,8 @@ class Adoption:
 
     def living(self) -> set[int]:
         """Adopted processes that live. Ended ones are reaped."""
+        if sys.platform == "win32":
+            raise NotImplementedError  # there is no such thing on Windows
         found, ended = self._adopted()
         for pid in ended:
             with contextlib.suppress(ChildProcessError):

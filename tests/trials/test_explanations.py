@@ -106,6 +106,7 @@ def test_true_readings_of_one_sensor_explain_a_run_that_they_save(
     assert {change for change, succeeded in changed.items() if succeeded} == {
         "true readings of u1",
         "true readings of all sensors",
+        "exact sensors and drives",
     }
     assert "true readings of u2" in changed
     assert not any("u3" in change for change in changed), "a sensor that was not read"

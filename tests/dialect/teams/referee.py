@@ -465,7 +465,7 @@ TEAMS: dict[str, Callable[[], Team]] = {
 
 
 def same_but_for_real_time(one: Path, other: Path) -> Iterator[tuple[int, Entry, Entry]]:
-    """Lines of two logs that differ, but for the real time and the computer's ports."""
+    """Lines of two logs that differ, but for the real time, the computer's ports and the command line."""
     lines, others = one.read_text().splitlines(), other.read_text().splitlines()
     for number, (a, b) in enumerate(zip(lines, others, strict=True), 1):
         if (first := without_real_time(a)) != (second := without_real_time(b)):
@@ -474,6 +474,6 @@ def same_but_for_real_time(one: Path, other: Path) -> Iterator[tuple[int, Entry,
 
 def without_real_time(line: str) -> Entry:
     entry: Entry = json.loads(line)
-    for key in ("real", "start", "subject", "client"):
+    for key in ("real", "start", "subject", "client", "run"):
         entry.pop(key, None)
     return entry
