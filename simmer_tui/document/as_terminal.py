@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import textwrap
+
 from rich import box
 from rich.console import Console
 from rich.measure import Measurement
@@ -9,7 +11,16 @@ from rich.table import Table as RichTable
 from rich.text import Text
 
 from simmer_tui.document.formats import BLOCKS, PLAIN_BLOCKS
-from simmer_tui.document.model import Bullets, DataTable, Document, Paragraph, VerdictBox, unfolded, words
+from simmer_tui.document.model import (
+    Bullets,
+    Code,
+    DataTable,
+    Document,
+    Paragraph,
+    VerdictBox,
+    unfolded,
+    words,
+)
 from simmer_tui.errors import printable
 
 # Basic styles only: every terminal theme has them, and they stay readable on light and dark grounds.
@@ -27,7 +38,13 @@ def print_document(document: Document, console: Console) -> None:
                 print_table(part, console)
             case Paragraph() if part.text and part.kind != "run":
                 style = _STYLES.get(part.kind, "")
-                console.print(Text(printable(words(part.text)), style=style))
+                text = printable(words(part.text))
+                typed = any(isinstance(piece, Code) for piece in part.text)
+                if typed:
+                    # A path longer than a line stays whole: with a line end in it, it could not be copied.
+                    width = console.width
+                    text = textwrap.fill(text, width, break_long_words=False, break_on_hyphens=False)
+                console.print(Text(text, style=style), soft_wrap=typed)
             case VerdictBox():
                 console.print(Text(printable(part.text), style=_STYLES["strong"]))
             case Bullets() if part.entries and part.key:

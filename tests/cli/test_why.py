@@ -248,7 +248,9 @@ def test_a_run_that_did_not_fail_is_not_tried(log: Make) -> None:
 
 
 def test_a_report_ends_with_the_line_to_type(log: Make, tmp_path: Path) -> None:
-    path = log(run_command("python robot.py"), tmp_path / "my run.jsonl", source="client")
+    longer_than_a_line = tmp_path / ("a" * 90)
+    longer_than_a_line.mkdir()
+    path = log(run_command("python robot.py"), longer_than_a_line / "my run.jsonl", source="client")
     last = " ".join(simmer("report", path).stdout.split()).rpartition("Try again with one change: ")[2]
     assert shlex.split(last) == ["simmer-tui", "why", str(path)]
     page = tmp_path / "page.html"
