@@ -106,7 +106,7 @@ class TrialRun:
         self._happened: queue.SimpleQueue[_What | int] = queue.SimpleQueue()
 
     def interrupt(self) -> None:
-        """Have `run` raise InterruptedTrialError soon. Any thread may ask."""
+        """Make `run` raise InterruptedTrialError soon. Any thread may ask."""
         self._happened.put(_What.STOP)
 
     def run(self) -> TrialResult:
