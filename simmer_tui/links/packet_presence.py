@@ -96,14 +96,17 @@ class Presence:
         """True if a client is present."""
         return bool(self._clients)
 
-    def connected(self, sock: socket.socket, peer: str) -> None:
-        """Take a connection for requests. Its process is looked for now, since it may be closed the next
-        moment."""
-        address, now = host_of(peer), self._loop.time()
-        client = self._clients.get(address)
-        sender = self._senders[peer] = PacketDriver(address, now)
-        if self._processes is None:
+    def connected(self, peer: str) -> None:
+        """Take a connection for requests."""
+        self._senders[peer] = PacketDriver(host_of(peer), self._loop.time())
+
+    def seek(self, sock: socket.socket, peer: str) -> None:
+        """Look for the process of a connection, as long as it is open."""
+        sender, now = self._senders.get(peer), self._loop.time()
+        if self._processes is None or sender is None:
             return
+        address = sender.address
+        client = self._clients.get(address)
         # By the program's clock no other program drives, and a search in real time would make runs differ.
         if self.context.clock is not None:
             sender.process = self._of_run(address)
