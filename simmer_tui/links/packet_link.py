@@ -256,7 +256,8 @@ class PacketLink:
     @property
     def has_clients(self) -> bool:
         """True if a connection for requests is open, or a request unanswered."""
-        return bool(self.senders) or bool(self._arriving) or self.unanswered > 0
+        is_behind = self._requests.is_behind or bool(self._arriving)
+        return bool(self.senders) or is_behind or self.unanswered > 0
 
     def close(self) -> None:
         """Stop listening and end all connections."""
