@@ -148,7 +148,7 @@ def made_reference() -> dict[str, str]:
 def test_messages_of_the_reference_have_the_constants_and_words_of_the_code(
     made_reference: dict[str, str],
 ) -> None:
-    messages = made_reference["messages.md"]
+    messages = "".join(text for name, text in made_reference.items() if name.startswith("messages"))
     for message in (
         "has no Main.m and no config.py: name the file to import",
         "name the config.py of simmer-python",
