@@ -191,6 +191,7 @@ def files() -> str:
             table(("row", "meaning"), robot_csv.ROWS.items()),
             "## sensors.csv\n",
             "One row for each sensor. The robot's frame: x ahead, y to the left, z up, from its centre.\n",
+            "![Frames of maze and robot](../frame.svg)\n",
             table(("type", "what it measures", "unit"), kinds),
             "The first ten columns must be there. A blank cell of another column means its default, in "
             "brackets here. Formulas are in [Sensors and drives](../sensors.md).\n",

@@ -145,6 +145,23 @@ def made_reference() -> dict[str, str]:
     return pages
 
 
+def test_the_picture_of_the_frames_is_of_the_default_set() -> None:
+    made = script("make_frame_picture")
+    assert made.PICTURE.read_text("utf-8") == made.picture(), "run python scripts/make_frame_picture.py"
+
+
+MOST_WORDS = {"messages.md": 2500, "answers.md": 1500}
+"""Words of a page of the reference; other pages outside of it have at most 1500."""
+
+
+@pytest.mark.parametrize("path", PAGES, ids=lambda path: path.name)
+def test_a_page_is_short_enough_to_be_read(path: Path) -> None:
+    """A page without limit is of `reference/` or `developing/`."""
+    limit = MOST_WORDS.get(path.name, 1500 if path in WRITTEN else None)
+    words = re.findall(r"\S*\w\S*", re.sub(r"<!--.*?-->", "", path.read_text("utf-8")))
+    assert limit is None or len(words) <= limit
+
+
 def test_messages_of_the_reference_have_the_constants_and_words_of_the_code(
     made_reference: dict[str, str],
 ) -> None:
