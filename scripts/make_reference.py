@@ -1,9 +1,10 @@
-"""Make the reference pages of the documentation, docs/reference, from the code.
+"""Make the reference pages of the documentation, docs/reference, from the code, and fill in the numbers of
+the other pages (page_numbers.py).
 
     python scripts/make_reference.py
 
-Run it after a change of options, settings, columns, orders, keys or messages; a test fails when it is
-necessary.
+Run it after a change of options, settings, columns, orders, keys, messages or numbers that pages state; a
+test fails when it is necessary.
 """
 
 from __future__ import annotations
@@ -20,6 +21,9 @@ from itertools import product
 from pathlib import Path
 
 sys.path.append(str(Path(__file__).resolve().parent.parent))  # a clone's root; an installed one is first
+sys.path.insert(0, str(Path(__file__).resolve().parent))  # where the scripts are, also for a test
+from page_numbers import numbered_pages
+
 from simmer_tui.calibrate import result_page
 from simmer_tui.cli import log_commands, machine_commands
 from simmer_tui.cli.command_line import EXIT_CODES, EXIT_CODES_OF_RUNS, default_text
@@ -549,6 +553,8 @@ def main() -> int:
     """Write the pages; returns the exit code."""
     PAGES.mkdir(parents=True, exist_ok=True)
     CAUSES.write_text(causes(), encoding="utf-8", newline="\n")
+    for path, text in numbered_pages():
+        path.write_text(text, encoding="utf-8", newline="\n")
     for name, text in pages().items():
         (PAGES / name).write_text(text, encoding="utf-8", newline="\n")
         print(f"Wrote {(PAGES / name).relative_to(ROOT)}")

@@ -179,6 +179,18 @@ def test_the_reference_is_as_the_code_has_it(made_reference: dict[str, str]) -> 
     assert there == made_reference, "run python scripts/make_reference.py"
 
 
+def test_pages_state_the_numbers_of_the_code() -> None:
+    pages = script("page_numbers")
+    for path, text in pages.numbered_pages():
+        assert path.read_text("utf-8") == text, f"{path.name}: run python scripts/make_reference.py"
+    old = "Two<!--=run.facts.COVERED!w-->, 7<!--=4*run.facts.SLIGHT:.2f-->, `x y`<!--=trials.folder.TABLE-->"
+    new = pages.with_numbers(old, "a page")
+    assert re.sub("<!--.*?-->", "", new) == "Three, 4.00, `trials.csv`"
+    for marker in ("run.facts.NOSUCH", "run.nowhere.X", "settings.nosuch", "run.facts.SLIGHT:q"):
+        with pytest.raises(ValueError, match=r"a page: 7<!--="):
+            pages.with_numbers(f"7<!--={marker}-->", "a page")
+
+
 def test_a_column_that_kinds_of_sensors_allow_differently_says_so() -> None:
     rows = (DOCS / "reference" / "files.md").read_text("utf-8").splitlines()
     (rays,) = [row for row in rows if row.startswith("| `Rays` |")]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from enum import StrEnum
-from typing import Any
+from enum import Enum, StrEnum
+from typing import Any, Final
 
 from simmer_tui.document.formats import TEXT, Format, TextLink
 
@@ -23,6 +23,15 @@ class Tone(StrEnum):
         """Sign beside words of this tone."""
         return _SIGNS[self]
 
+
+class Absent(Enum):
+    """The type of `ABSENT`."""
+
+    ABSENT = ""
+
+
+ABSENT: Final = Absent.ABSENT
+"""The value of a row under a column that does not apply to it; None is a value that is not known."""
 
 _SIGNS = {Tone.GOOD: "✓", Tone.BAD: "✗", Tone.MIXED: "◐", Tone.PLAIN: "■"}
 
@@ -104,11 +113,12 @@ class DataTable:
             yield [words(cell) for cell in row]
 
     def objects(self) -> Iterator[dict[str, object]]:
-        """Rows as programs read them."""
+        """Rows as programs read them; a value that is `ABSENT` has no key."""
         for row in self.rows:
             yield {
                 key: plain
                 for column, value in zip(self.columns, row, strict=True)
+                if value is not ABSENT
                 for key, plain in zip(column.keys, column.format.plain(value), strict=True)
             }
 

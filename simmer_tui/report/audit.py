@@ -187,9 +187,7 @@ def _turned(own: SensorSpec, row: SensorSpec) -> FindingKind | None:
         return None
     if own.gain == 0.0 != row.gain:
         return FindingKind.STUCK
-    if own.gain * row.gain < 0.0 or (
-        own.kind.has("detects_white") and own.detects_white != row.detects_white
-    ):
+    if own.gain * row.gain < 0.0 or own.is_inverted != row.is_inverted:
         return FindingKind.SIGN
     return None
 

@@ -117,7 +117,7 @@ def recorded_robot(spec: SimulationSpec) -> dict[str, Any]:
                 "name": sensor.id,
                 "unit": sensor.unit,
                 "at": [sensor.x, sensor.y, sensor.rotation],
-                "view": sensor.field_of_view,
+                "view": sensor.beam or 0.0,
                 "kind": _kind(sensor),
                 "counts": sensor.kind.counts,
             }

@@ -140,7 +140,7 @@ def histogram_figure(successes: Sequence[float], failures: Sequence[float], unit
 
 
 # Each page takes time and space, and nobody reads more pages than these.
-_MOST = 60
+MOST_FIGURE_PAGES = 60
 """Most pages of a set of trials."""
 # A longer log makes a page that browsers open slowly.
 _LARGEST = 20_000_000
@@ -169,7 +169,7 @@ def write_run_pages(folder: TrialFolder) -> dict[int, str]:
     pages: dict[int, str] = {}
     for number in failures_in_turn(folder.done):
         log = folder.log(number)
-        if len(pages) >= _MOST or not log.exists() or log.stat().st_size > _LARGEST:
+        if len(pages) >= MOST_FIGURE_PAGES or not log.exists() or log.stat().st_size > _LARGEST:
             continue
         name = f"{RUNS}/{folder.trial(number).name}{_SUFFIX}"
         page = folder.path / name

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from typing import Any, NoReturn
 
 # A loop that waits by reading the clock must end soon: 400,000 reads are two seconds.
-_LOOK = 5_000
+CLOCK_READ = 5_000
 """Nanoseconds that a read of a clock takes."""
 # The polling rate of a loop on a slow microcontroller.
 EMPTY_POLL = 2e-4
@@ -175,7 +175,7 @@ class ProgramTime:
         self.check_thread("looks at the clock")
         if self.is_away:
             return self.here + round((_REAL_TIME() - self.away_since) * 1e9)
-        self._debt += _LOOK
+        self._debt += CLOCK_READ
         return self._now + self._debt
 
     def pass_time(self, seconds: float) -> None:
@@ -205,7 +205,7 @@ class ProgramTime:
             self._ask("S", until)
         else:
             # A loop that gives way must not hold time for ever.
-            self.turns.wait(max(until, self.here + _LOOK), listens=False)
+            self.turns.wait(max(until, self.here + CLOCK_READ), listens=False)
 
     def end_of(self, timeout: float | None) -> float:
         """The end of a wait that begins now, nanoseconds: a whole number, or infinity."""
