@@ -258,7 +258,7 @@ def test_pages_list_every_profile_port_kind_of_sensor_and_answer() -> None:
     pages = {path.name: path.read_text("utf-8") for path in WRITTEN}
     for sort in (DRIVE, SENSOR, LINK):
         assert [name for name in profile_names(sort) if f"`{name}`" not in pages["mission.md"]] == []
-    explained = pages["sensors.md"] + pages["mission.md"]
+    explained = pages["sensors.md"] + pages["lidar.md"] + pages["mission.md"]
     assert [name for name in KINDS if f"`{name}`" not in explained] == []
     with_json = {
         name
@@ -309,7 +309,7 @@ def test_pages_list_the_outcomes_and_all_causes() -> None:
 
 
 def test_each_step_of_the_course_is_short_and_has_a_picture() -> None:
-    text = (DOCS / "course.md").read_text("utf-8")
+    text = "".join((DOCS / name).read_text("utf-8") for name in ("course.md", "course-extras.md"))
     assert len(STEPS) == 9
     for step in STEPS:
         name = step.name.partition("_")[0]
