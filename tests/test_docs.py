@@ -145,10 +145,27 @@ def made_reference() -> dict[str, str]:
     return pages
 
 
+def test_the_picture_of_the_frames_is_of_the_default_set() -> None:
+    made = script("make_frame_picture")
+    assert made.PICTURE.read_text("utf-8") == made.picture(), "run python scripts/make_frame_picture.py"
+
+
+MOST_WORDS = {"messages.md": 2500, "answers.md": 1500}
+"""Words of a page of the reference; other pages outside of it have at most 1500."""
+
+
+@pytest.mark.parametrize("path", PAGES, ids=lambda path: path.name)
+def test_a_page_is_short_enough_to_be_read(path: Path) -> None:
+    """A page without limit is of `reference/` or `developing/`."""
+    limit = MOST_WORDS.get(path.name, 1500 if path in WRITTEN else None)
+    words = re.findall(r"\S*\w\S*", re.sub(r"<!--.*?-->", "", path.read_text("utf-8")))
+    assert limit is None or len(words) <= limit
+
+
 def test_messages_of_the_reference_have_the_constants_and_words_of_the_code(
     made_reference: dict[str, str],
 ) -> None:
-    messages = made_reference["messages.md"]
+    messages = "".join(text for name, text in made_reference.items() if name.startswith("messages"))
     for message in (
         "has no Main.m and no config.py: name the file to import",
         "name the config.py of simmer-python",
@@ -241,7 +258,7 @@ def test_pages_list_every_profile_port_kind_of_sensor_and_answer() -> None:
     pages = {path.name: path.read_text("utf-8") for path in WRITTEN}
     for sort in (DRIVE, SENSOR, LINK):
         assert [name for name in profile_names(sort) if f"`{name}`" not in pages["mission.md"]] == []
-    explained = pages["sensors.md"] + pages["mission.md"]
+    explained = pages["sensors.md"] + pages["lidar.md"] + pages["mission.md"]
     assert [name for name in KINDS if f"`{name}`" not in explained] == []
     with_json = {
         name
@@ -292,7 +309,7 @@ def test_pages_list_the_outcomes_and_all_causes() -> None:
 
 
 def test_each_step_of_the_course_is_short_and_has_a_picture() -> None:
-    text = (DOCS / "course.md").read_text("utf-8")
+    text = "".join((DOCS / name).read_text("utf-8") for name in ("course.md", "course-extras.md"))
     assert len(STEPS) == 9
     for step in STEPS:
         name = step.name.partition("_")[0]
