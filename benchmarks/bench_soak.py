@@ -11,8 +11,8 @@ only.
 
 With `--six` the others are one of each of these: it opens silent connections in a loop, sends blank lines,
 sends half packets, never reads its replies, connects and leaves, or drives from the page. Then the client
-asks different sensors, and each reply must be nearest to the usual one of its sensor. Descriptors must be flat
-too. A hundred stops are sent at the end: each is to be answered within 100 ms.
+asks different sensors, and each reply must be nearest to the usual one of its sensor. Descriptors must be
+flat too. A hundred stops are sent at the end: each is to be answered within 100 ms.
 """
 
 from __future__ import annotations
