@@ -61,6 +61,7 @@ class _Sender(Peer):
         self._session = link.engine.session(answer_at_end=at_end, lane="packets")
         self._silence = LoopTimer(lambda: self._submit(self._reader.silence()), self._loop)
         self._direct_reply = LoopTimer(self._reply_here, self._loop)
+        self._on_answered = self._answered  # made once, for thousands of requests
         self._open_requests = self._open_commands = 0
         self._ended = False
         self._unfetched: deque[tuple[float, Reply]] = deque()
@@ -130,7 +131,7 @@ class _Sender(Peer):
                 self._open_commands += len(request.commands)
                 form = self._link.forms[request.dialect]
                 message = Message(request.data, request.commands, form)
-                answered = partial(self._answered, request, form.format)
+                answered = partial(self._on_answered, request, form.format)
                 self._link.context.backend.submit(message, self._session, answered, self._command_budget)
         if self._command_budget.is_exceeded and not self.lost:
             self._drop()

@@ -1,7 +1,7 @@
 """The clients of the connection-per-message dialects: the program behind each address, and its presence.
 
-Replies wait in the `Mailbox` for the address that asked, at most ten minutes. That needs nothing of this module.
-These cases do:
+Replies wait in the `Mailbox` for the address that asked, at most ten minutes. That needs nothing of this
+module. These cases do:
 
 - A program begins. The replies for the one before are dropped then. A packet has no connection that lasts, so
   only the process of a request, or a long silence, shows that it is another program.
