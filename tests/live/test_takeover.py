@@ -141,7 +141,7 @@ def test_a_movement_under_way_ends_where_it_was_seen(tmp_path: Path, capsys: Any
         for part in range(1, 12):
             log = tmp_path / f"{part}.jsonl"
             moment = moment_at(index, index.duration * part / 12)
-            _, state = playback.state_at_time(moment.elapsed)
+            state = playback.state_at(playback.index.find_time(moment.elapsed), moment.elapsed)
             with taken_over(path, moment, log) as server:
                 assert server.simulator.pose == state.pose
                 assert not server.simulator.moving
@@ -202,7 +202,7 @@ def test_timed_motion_is_taken_over_too(timed_log: Path, tmp_path: Path) -> None
         playback = Playback(index)
         for part in range(3):
             moment = moment_at(index, index.duration * part / 2)
-            _, state = playback.state_at_time(moment.elapsed)
+            state = playback.state_at(playback.index.find_time(moment.elapsed), moment.elapsed)
             log = tmp_path / f"{part}.jsonl"
             with taken_over(timed_log, moment, log) as server:
                 assert server.simulator.pose == state.pose
@@ -264,7 +264,7 @@ def test_continuous_motion_is_taken_over_too(velocity_log: Path, tmp_path: Path)
         playback = Playback(index)
         for part in range(3):
             moment = moment_at(index, index.duration * part / 2)
-            _, state = playback.state_at_time(moment.elapsed)
+            state = playback.state_at(playback.index.find_time(moment.elapsed), moment.elapsed)
             velocity_taken_over(velocity_log, tmp_path / f"{part}.jsonl", moment, state)
 
 

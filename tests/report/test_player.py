@@ -93,7 +93,7 @@ def recorded(page: str) -> dict[str, Any]:
 def logged_poses(log: Path, times: list[float]) -> list[Pose]:
     with RunLogIndex(log) as index:
         playback = Playback(index)
-        return [playback.state_at_time(each)[1].pose for each in times]
+        return [playback.state_at(playback.index.find_time(each), each).pose for each in times]
 
 
 @pytest.mark.slow
