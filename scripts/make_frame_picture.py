@@ -26,7 +26,7 @@ WIDTH, HEIGHT = 820.0, 380.0
 """Of the picture, points: as wide as a page of the site, so that texts keep their size."""
 SIZE = 12.0
 """Of its texts, points."""
-POSE = Pose(30.0, 18.0, 30.0)
+POSE = Pose(54.0, 30.0, 30.0)
 """Place of the robot in the maze: free, with a heading along neither axis."""
 RAY, COUNTER, DRIVE = "#554100", "#3066e4", "#ab4366"
 BEGIN, MIDDLE, SCALE = (46.0, 310.0), (628.0, 212.0), 29.0
@@ -86,7 +86,7 @@ def maze_frame(spec: SimulationSpec) -> str:
         ),
         svg.element("circle", cx=x, cy=y, r=radius, fill=svg.BODY, stroke=svg.ROBOT_LINE, stroke_width=1.6),
         arrow((x, y), ahead, svg.ROBOT_LINE),
-        words(x + 70, y - 12, "heading 30", DRIVE, text_anchor="start"),
+        words(x + 70, y - 12, f"heading {POSE.heading:g}", DRIVE, text_anchor="start"),
         words(x, y + radius + 16, f"at {POSE.x:g}, {POSE.y:g}"),
         words(left + 165, bottom + 36, "degrees, counter-clockwise from +X"),
     ]  # fmt: skip
@@ -155,7 +155,9 @@ def robot_frame(spec: SimulationSpec) -> str:
             turn = f"M{begin[0]:.1f} {begin[1]:.1f}A104 104 0 0 0 {end[0]:.1f} {end[1]:.1f}"
             head = {"stroke_width": 1.6, "marker_end": f"url(#{DRIVE[1:]})"}
             parts.append(svg.element("path", d=turn, fill="none", stroke=DRIVE, **head))
-            parts.append(words(*around(234, 112.0), f"{drive.code}-45 turns left", DRIVE, text_anchor="start"))
+            parts.append(
+                words(*around(234, 112.0), f"{drive.code}-45 turns left", DRIVE, text_anchor="start")
+            )
             continue
         angle, word = DIRECTIONS[drive.kind]
         # Beside the ray of a sensor that looks the same way.

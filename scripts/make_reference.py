@@ -389,8 +389,8 @@ _PARTS = {
 _MESSAGE_PAGES = {
     "messages.md": (
         "Error messages",
-        "Messages with `...` in place of values. A message says what to do next; search these pages for a part "
-        "of it to see what it is about.\n\n"
+        "Messages with `...` in place of values. A message says what to do next; search these pages for a "
+        "part of it to see what it is about.\n\n"
         + table(
             ("it begins with, or you did", "its messages"),
             (

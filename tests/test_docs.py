@@ -6,6 +6,7 @@ run as they stand but for what a test cannot have: no screen, free ports, a seed
 
 from __future__ import annotations
 
+import base64
 import functools
 import importlib.util
 import os
@@ -33,6 +34,7 @@ from simmer_tui.report.causes import Kind
 from simmer_tui.report.verdict import Outcome
 from simmer_tui.sim.sensors import KINDS
 from simmer_tui.version import REPOSITORY, requirement
+from tests.web.browser_tab import tab
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -408,11 +410,13 @@ def run_block(language: str, text: str, place: Path) -> None:
         done(["simmer-tui", "--no-ui", "--run", program], place)
 
 
-@pytest.mark.slow
-def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The site, built without a warning."""
+    built = tmp_path_factory.mktemp("site")
     environment = {**os.environ, "NO_MKDOCS_2_WARNING": "1"}
     ended = subprocess.run(
-        [sys.executable, "-m", "mkdocs", "build", "--strict", "-q", "-d", str(tmp_path / "site")],
+        [sys.executable, "-m", "mkdocs", "build", "--strict", "-q", "-d", str(built)],
         cwd=ROOT,
         env=environment,
         capture_output=True,
@@ -420,9 +424,66 @@ def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
         check=False,
     )
     assert ended.returncode == 0, ended.stdout + ended.stderr
-    course = (tmp_path / "site" / "course" / "index.html").read_text("utf-8")
+    return built
+
+
+@pytest.mark.slow
+def test_links_of_the_site_to_files_outside_of_it_lead_to_the_repository(site: Path) -> None:
+    course = (site / "course" / "index.html").read_text("utf-8")
     assert "/blob/main/scripts/course/step1_first_command.py" in course
-    assert "fonts.googleapis" not in course
+
+
+# The least contrast of texts to what is behind them (WCAG 2), with the text. A canvas turns colours to bytes.
+CONTRAST = """(() => {
+  const canvas = document.createElement("canvas").getContext("2d", { willReadFrequently: true });
+  const bytes = (colour) => {
+    canvas.clearRect(0, 0, 1, 1);
+    canvas.fillStyle = colour;
+    canvas.fillRect(0, 0, 1, 1);
+    return [...canvas.getImageData(0, 0, 1, 1).data];
+  };
+  const over = (front, back) => [0, 1, 2].map((i) => back[i] + (front[i] - back[i]) * front[3] / 255);
+  const linear = (part) => (part <= 10.31 ? part / 3294.6 : ((part / 255 + 0.055) / 1.055) ** 2.4);
+  const luminance = ([r, g, b]) => 0.2126 * linear(r) + 0.7152 * linear(g) + 0.0722 * linear(b);
+  let least = [99, ""];
+  const walk = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  for (let node = walk.nextNode(); node; node = walk.nextNode()) {
+    const of = node.parentElement;
+    if (!node.data.trim() || of.closest("script, style, svg, noscript")) continue;
+    if (!of.checkVisibility({ opacityProperty: true, visibilityProperty: true })) continue;
+    const behind = [];
+    for (let each = of; each; each = each.parentElement)
+      behind.unshift(bytes(getComputedStyle(each).backgroundColor));
+    const ground = behind.reduce((back, front) => over(front, back), [255, 255, 255]);
+    const both = [luminance(ground), luminance(over(bytes(getComputedStyle(of).color), ground))];
+    const ratio = (Math.max(...both) + 0.05) / (Math.min(...both) + 0.05);
+    if (ratio < least[0]) least = [ratio, node.data.trim()];
+  }
+  return least;
+})()"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("dark", [True, False])
+def test_pages_of_the_site_can_be_read_and_fetch_nothing_from_elsewhere(dark: bool, site: Path) -> None:
+    with tab() as browser:
+        for name in ("course", "cheat-sheet", "reference/messages"):
+            browser.open((site / name / "index.html").as_uri(), dark=dark)
+            browser.wait("document.readyState === 'complete'")
+            scheme = browser.run("document.body.dataset.mdColorScheme")
+            assert scheme == ("slate" if dark else "default")
+            ratio, text = browser.run(CONTRAST)
+            assert ratio >= 4.5, (name, text)
+        assert [each for each in browser.requests if not each.startswith(("file:", "data:"))] == []
+
+
+@pytest.mark.slow
+def test_the_cheat_sheet_fits_a_sheet_of_paper(site: Path) -> None:
+    with tab() as browser:
+        browser.open((site / "cheat-sheet" / "index.html").as_uri())
+        browser.wait("document.readyState === 'complete'")
+        paper = browser.call("Page.printToPDF", paperWidth=8.27, paperHeight=11.69, preferCSSPageSize=True)
+        assert len(re.findall(rb"/Type\s*/Page\b", base64.b64decode(paper["data"]))) == 1
 
 
 @pytest.mark.slow

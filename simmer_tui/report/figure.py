@@ -141,7 +141,7 @@ class MazeFrame:
             for inches in range(0, int(maze.height) + 1, step)
         ]
         parts.append(
-            svg.text(self.left - 16, self.bottom + 4, "in", text_anchor="end", dominant_baseline=FROM_THE_TOP)
+            svg.text(self.left - 22, self.bottom + 4, "in", text_anchor="end", dominant_baseline=FROM_THE_TOP)
         )
         return svg.element("g", "".join(parts), fill=svg.FAINT)
 

@@ -222,7 +222,7 @@ function simmerPlayer(recording, live) {
       element("details", { class: "keys" }, element("summary", {}, "Keys and colours"),
         (live ? "L returns to what happens now. " : "") +
         "Space plays, arrows 1 s (with shift 10 s), [ ] playback rate, n N events, c C contacts, m the moment that decided, home end, " +
-        "w whole path, d dark. A click on the path or on the sensors goes there. Solid is the robot, dashed where it believes to " +
+        (live ? "" : "w whole path, ") + "d dark. A click on the path or on the sensors goes there. Solid is the robot, dashed where it believes to " +
         "be. A line ends where a sensor saw something, its light cone where there is something. Dots are the scan of a lidar. Grey beside a reading is the " +
         "truth.")),
     tip);
