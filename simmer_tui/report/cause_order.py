@@ -172,7 +172,7 @@ def _behind(run: RunEvidence) -> tuple[str, tuple[str, ...]]:
     text, codes = run.belief.text, run.belief.culprits
     if codes or not run.corrections:
         return text, codes
-    told = ", ".join(each.text for each in run.corrections)
+    told = ", and ".join(each.text for each in run.corrections)
     of = tuple(dict.fromkeys(code for each in run.corrections for code in each.of))
     return f"{text} {told}.".strip(), of
 
@@ -330,7 +330,7 @@ def _unread(run: RunEvidence) -> Fact | None:
             f"Read {codes[0]} before you send {met.met.ended.command.code}." if codes else _NO_SENSOR_THERE
         )
         return _at_contact(run, met, f"{_sent(run)}. {met.unread_text}", advice=advice)
-    unseen = run.unseen_block
+    unseen = None if run.seen.closed else run.unseen_block
     if unseen is None or run.seen.stuck is not None or run.lost is not None:
         return None
     # A robot that had stopped making progress before saw the block by chance.

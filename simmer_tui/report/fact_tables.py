@@ -72,7 +72,7 @@ def _commands(run: RunEvidence) -> Iterator[tuple[object, ...]]:
     text = "" if alone is None else f"the block, in sight at {alone.since:.1f} s: {' '.join(alone.codes)}"
     yield "seen only by them", None if alone is None else len(alone.codes), text
     yield "longest silence", None, _longest_gap(rows)
-    told = ", ".join(each.text for each in run.corrections)
+    told = ", and ".join(each.text for each in run.corrections)
     yield "corrections that do not shrink", run.corrections[0].count if run.corrections else 0, told
     again, of, example = _repeated(seen.within(history.movements), names)
     yield "repeated movements", again, f"of {of}, such as {example}" if again else ""

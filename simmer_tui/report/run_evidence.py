@@ -303,10 +303,13 @@ class RunEvidence:
         history = seen.history
         # Where it stood when the goal was met counts too.
         stood = history.movements.before(since + 1) if self.goals else None
-        readings = seen.within(history.readings, since)
+        # Before a grip a sensor may have seen the block on the way to the goal.
+        readings = seen.within(history.readings, history.began if closings else since)
         moves = seen.within(history.movements, since if stood is None else stood.order - 1)
         if closings:
-            readings, moves = readings[readings["order"] < closings[0]], moves[moves["order"] < closings[0]]
+            moves = moves[moves["order"] < closings[0]]
+            readings = readings[readings["order"] < closings[0]]
+            readings = readings[readings["gone"] > readings["gone"].max(initial=0.0) - CELL_SIZE]
         codes, numbers = seen.history.sensor_codes, readings["sensor"]
         ranges = [place for place, code in enumerate(codes) if code in {each.code for each, _ in made}]
         mine = [place for place, code in enumerate(codes) if code in {each.code for each, _ in sees}]

@@ -20,7 +20,6 @@ from simmer_tui.cli.log_commands import build_report, run_report
 from simmer_tui.document.as_terminal import print_document
 from simmer_tui.document.svg import PICTURE_WIDTH, shade
 from simmer_tui.report.content import report_document, report_tables, svg_picture
-from simmer_tui.report.findings import findings
 from simmer_tui.report.page import report_page
 from simmer_tui.robot.sessions import LinkDelay
 from simmer_tui.run.events import ActionName, Belief, CommandResult, MissionEvent, Notice, NoticeKind, Result
@@ -70,8 +69,8 @@ def test_another_seed_since_a_restart_is_named(start_run: Callable[..., Any]) ->
     run.send("d1-3")
     for seed in (2**128 - 1, run.simulator.seed):
         run.perform(ActionName.SEED, seed)
-        told = [line for line in findings(build_report(run.path)) if "seed was" in line]
-        assert told == [f"From 0.5 s on the seed was {2**128 - 1}."][: seed == 2**128 - 1]
+        told = [note for note in build_report(run.path).notes if "seed was" in note]
+        assert told == [f"from 0.5 s on the seed was {2**128 - 1}"][: seed == 2**128 - 1]
 
 
 def test_the_mission_is_in_the_report(start_run: Callable[..., Any], capsys: Any) -> None:
