@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from simmer_tui.report.causes import Cause, Kind, MomentKind, Sureness
-from simmer_tui.report.contact_evidence import ContactEvidence, belief_text, movements_text
+from simmer_tui.report.contact_evidence import ContactEvidence, DriveErrors, belief_text, movements_text
 from simmer_tui.report.finding import FEWEST, Finding
 from simmer_tui.report.run_evidence import RunEvidence
 from simmer_tui.report.typical_runs import most_different
@@ -410,7 +410,21 @@ def _sensor_wrong(run: RunEvidence) -> Fact | None:
 
 def _drive_wrong(run: RunEvidence) -> Fact | None:
     found = run.findings_about(drives=True)
-    return _devices(run, found) if found and run.seen.task is not None else None
+    if found and run.seen.task is not None:
+        return _devices(run, found)
+    met = run.contact if run.has_contact else None
+    errors = None if met is None or met.is_blind else met.drive_errors
+    if met is None or errors is None or not errors.large:
+        return None
+    sure = Sureness.CERTAIN if errors.certain else Sureness.LIKELY
+    text = f"{_sent(run)}. {_contact(run)} {_without(errors)}"
+    place = met.met.contact.point
+    return Fact(text, met.met.row, met.sent, place, errors.codes, moment=MomentKind.COMMAND, sure=sure)
+
+
+def _without(errors: DriveErrors) -> str:
+    codes, moves = " and ".join(errors.codes), movements_text(errors)
+    return f"Without the errors of {codes} in {moves}, nothing would have been touched."
 
 
 def _devices(run: RunEvidence, found: Sequence[Finding]) -> Fact:
@@ -592,12 +606,7 @@ def _too_close(run: RunEvidence) -> Fact | None:
     errors = None if met.is_blind else met.drive_errors
     if errors is None:
         return fact
-    codes, moves = " and ".join(errors.codes), movements_text(errors)
-    text = (
-        f"{fact.text} Without the errors of {codes} in {moves}, which its set declares, nothing would have "
-        "been touched."
-    )
-    return replace(fact, text=text, culprits=errors.codes, advice=_CORRECT)
+    return replace(fact, text=f"{fact.text} {_without(errors)}", culprits=errors.codes, advice=_CORRECT)
 
 
 def _nowhere(run: RunEvidence) -> Fact | None:
@@ -892,7 +901,7 @@ ORDER: tuple[CauseRule, ...] = (
         Kind.DRIVE_WRONG,
         _drive_wrong,
         MomentKind.DEVICE,
-        "a drive differs from its set",
+        "a drive differs from its set; or without its errors nothing would have been touched",
         "what followed",
         _CORRECT,
     ),

@@ -154,7 +154,7 @@ def _most_alike(
 
 
 def _multiplied(row: DriveSpec, found: _Found) -> Disagreement:
-    multiple = f"{found.multiple:.2f}" if 0.0 < found.multiple < 1.0 else f"{found.multiple:.1f}"
+    multiple = f"{found.multiple:.2f}" if 0.0 < found.multiple < 1.0 else f"{abs(found.multiple):.1f}"
     text = f"{len(found.rows)} of its movements by {row.code} were each {multiple} times the one before"
     if found.multiple < 0.0:
         text += ", to the other side"

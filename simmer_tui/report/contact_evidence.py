@@ -39,6 +39,8 @@ MISREAD, SIGMAS = 1.0, 4.0
 # Judged: errors of a drive and of a range are a few percent of a cell.
 _INTO = 1.0
 """Inches asked for beyond a contact, from which the command led into the wall, not past it."""
+_ASTRAY = 0.1
+"""Share of a command from which an error of its drive is large: an inch in a cell. Judged."""
 _STOOD = 0.01
 """Inches and degrees below which the robot has not moved: corrections are larger."""
 _ALONG, _ACROSS = CELL_SIZE / 2, 1.0
@@ -72,11 +74,13 @@ class ShownPlace:
 @dataclass(frozen=True, slots=True)
 class DriveErrors:
     """Errors of drives without which nothing would have been touched: those of the last `count` movements by
-    the drives with these codes. They are `certain` where nothing was read in between."""
+    the drives with these codes. They are `certain` where nothing was read in between, and `large` where they
+    are more than a program can be asked to allow for."""
 
     codes: tuple[str, ...]
     count: int
     certain: bool
+    large: bool
 
 
 class ContactEvidence:
@@ -314,7 +318,7 @@ class ContactEvidence:
         """Errors of drives without which nothing would have been touched."""
         met = self.met
         if self.saved_by(Change.EXACT) and not (self.lost is not None and self.saved_by(Change.BELIEVED)):
-            return DriveErrors((met.ended.command.code,), 1, certain=True)
+            return DriveErrors((met.ended.command.code,), 1, certain=True, large=self._goes_astray)
         # A program that sends beliefs has taken earlier errors into account, rightly or wrongly.
         if self.belief is not None and not self.belief.unsure:
             return None
@@ -324,8 +328,19 @@ class ContactEvidence:
             if self.saved_by(change):
                 moved = [*met.before[len(met.before) - count :], met.ended]
                 codes = tuple(dict.fromkeys(each.command.code for each in moved))
-                return DriveErrors(codes, len(moved), certain=change is Change.UNSEEN)
+                unseen = change is Change.UNSEEN
+                return DriveErrors(codes, len(moved), certain=unseen, large=unseen)
         return None
+
+    @property
+    def _goes_astray(self) -> bool:
+        """True if the movement differs from its command by a tenth or more, whatever its set declares."""
+        asked = CounterfactualWorld(self._seen.spec).asked(self.met.ended)
+        if asked is None:
+            return False
+        totals, far = self.met.ended.trajectory.totals, math.hypot(asked.x, asked.y)
+        off = math.hypot(totals.x - asked.x, totals.y - asked.y)
+        return off >= _ASTRAY * far if far else abs(totals.r - asked.r) >= _ASTRAY * abs(asked.r)
 
     @property
     def _looked_at_each_movement(self) -> bool:

@@ -32,7 +32,14 @@ SVG = "{http://www.w3.org/2000/svg}"
 def test_the_terminal_shows_what_happened(eventful_log: Path, capsys: Any) -> None:
     assert run_report([str(eventful_log)]) == 0
     out, err = capsys.readouterr()
-    for words in ("Stuck at the end", "Commands", "Contacts", "Refused commands", "Belief", "Time by cell"):
+    for words in (
+        "stuck at (27.0, 45.0)",
+        "Commands",
+        "Contacts",
+        "Refused commands",
+        "Belief",
+        "Time by cell",
+    ):
         assert words in out
     assert "[bold]</b>" in out
     assert "[red]is[/red]" in out
@@ -135,7 +142,7 @@ def test_the_page_is_whole_and_needs_nothing_else(eventful_log: Path, tmp_path: 
     assert page.tags.count("svg") == page.tags.count("script") == 2
     assert set(re.findall(r"https?://[^'\"]*", text)) == {"http://www.w3.org/2000/svg"}
     assert "&lt;script&gt;alert(1)" in text
-    assert "Stuck at the end" in text
+    assert "stuck at (27.0, 45.0)" in text
     assert "@media print" in text
 
 

@@ -6,7 +6,6 @@ import functools
 import gc
 import json
 import math
-import re
 import statistics
 import tracemalloc
 from collections.abc import Callable
@@ -216,9 +215,8 @@ def test_being_stuck_is_the_first_thing_said(start_run: Any) -> None:
     run = start_run()
     run.send("u1", *("d1-60",) * 6)
     report = build_report(run.path)
-    assert re.search(
-        r": stuck at .*: from 0\.\d s on, a wall stopped 6 movements in a row", report.verdict.text
-    )
+    assert ": stuck at (" in report.verdict.text
+    assert "s on, a wall stopped 6 movements in a row" in report.verdict.text
     [repeated] = report.history.repeated.first.items
     assert repeated.count == 6
 
