@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
 from collections.abc import Callable
 
 import numpy as np
@@ -181,7 +182,7 @@ def test_a_grid_has_its_best_cell_the_chance_of_the_truth_entropy_and_spread(run
     assert told == "belief   off 20.5 in 30 deg, <1 % true"
     believe_grid(run, 1)
     assert texts(robot_lines(run.snapshot(), Room(36, plain=True)))[2] == "belief   off 20.5 in, <1 % true"
-    lines = texts(now_answer(run.snapshot(), (), plain=True).lines)
+    lines = texts(now_answer(run.snapshot(), plain=True).lines)
     assert lines[:3] == [
         "belief is off 20.5 in", "best 30.0, 42.0 in 75 %, <1 % true", "entropy 2.0 of 5.0 bit, spread 20",
     ]  # fmt: skip
@@ -194,7 +195,8 @@ def test_the_pose_line_fits_any_width(run: Run, width: int) -> None:
 
 
 def header(snapshot: Snapshot, width: int, **given: object) -> str:
-    return text_of(header_line(snapshot, Room(width, name="maze", pace="pace 4x", **given)))  # type: ignore[arg-type]
+    paced = dataclasses.replace(snapshot, pace_text="pace 4x")
+    return text_of(header_line(paced, Room(width, name="maze", **given)))  # type: ignore[arg-type]
 
 
 def test_row_0_is_the_state(run: Run) -> None:
@@ -605,7 +607,7 @@ def test_a_failure_and_its_contacts_stay_on_a_narrow_screen(
         run.engine.tell(Belief(0.0, Pose(26.5, 46.0, 350.0), Pose(9.5, 42.0, 0.0), 2.0))
     run.engine.perform(Action(ActionName.NOISE, (0.0,)))
     run.engine.perform(Action(ActionName.TELEPORT, (15.5, 42.0, -170.0)))
-    failed = mission(result=Result.FAILED, reason="1 contact with a wall, 0 allowed")
+    failed = mission(result=Result.FAILED, reason="1 contact with a wall, 0 allowed", contacts=1)
     snapshot = dataclasses.replace(run.give("d1-100").snapshot(), mission=failed)
     line = text_of(pose_line(snapshot, Room(80, plain=False, pointer=":why :report")))
     assert "1 contact  FAILED :why" in line
@@ -683,3 +685,17 @@ def test_where_the_time_went_is_on_the_screen(course_spec: SimulationSpec) -> No
     assert [role for _, role in bar] == ["label", "driving", "sensing", "link"]
     assert len(text_of(bar)) == 36
     assert text_of(words).split() == ["drive", "10", "sense", "1", "link", "0", "s"]
+
+
+def test_contacts_after_the_end_of_a_mission_are_counted_apart(
+    run: Run, mission: Callable[..., MissionState]
+) -> None:
+    """The answer counts those of the mission: no two numbers on the screen may differ for the same word."""
+    failed = mission(result=Result.FAILED, reason="1 contact with a wall, 0 allowed", contacts=1)
+    run.give("d1-100")
+    snapshot = dataclasses.replace(run.give("d1--3", "d1-100").snapshot(), mission=failed)
+    assert snapshot.state.contacts == 2
+    for rows in (3, 4, 6):
+        shown = "\n".join(map(text_of, robot_lines(snapshot, Room(60, rows))))
+        assert re.search("contacts +1, later 1", shown)
+    assert "1 contact, later 1" in text_of(pose_line(snapshot, Room(110)))
