@@ -14,6 +14,7 @@ from msgspec.structs import replace
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import MISSION_SET, bundled_sets
 from simmer_tui.live.snapshot import EVENTS, LogEntry, Recorder, Snapshot
+from simmer_tui.report.verdict import Outcome, Verdict
 from simmer_tui.robot.engine import Engine
 from simmer_tui.run.belief_grid import grid_belief
 from simmer_tui.run.events import (
@@ -25,6 +26,7 @@ from simmer_tui.run.events import (
     MissionEvent,
     Notice,
     NoticeKind,
+    ProgramEnded,
     Result,
     TwinReading,
 )
@@ -58,6 +60,7 @@ from simmer_tui.tui.readouts import (
 )
 from simmer_tui.tui.sensor_readouts import (
     SensorsView,
+    age_of_reading,
     direction_sign,
     range_role,
     rows_wanted,
@@ -699,3 +702,41 @@ def test_contacts_after_the_end_of_a_mission_are_counted_apart(
         shown = "\n".join(map(text_of, robot_lines(snapshot, Room(60, rows))))
         assert re.search("contacts +1, later 1", shown)
     assert "1 contact, later 1" in text_of(pose_line(snapshot, Room(110)))
+
+
+def role_of(run: Run, code: str, width: int = 36) -> tuple[str, str]:
+    """Role of a sensor's value, and the text of its row."""
+    view = SensorsView()
+    lines = sensor_lines(run.engine.simulator.spec.sensors, run.snapshot(), width, 17, view)
+    line = next(line.line for line in lines if line.code == code)
+    return next(role for text, role in line if any(map(str.isdigit, text)) and text.strip() != code), text_of(
+        line
+    )
+
+
+@pytest.mark.parametrize(
+    ("movement", "is_old"), [("d1-0.5", False), ("d1-3", True), ("r1-3", False), ("r1-30", True)]
+)
+def test_a_reading_from_before_a_movement_is_dim(run: Run, movement: str, is_old: bool) -> None:
+    """More than 1 in or 5 degrees: what it says need not be there any more."""
+    run.engine.perform(Action(ActionName.NOISE, (0.0,)))
+    assert role_of(run.give("c1", "u1"), "u1")[0] == "newest"
+    run.give(movement)
+    assert [role_of(run, code)[0] == "dim" for code in ("c1", "u1")] == [is_old, is_old]
+    assert role_of(run.give("u1"), "u1")[0] == "newest"
+
+
+@pytest.mark.parametrize("width", [13, 36, 51])
+def test_an_old_reading_says_its_age(run: Run, width: int) -> None:
+    """Only time in which something has moved counts, and none after the end."""
+    run.give("c1", "u1")
+    assert not re.search(r"\ds\b", role_of(run, "u1", width)[1])
+    run.give(*("d1-6", "d1--6") * 4)
+    row, age = run.snapshot().state.sensors["u1"], run.snapshot().state.time
+    seconds = f"{age - row.time:.0f}s"
+    assert seconds in role_of(run, "u1", width)[1]
+    assert width == 13 or seconds in role_of(run, "c1", width)[1]
+    verdict = Verdict(
+        outcome=Outcome.ENDED, text="", elapsed=0.0, line=0, program=ProgramEnded(row.time + 0.5, 0)
+    )
+    assert age_of_reading(row, dataclasses.replace(run.snapshot(), verdict=verdict)) in (None, 0.5)
