@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from msgspec.structs import replace
 
+from simmer_tui.live.route import Route, RouteKeeper
 from simmer_tui.report.live_verdict import LiveVerdict
 from simmer_tui.report.verdict import Verdict
 from simmer_tui.robot.engine import Engine
@@ -125,6 +126,7 @@ class EventFeed(EventHandler[None]):
         """True from the line of a verdict until a program connects or the run restarts."""
         self.total = 0
         """Entries so far, those that have given way included."""
+        self._route = RouteKeeper()
         self.ends: deque[MovementEnded] = deque(maxlen=ENDS)
         """Ends of the latest movements, the newest first."""
 
@@ -133,6 +135,11 @@ class EventFeed(EventHandler[None]):
         self._reducer, self._real_time = reducer, real_time
         self._number = reducer.number if number is None else number
         self.handle(event)
+
+    @property
+    def route(self) -> Route:
+        """Route of the movements that are over."""
+        return self._route.route
 
     def since(self, number: int) -> tuple[LogEntry, ...]:
         """The entries with events after number `number`. The first may be an older entry that has grown
@@ -186,6 +193,8 @@ class EventFeed(EventHandler[None]):
         """No entry: the command that set its velocity has one."""
 
     def on_leg_ended(self, event: LegEnded) -> None:
+        leg = event.leg
+        self._route.add(leg.centres(leg.end_time), leg.start_time, leg.end_time)
         if event.contact is not None:
             self.ends.appendleft(event.as_movement())
             self.other(event.as_movement(), self._nearest(event.contact), wedged=self._reducer.wedged)
@@ -196,6 +205,7 @@ class EventFeed(EventHandler[None]):
     def on_ended(self, event: MovementEnded) -> None:
         # No entry shows wheels and turns, and entries are kept by the thousand.
         light = replace(event, trajectory=replace(event.trajectory, wheels={}, turns={}))
+        self._route.add(event.trajectory.centres(event.time), event.trajectory.start_time, event.time)
         nearest = None if event.contact is None else self._nearest(event.contact)
         self.ends.appendleft(light)
         self.other(light, nearest, wedged=self._reducer.wedged)
@@ -215,6 +225,7 @@ class EventFeed(EventHandler[None]):
         self.is_judged = self.is_judged and not event.restarts
         if event.restarts:
             self.ends.clear()
+            self._route.clear()
         self._advice = "" if event.restarts else self._advice
 
     def on_belief(self, event: Belief) -> None:
@@ -307,6 +318,8 @@ class Snapshot:
     true_values: Mapping[str, float] = field(default_factory=dict)
     ends: tuple[MovementEnded, ...] = ()
     """Ends of the latest movements, the newest first."""
+    route: Route = field(default_factory=Route)
+    """Route of the movements that are over, since the start of the run."""
     mission: MissionState | None = None
     pace: float = 0.0
     pace_text: str = ""
@@ -357,6 +370,7 @@ class Recorder:
             entries=self._feed.since(since),
             total=self._feed.total,
             ends=tuple(self._feed.ends),
+            route=self._feed.route,
             rate=self._measured_rate(state.commands),
             waiting=engine.has_waiting,
             # A movement that is shown at a pace is over already in the simulator.

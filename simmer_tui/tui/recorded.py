@@ -125,6 +125,7 @@ class RecordedRun(EventHandler[None]):
             is_full=is_full,
             total=self.entry + 1,
             ends=tuple(self._feed.ends),
+            route=self._feed.route,
             true_values=readings if true_values else {},
             pace_text=self._pace,
             mission=None if self._plan is None else mission_state(self._plan, state),

@@ -53,6 +53,7 @@ class Painter:
         self.heat = True
         """True if a grid's belief is drawn as a map."""
         self._heat_map = HeatMap()
+        self._trail = lines.TrailDots()
         self._drawn: dict[str, tuple[tuple[object, ...], tuple[object, ...], Backdrop]] = {}
         """For each kind of backdrop the last: what it was drawn from, compared by identity and by value."""
 
@@ -69,7 +70,7 @@ class Painter:
         robot = DrawnRobot(canvas, scene) if is_near(pose.x, pose.y, pose.heading) else None
         # From the least important to the robot, since each replaces earlier marks in its cells.
         if scene.show_trail:
-            lines.draw_trail(canvas, scene)
+            lines.draw_trail(canvas, scene, self._trail)
         if belief is not None:
             lines.draw_particles(canvas, belief)
         if scene.show_rays:
@@ -276,7 +277,7 @@ def paste_overview(painter: Painter, cells: Cells, scene: Scene, layout: Layout,
     small.background[:] = painter.palette[Role.BACKGROUND]
     # Everything else would be noise in few cells.
     bare = replace(
-        scene, trail=(), views=(), scans=(), belief=None, heat=None, contact=None, past_contacts=()
+        scene, trail=(), recent=(), views=(), scans=(), belief=None, heat=None, contact=None, past_contacts=()
     )
     small.paste(painter.cells(bare, whole), FRAME_CELLS, FRAME_CELLS)
     draw_frame(small, inset, whole, painter.signs, painter.palette)

@@ -58,6 +58,8 @@ class Role(IntEnum):
     LOADING_LINE = ("7f93b8", 104, 6), ("5470a5", 61, 4), ("9dbcf5", 111, 6)
     DROP_GROUND = ("15221f", 234, 0), ("e6f3ee", 194, 15), ("000000", 16, 0)
     DROP_LINE = ("5d8f80", 72, 2), ("3f7a68", 29, 2), ("7fcbb0", 79, 2)
+    # The last seconds of the trail, and all of it before.
+    TRAIL_NEW = ("a9c1ff", 147, 12), ("153f9f", 19, 6), ("b4c9ff", 147, 12)
     TRAIL = ("5c8bfc", 69, 12), ("3066e4", 26, 6), ("5c8bfc", 69, 12)
     RAY_WEAK = ("8c8958", 101, 8), ("837838", 94, 8), ("98945c", 101, 8)
     RAY_STRONG = ("ffe45e", 221, 15), ("554100", 22, 8), ("ffe45e", 221, 15)
