@@ -134,8 +134,7 @@ class Painter:
         def draw() -> Backdrop:
             signs = self.signs
             levels = self._heat_map.levels(mark, scene.maze, viewport, signs.across, signs.down)
-            tints = levels if self.tints else None
-            made = Backdrop(scene, viewport, signs, self.palette, loud=False, heat=tints)
+            made = Backdrop(scene, viewport, signs, self.palette, loud=False, heat=levels, tinted=self.tints)
             made.write_numbers(heat_numbers(mark.grid, viewport, tinted=self.tints))
             return made
 
@@ -217,9 +216,12 @@ def _legend(scene: Scene | None, painter: Painter) -> list[LegendEntry]:
 def _ground_entries(scene: Scene, painter: Painter) -> list[LegendEntry]:
     """Colours of the floor: levels of heat, or tiles that differ clearly."""
     if painter.heat and scene.heat is not None:
-        first = painter.depth is ColorDepth.COLORS_256  # the lowest level has no tint there
-        tints = list(zip(HEATS, _HEAT_WORDS, strict=True))[first:] if painter.tints else ()
-        return [LegendEntry("  ", Role.TEXT, word, dark) for (dark, _), word in tints]
+        levels = zip(HEATS, painter.signs.heats, _HEAT_WORDS, strict=True)
+        shown = [
+            LegendEntry(2 * sign, Role.HEAT_DOTS, word, dark if painter.tints else None)
+            for (dark, _), sign, word in reversed(list(levels))
+        ]
+        return [*shown, LegendEntry("  ", Role.TEXT, "ruled out", Role.BLACK_TILE if painter.tints else None)]
     if not scene.is_loud(painter.floor):
         return []
     black = painter.signs.fills.get(Role.LOUD_BLACK)

@@ -97,6 +97,9 @@ class Role(IntEnum):
     HEAT_2_WHITE = ("421d57", 53, 0), ("eee2f9", 189, 15), ("421d57", 53, 0)
     HEAT_3_BLACK = ("48185c", 54, 0), ("e6cafa", 225, 15), ("48185c", 54, 0)
     HEAT_3_WHITE = ("561d6e", 54, 0), ("edd9fb", 225, 15), ("561d6e", 54, 0)
+    # Its dots, sparse to dense by level: they are seen where the tints, which leave marks their contrast, are
+    # not.
+    HEAT_DOTS = ("9a66c0", 97, 5), ("8f52bd", 97, 5), ("a878c8", 134, 5)
     LINK_TIME = ("c4ccd6", 252, 7), ("2b3440", 237, 0), ("e2e7ee", 254, 7)
 
 
