@@ -291,7 +291,7 @@ def test_a_program_that_does_not_look_is_told_so(start_run: Any) -> None:
     run.send("u1", "d1-1", "d1-60")
     said = " ".join(findings(build_report(run.path)))
     assert "No sensor was read since the movement before it" in said
-    assert "The run ends at a wall: d1-60 (line 4)" in said
+    assert "The run ends at a wall: d1-60 (line 6)" in said
 
 
 def test_a_quiet_run_is_called_so(start_run: Any) -> None:
@@ -435,7 +435,7 @@ def test_a_contact_that_a_movement_went_on_from_is_counted_but_ends_nothing(star
     )
     assert report.pose == run.simulator.pose
     (said,) = [line for line in findings(report) if "wall" in line]
-    assert said.startswith("3 of 3 movements touched a wall, and 3 went on. The first: d1-3 (line 2, at ")
+    assert said.startswith("3 of 3 movements touched a wall, and 3 went on. The first: d1-3 (line 3, at ")
     assert "touched the wall at (" in said
     assert " and went on; it ended after 2.6 in at (" in said
 
