@@ -223,10 +223,20 @@ class SectionHeading:
 
 
 @dataclass(frozen=True, slots=True)
+class LegendMark:
+    """A mark of a legend: its words, and SVG within `width` x 10 points around (0, 0) to (`width`, 0)."""
+
+    words: str
+    drawing: str
+    width: float = 20.0
+
+
+@dataclass(frozen=True, slots=True)
 class Figure:
     """A picture: SVG in points, which scales to the width it is given. A terminal does not show it.
 
-    `kind` is its class on the page, by which a script finds it.
+    `kind` is its class on the page, by which a script finds it. The `legend` stands below; on a page it does
+    not scale with the picture.
     """
 
     title: str
@@ -234,6 +244,7 @@ class Figure:
     height: float
     content: str
     kind: str = ""
+    legend: tuple[LegendMark, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -111,7 +111,7 @@ class Engine:
         """A new sender of commands.
 
         Lanes take turns, and so do the sessions of a lane. A lane with a name is for any number of sessions;
-        its turn is limited in time as well.
+        its turn is limited in time as well. Without a name the sender has a lane of its own.
         """
         its_lane = self._scheduler.lane(lane)
         return Session(its_lane, self.submit, self._session_closed, answer_at_end)
