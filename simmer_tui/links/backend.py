@@ -186,14 +186,15 @@ class BackendSwitch:
         urgent = self._urgent_part(message) if robot is None else robot.urgent_part(message)
         passed = urgent.commands if urgent is not None else ()
         refused = [None if each in passed else engine.refuse(each) for each in message.commands]
+        if urgent is None:  # no more is kept of those that come by the thousand
+            self._answer_here(session, answered, budget, tuple(filter(None, refused)))
+            return
 
         def merge(results: Sequence[CommandResult], data: bytes | None) -> None:
             done = iter(results)
             answered([next(done) if each is None else each for each in refused], data)
 
-        if urgent is None:
-            self._answer_here(session, merge, budget, ())
-        elif robot is None:
+        if robot is None:
             _count(engine.submit(session, passed, merge), urgent, budget)
         else:
             self._pass_on(robot, urgent, session, merge, budget)
@@ -225,6 +226,8 @@ class CommandBudget:
         """True if a further message may wait."""
         self.refused = 0
         """Messages answered busy, and queries, whose replies have not had their turn yet."""
+        # Made once: each of thousands of messages would have its own.
+        self._on_refusal_given = self._refusal_given
 
     @property
     def is_used(self) -> bool:
@@ -249,7 +252,7 @@ class CommandBudget:
     def take_refused(self) -> Callable[[], None]:
         """Count a message that is answered busy, or a query. Returns the call that stops counting it."""
         self.refused += 1
-        return self._refusal_given
+        return self._on_refusal_given
 
     def _refusal_given(self) -> None:
         self.refused -= 1

@@ -1,7 +1,7 @@
 """The clients of the connection-per-message dialects: the program behind each address, and its presence.
 
-Replies wait in the `Mailbox` for the address that asked, at most ten minutes. That needs nothing of this module.
-These cases do:
+Replies wait in the `Mailbox` for the address that asked, at most ten minutes. That needs nothing of this
+module. These cases do:
 
 - A program begins. The replies for the one before are dropped then. A packet has no connection that lasts, so
   only the process of a request, or a long silence, shows that it is another program.
@@ -162,7 +162,7 @@ class Presence:
         return sender
 
     def _identify(self, sender: PacketDriver) -> None:
-        """Take note of the process of a request, as far as it was seen."""
+        """Note the process of a request, as far as it was seen."""
         client = self._clients.get(sender.address)
         if client is None:
             return

@@ -140,10 +140,11 @@ ACCEPT_PAUSE = 1.0
 # Judged: few enough not to delay the command under way noticeably.
 ACCEPTED = 16
 """Connections accepted in one turn of the event loop, so that a flood leaves time for others."""
-# 384 take 4 ms. With those of two ports that are served they are below the 1024 descriptors that a process
-# has by default.
-_CROWD = 384
-"""Connections taken from the system that are kept until they are let in, where a crowd is expected."""
+# With those of two ports that are served they are below the 1024 descriptors that a process has by default.
+# 64 take about a millisecond.
+_CROWD, _TAKEN = 384, 64
+"""Connections that are kept until they are let in, where a crowd is expected, and how many are taken from the
+system in one turn of the event loop."""
 # A close takes 10 to 30 us, and a round trip of another client is several turns.
 _CLOSED, _CLOSED_IF_FULL = 8, 48
 """Connections of a crowd closed in one turn of the event loop; the second if more wait in the system."""
@@ -165,7 +166,7 @@ _LIMITS: list[tuple[int | None, int]] = [
 
 
 def end_with_machine(sock: socket.socket) -> None:
-    """Have the system end a connection within a minute after the other machine is gone, if it can."""
+    """Make the system end a connection within a minute after the other machine is gone, if it can."""
     for option, value in _LIMITS:
         if option is not None:
             with contextlib.suppress(OSError):  # Python has the name, but an older system does not support it
@@ -285,12 +286,14 @@ class Acceptor:
             for sock, there in islice(self._incoming(listening), most):
                 self._let_in(sock, there)
             return
-        room = _CROWD - len(self._spoken) - len(self._silent)
+        room = min(_TAKEN, _CROWD - len(self._spoken) - len(self._silent))
         come = list(islice(self._incoming(listening), room))
         self._is_full = len(come) == room
         if len(come) <= ACCEPTED and not self._is_full:
+            self.in_crowd = self._letting_in is not None
             for sock, there in come:
                 self._let_in(sock, there)
+            self.in_crowd = False
             return
         for incoming in come:
             (self._spoken if _has_spoken(incoming[0]) else self._silent).append(incoming)

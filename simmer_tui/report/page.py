@@ -23,7 +23,6 @@ from simmer_tui.document.model import (
 )
 from simmer_tui.report.content import again, output, report_tables, try_again
 from simmer_tui.report.figure import maze_figure
-from simmer_tui.report.findings import findings
 from simmer_tui.report.player import left_out_text, player_script, player_style
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.report.traces import traces
@@ -64,7 +63,7 @@ def _page(run: RunStatistics, name: str, *, commands: bool) -> Document:
         SideBySide(
             tuple(_picture(run)), (_moments(verdict), *_cards(run, attempt, name if commands else ""))
         ),
-        Folded("All that happened", (Bullets("", findings(run)), Bullets("Notes", run.notes))),
+        *((Folded("Notes", (Bullets("", run.notes),)),) if run.notes else ()),
         *(() if strips is None else (Folded("Sensors over time", (strips,)),)),
         Folded("Movements, errors of readings, timing", report_tables(run, name)),
         Folded(last.heading, (Bullets("", last.entries, kind="output"),) if last.entries else ()),

@@ -11,7 +11,14 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from simmer_tui.report.audit import audit
-from simmer_tui.report.cause_order import LINK_ENDED, LINK_WAITED, cause_of, waited_text
+from simmer_tui.report.cause_order import (
+    CONNECT_ADVICE,
+    LINK_ADVICE,
+    LINK_ENDED,
+    LINK_WAITED,
+    cause_of,
+    waited_text,
+)
 from simmer_tui.report.causes import Cause, Kind
 from simmer_tui.report.finding import Finding
 from simmer_tui.report.moments import Moment, moments_of
@@ -303,7 +310,9 @@ class _Judge:
             return f"Try: {_OTHER_PYTHON}."
         if program.crashed:
             if program.error.startswith((*LINK_ENDED, *LINK_WAITED)):
-                return f"Try: look at the link: {_LINK}"
+                if self._attempt.is_silent:
+                    return f"Try: {CONNECT_ADVICE}"
+                return f"Try: look at the link: {LINK_ADVICE}"
             place = program.place
             return f"Try: mend the error in {place}." if place else ""
         return f"Try: find out why the program ends with exit code {program.exit_code}."
@@ -352,7 +361,6 @@ class _Judge:
 _QUIET = 5.0
 """Real seconds without a command before a person ended the program, from which that is told."""
 _OF_THE_PROGRAM = (Kind.CRASHED, Kind.SILENCE)
-_LINK = "which command got no reply, and who closed the connection; simmer-tui doctor checks the ports."
 _NO_PACKAGE = "ModuleNotFoundError: No module named 'simmer_tui'"
 # Editors and older systems have Pythons of their own.
 _OTHER_PYTHON = (

@@ -462,6 +462,11 @@ class Attempt:
         return [row for row in self._grips if row.grip.closed and not row.had and not row.grip.holding]
 
     @property
+    def takes(self) -> int:
+        """Number of grips that took the block."""
+        return sum(row.grip.holding and not row.had for row in self._grips)
+
+    @property
     def taken(self) -> bool:
         """True if the block has been taken."""
         return any(row.grip.holding for row in self._grips)

@@ -41,7 +41,7 @@ class KeyVelocity:
         self._until = self._passed = self._age = 0.0
 
     def note_key(self, key: str, age: float) -> None:
-        """Take note that a key was pressed `age` real seconds ago; `key` is empty for one that is not the
+        """Note that a key was pressed `age` real seconds ago; `key` is empty for one that is not the
         maze's.
 
         Any key but a driving key ends the velocity; the stop key does so by its own action.

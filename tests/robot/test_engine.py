@@ -202,7 +202,7 @@ def test_a_crowd_in_one_lane_gets_no_more_turns_than_one_sender_in_another(insta
 
 
 def test_a_sender_without_a_lane_has_one_of_its_own(instant: Bench) -> None:
-    """A person's key goes before the commands that a program has sent ahead, also when its slice is used up."""
+    """A person's key goes before the commands that a program has sent, when its slice is used up too."""
     program, person = instant.session(), instant.session()
     instant.clock.call_soon(instant.send, program, *["u1"] * 100)
     instant.clock.call_soon(instant.send, person, "o3")

@@ -187,14 +187,14 @@ class ProgramTime:
             self._debt += math.ceil(max(seconds, 0.0) * 1e9)
 
     def answered(self) -> None:
-        """Have the simulator answer everything that was sent: the arrived replies then do not depend on real
+        """Make the simulator answer everything that was sent: the arrived replies then do not depend on real
         time."""
         if self._told != self.sent:
             self.check_thread("talks to the robot")
             self._ask("S", self.here)
 
     def settle(self) -> None:
-        """Have the simulator's time catch up with ours, so that bytes are sent at our time."""
+        """Bring the simulator's time up to ours, so that bytes are sent at our time."""
         if self._debt:
             self._ask("S", self.here)
 
@@ -229,7 +229,7 @@ class ProgramTime:
         return self.move(until, listens=True, outside=outside)
 
     def move(self, until: float, *, listens: bool, outside: bool = False) -> bool:
-        """Have the simulator move time until then, or until it wakes us. False if nothing will happen."""
+        """Make the simulator move time until then, or until it wakes us. False if nothing will happen."""
         if self._debt:
             return self._ask("S", self.here)
         return self._ask("W" if listens else "S", until, outside=outside)
@@ -704,7 +704,7 @@ def _refuse_select(name: str, *arguments: Any, **named: Any) -> NoReturn:
 
 
 def _wait_away(clock: ProgramTime, owner: Any, name: str) -> None:
-    """Have a function that waits for another process take no simulated time."""
+    """Make a function that waits for another process take no simulated time."""
     real = getattr(owner, name, None)
     if real is None:
         return

@@ -16,7 +16,7 @@ from msgspec.structs import fields
 
 from simmer_tui.sim.columns import ERROR, ROTATION, CsvColumn, X, Y, Z
 from simmer_tui.sim.command import cut
-from simmer_tui.sim.rules import NumberRule, RawTextRule, Rule, WordRule
+from simmer_tui.sim.rules import NumberRule, RawTextRule, Rule, WordRule, is_number
 from simmer_tui.sim.sensors.base import Sensor
 from simmer_tui.sim.sensors.range_sensors import RangeSpec
 from simmer_tui.sim.specs import SensorKind, SensorSpec
@@ -109,7 +109,7 @@ def _recorded(column: CsvColumn, blank: SensorSpec) -> RecordedColumn:
         field=column.field,
         unit=column.unit,
         label=column.label,
-        is_number=isinstance(default, int | float) and not isinstance(default, bool),
+        is_number=is_number(default),
         words=words,
         default=_plain(default),
     )
