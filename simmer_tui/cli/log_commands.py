@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
+from collections import deque
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
 from io import TextIOWrapper
 from pathlib import Path
-
-from rich.progress import DownloadColumn, TaskProgressColumn, TimeRemainingColumn
 
 from simmer_tui.cli.command_line import (
     ExitCode,
@@ -20,10 +19,10 @@ from simmer_tui.cli.command_line import (
     print_lines,
     say,
     subcommand,
+    window_console,
     writing,
 )
 from simmer_tui.cli.log_options import add_device_options, add_log_argument, configuration_of, log_of
-from simmer_tui.cli.progress_bar import progress_bar
 from simmer_tui.document.model import Bullets, DataColumn, Document, data_table
 from simmer_tui.errors import ExportError, RunLogError
 from simmer_tui.report.animation import USUAL_SECONDS, shots, write_gif
@@ -226,6 +225,14 @@ def _wrote(path: Path) -> str:
 def _run_through(positions: Iterable[int], size: int, what: str) -> None:
     """Run the steps of some work, each the number of bytes done of `size`. A terminal (standard error) shows
     a progress bar meanwhile."""
+    if not window_console(stderr=True).is_terminal:
+        deque(positions, maxlen=0)
+        return
+    # Imported where it is shown: it takes as long as the report of 2,000 commands.
+    from rich.progress import DownloadColumn, TaskProgressColumn, TimeRemainingColumn
+
+    from simmer_tui.cli.progress_bar import progress_bar
+
     columns = TaskProgressColumn(), DownloadColumn(), TimeRemainingColumn()
     with progress_bar("{task.description}", *columns) as progress:
         task = progress.add_task(what, total=size)

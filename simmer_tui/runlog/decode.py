@@ -59,7 +59,7 @@ from simmer_tui.sim.path import Contact, Path, PathPosition
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.recent_motion import Motion
 from simmer_tui.sim.records import Grip, Reading, Status
-from simmer_tui.sim.specs import Axes, DriveSpec, SimulationSpec
+from simmer_tui.sim.specs import Axes, DriveSpec, GripperSpec, SimulationSpec
 from simmer_tui.sim.trajectory import Trajectory, VelocityProfile
 
 # Far more than rounding, and far less than a cell.
@@ -101,6 +101,8 @@ class LogDecoder:
         self._drives = {row.code: row for row in spec.drive_rows}
         self._under_way: Motion | None = None
         """The movement or leg under way."""
+        self._made: tuple[object, Trajectory] | None = None
+        """The last trajectory, and all that it was made of: the end of most movements repeats their plan."""
         self._scans = ScanDecoder(spec.sensors)
         self._parsed = lru_cache(_CACHED)(parse_command)
         self._profile = lru_cache(_CACHED)(self._profile_of)
@@ -118,11 +120,11 @@ class LogDecoder:
 
         Raises RunLogError for a record that does not fit the configuration or the records before it.
         """
+        if isinstance(record, ReadingRecord):
+            return (self._reading(record),)
         kind = type(record)
         if kind is CheckpointRecord:
             return ()
-        if isinstance(record, ReadingRecord):
-            return (self._reading(record),)
         known = {"pose": self.pose} if isinstance(record, AnswerRecord | BeliefRecord) else None
         values = line_form(kind).values(record, self._makers, known)
         if isinstance(record, AnswerRecord):
@@ -236,15 +238,23 @@ class LogDecoder:
 
     def _trajectory(self, event: Values, values: Values) -> Trajectory:
         command: Command = event["command"]
-        start: Pose = values["before"]
-        begin: float = values["start_time"]
-        totals: Axes = values["totals"]
-        stop: PathPosition | None = values["rest_stop"]
         drive = self._drives.get(command.code)
         if drive is None:
             raise RunLogError(f"{command.shown} moves nothing in the log's configuration")
         # A movement that nobody stopped ends as planned, and the plan gives the same float again.
         cut = event["time"] if event.get("stopped_by") else None
+        made_of = command.text, values, cut
+        if self._made is None or self._made[0] != made_of:
+            self._made = made_of, self._trajectory_of(command, drive, values, cut)
+        return self._made[1]
+
+    def _trajectory_of(
+        self, command: Command, drive: DriveSpec | GripperSpec, values: Values, cut: float | None
+    ) -> Trajectory:
+        start: Pose = values["before"]
+        begin: float = values["start_time"]
+        totals: Axes = values["totals"]
+        stop: PathPosition | None = values["rest_stop"]
         if type(drive) is not DriveSpec:
             # The speed of a gripper is in openings or closings a second.
             return standing(start, begin, 1.0 / drive.speed, cut=cut)

@@ -102,7 +102,18 @@ class LineForm(Generic[_Record]):
         self._of_event = _getter([at.path for _, at in told])
         self._forms = [(name, at.form) for name, at in told if at.form is not None]
         self._unless = [(name, at.unless) for name, at in told if at.unless]
-        self._paths = [(name, at.path.split(".")) for name, at in told]
+        last_of = {name: at.path.rpartition(".")[2] for name, at in told}
+        self._read = [
+            (
+                None if at.form is None else at.form.read,
+                None if at.form is None else at.form.missing,
+                name,
+                last_of.get(at.unless),
+                at.path.split(".")[:-1],
+                last_of[name],
+            )
+            for name, at in told
+        ]
         # msgspec leaves out a field that holds the same object as its default, not one that is only equal.
         self._defaults = [
             (each.name, each.default)
@@ -146,23 +157,25 @@ class LineForm(Generic[_Record]):
             makers: Functions that make the event's parts; a part without one is a dictionary.
             known: Values of fields that the record may have left out, as the event has them.
         """
-        own = dict(zip(self._names, self._of_record(record), strict=True))
-        for name, form in self._forms:
-            own[name] = form.missing if own[name] is None else form.read(own[name])
-        for name, value in (known or {}).items():
-            if own[name] is None:
-                own[name] = value
-        for name, other in self._unless:
-            if own[name] is None:
-                own[name] = own[other]
         found: Values = {}
-        for name, (*parts, last) in self._paths:
+        # One pass: a log has hundreds of thousands of these.
+        for value, (read, missing, name, unless, parts, last) in zip(
+            self._of_record(record), self._read, strict=True
+        ):
+            if value is None:
+                value = missing
+                if known is not None and name in known:
+                    value = known[name]
+                elif unless is not None:
+                    value = found[unless]
+            elif read is not None:
+                value = read(value)
             place = found
             for part in parts:
                 place = place.setdefault(part, {})
             # Of two fields for one attribute the record has one.
-            if own[name] is not None or last not in place:
-                place[last] = own[name]
+            if value is not None or last not in place:
+                place[last] = value
         for part, maker in (makers or {}).items():
             if part in found:
                 found[part] = maker(found, found[part])

@@ -21,7 +21,7 @@ from simmer_tui.runlog.writer import LOG, LineFile, RunLog, new_file
 BEFORE = 10
 """Runs saved beside the present one."""
 MEGABYTE = 1024 * 1024
-# At 145 bytes a command, 64 MB are 460,000 commands: four hours at 30 commands a second.
+# At 165 bytes a command, 64 MB are 400,000 commands: nearly four hours at 30 commands a second.
 LARGEST_RUN = 64 * MEGABYTE
 """Size limit of one run, bytes; later events are not saved."""
 ALL_TOGETHER = 256 * MEGABYTE
