@@ -18,7 +18,7 @@ from simmer_tui.run.table import Columns
 from simmer_tui.sim.command import counted
 
 _ERROR = 0.001
-"""Probability that a run without a fault has any finding: of a hundred runs of a course hardly one has one."""
+"""Probability that a run without a fault has any finding: of a hundred runs hardly one has one."""
 FEWEST = {"set": 8, "nominal": 3}
 """Readings or movements below which nothing is claimed, by basis. Beyond the set: with fewer, one outlier is
 more than an eighth. Against the nominal set it is known that the rows differ: the median of three is
