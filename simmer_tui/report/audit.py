@@ -99,7 +99,8 @@ def _nominal_sensor_tests(
         what = change_text(own, turned, value)
         return [device.claim(0.0, turned, value, what, len(rows), unit=unit)]
     tests = [*_mounted(history, rows, own, row, nominal), *_slower(rows, own, row, nominal)]
-    placed = {name: getattr(own, name) for name in (*_MOUNTING, *_IN_TRUTH)}
+    taken = (*_MOUNTING, *_IN_TRUTH)
+    placed = {name: getattr(own, name) for name in own.__struct_fields__ if name in taken}
     # Another kind of sensor under this code measures something else altogether.
     if row.kind is own.kind and structs.replace(row, **placed, number=own.number) != own:
         sample = sample_of(history, rows, structs.replace(row, **placed))
@@ -193,9 +194,7 @@ def _turned(own: SensorSpec, row: SensorSpec) -> FindingKind | None:
         return None
     if own.gain == 0.0 != row.gain:
         return FindingKind.STUCK
-    if own.gain * row.gain < 0.0 or (
-        own.kind.has("detects_white") and own.detects_white != row.detects_white
-    ):
+    if own.gain * row.gain < 0.0 or own.is_inverted != row.is_inverted:
         return FindingKind.SIGN
     return None
 

@@ -259,8 +259,9 @@ def _output_table(verdict: Verdict) -> DataTable:
 
 def svg_picture(run: RunStatistics, name: str) -> str:
     """The maze and under it the traces, as one picture."""
-    figure, strips = replace(maze_figure(run), title=f"Run {name}"), traces(run)
+    figure, strips = svg.whole_figure(replace(maze_figure(run), title=f"Run {name}")), traces(run)
     if strips is not None:
+        strips = svg.whole_figure(strips)
         below = svg.translated(0.0, figure.height + _GAP, strips.content)
         height = figure.height + _GAP + strips.height
         figure = replace(figure, height=height, content=figure.content + below)

@@ -144,8 +144,9 @@ def _cards(run: RunStatistics, attempt: Attempt, log: str) -> Iterator[DocumentP
     steps: list[tuple[Prose, ...] | str] = [verdict.advice] if verdict.advice else []
     if log:
         steps.append(("See it: ", Code(f"simmer-tui replay {file}")))
-        take_over = f"simmer-tui replay {file} --take-over {verdict.elapsed:.1f}"
-        steps.append(("Continue from here: ", Code(take_over)))
+        if verdict.outcome is not Outcome.SUCCEEDED:  # there is nothing left to do
+            take_over = f"simmer-tui replay {file} --take-over {verdict.elapsed:.1f}"
+            steps.append(("Continue from here: ", Code(take_over)))
     yield Bullets("Next", steps, kind="card")
     if attempt.task is not None:
         yield Bullets("Goals", list(_goals(run, attempt.task, attempt)), kind="card")

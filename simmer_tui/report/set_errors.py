@@ -81,7 +81,7 @@ def _misleads(own: SensorSpec, rows: Columns) -> str:
     if own.is_yes_or_no:
         wrong = int((np.abs(errors) > 0.5).sum())
         return f"was wrong in {wrong} of {len(errors)} readings" if 2 * wrong > len(errors) else ""
-    if own.gain == 1.0 and not any(getattr(own, field) for field in _SYSTEMATIC):
+    if own.gain == 1.0 and not any(getattr(own, field) for field in _SYSTEMATIC if own.kind.has(field)):
         return ""
     mean = float(errors.mean()) if len(errors) else 0.0
     if abs(mean) < _LARGE.get(own.unit, np.inf):

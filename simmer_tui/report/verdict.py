@@ -274,7 +274,8 @@ class _Judge:
             return f"Succeeded {when}, with {contacts_text(attempt.contacts)}."
         if outcome is Outcome.CRASHED and self._crash is not None:
             if not self._crash.started:
-                return f"{capitalized(program_end_text(self._crash))}."
+                told = capitalized(program_end_text(self._crash))
+                return told if told.endswith("?") else f"{told}."
             if cause is not None and cause.kind is not Kind.CRASHED:
                 return f"Crashed {when}{reached}: {cause.text} Then: {crash_text(self._crash)}."
             return f"Crashed {when}{reached}: {crash_text(self._crash)}.{waited_text(run)}"

@@ -636,8 +636,3 @@ class Attempt:
         times = times[np.isfinite(times)]
         spent.between = float(times.max() - times.min()) if len(times) else 0.0
         return spent
-
-
-def _sums(row: MovementRow | None) -> tuple[float, float]:
-    """Sums of distance and turning by the end of a movement; 0 without one."""
-    return (0.0, 0.0) if row is None else (row.gone, row.turned)
