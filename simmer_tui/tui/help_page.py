@@ -174,8 +174,7 @@ def side_by_side(columns: Sequence[Lines], widths: Sequence[int]) -> Lines:
         for lines, width in zip(columns, widths, strict=True):
             part = lines[number].copy() if number < len(lines) else Text()
             part.truncate(width, pad=True)
-            row.append_text(part).append(" " * _GAP)
-        row.rstrip()
+            row.append_text(part).append(" " * (_GAP if lines is not columns[-1] else 0))
         rows.append(row)
     return rows
 

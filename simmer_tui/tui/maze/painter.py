@@ -209,6 +209,9 @@ def _legend(scene: Scene | None, painter: Painter) -> list[LegendEntry]:
         (scene.past_contacts or None, LegendEntry("×" if blocks else "x", Role.CONTACT, "earlier")),
     )
     shown = [entry for mark, entry in marks if mark is not None]
+    if scene.belief is not None and scene.belief.spread:
+        ring = "⠢⠔" if painter.signs.dotted else chr(painter.signs.line(Role.BELIEF))
+        shown.insert(1, LegendEntry(ring, Role.BELIEF, "spread"))
     # The ground comes early: it has just changed, and the other signs are known already.
     return [robot, *_ground_entries(scene, painter), *shown, *_line_entries(scene, painter)]
 
