@@ -64,7 +64,7 @@ class Backpressure:
         return not behind
 
     def note_display(self) -> None:
-        """Take note that something was displayed, or would have been."""
+        """Note that something was displayed, or would have been."""
         self._lost |= self.closed
 
 
@@ -116,7 +116,7 @@ class Lags:
         self._shown = dict.fromkeys(_LAGS, -math.inf)
 
     def take(self, snapshot: Snapshot, before: Snapshot | None) -> None:
-        """Take note of a new snapshot.
+        """Note a new snapshot.
 
         When the robot comes to stand, at a pause, a contact and a verdict, the whole screen shows that
         moment.

@@ -104,7 +104,7 @@ class HelpPage:
         used = [sensor for sensor in self._spec.sensors if sensor.enabled]
         room = 5 if self._plain else 4
         codes = [f"{sensor.code}{direction_sign(sensor, plain=self._plain)}" for sensor in used]
-        words = (kind_name(sensor.kind).removesuffix(" sensor") for sensor in used)
+        words = map(sensor_words, used)
         rows = [self._row(code, word, width, room) for code, word in zip(codes, words, strict=True)]
         drives = [self._row(command, meaning, width, 7) for command, meaning in movement_commands(self._spec)]
         shown = self._in_columns(rows, width, 17)
@@ -152,10 +152,7 @@ class HelpPage:
 
 def sensor_words(sensor: SensorSpec) -> str:
     """Words for a sensor, those of the sensor panel."""
-    if sensor.is_yes_or_no:
-        name = kind_name(sensor.kind).removesuffix(" sensor")
-        return f"{name}, 1 is {'white' if sensor.detects_white else 'black'}"
-    return kind_name(sensor.kind)
+    return kind_name(sensor.kind).removesuffix(" sensor")
 
 
 def style_of(painter: Painter, role: Role, *, bold: bool = False) -> Style:

@@ -13,8 +13,8 @@ from simmer_tui.sim.specs import SensorSpec
 from simmer_tui.tui.event_text import clock_text
 from simmer_tui.tui.gauges import bearing_sign, sparkline, with_unit
 from simmer_tui.tui.line_panel import StyledLine, heading
-from simmer_tui.tui.sensor_readouts import age_of_reading
 from simmer_tui.tui.readouts import LABEL, fact_line
+from simmer_tui.tui.sensor_readouts import age_of_reading
 
 # Inches; the panel shows tenths.
 _NEAR = 0.05
@@ -71,7 +71,7 @@ def _scan_facts(row: SensorRow, scan: LidarScan, *, plain: bool) -> list[StyledL
 
 def _looks(sensor: SensorSpec) -> str:
     """Direction from the robot's front and width of the beam; empty for a sensor without a direction."""
-    wide = f", {sensor.field_of_view:g} deg wide" if sensor.kind.has("field_of_view") else ""
+    wide = "" if sensor.beam is None else f", {sensor.beam:g} deg wide"
     if isinstance(sensor, LidarSpec):
         direction = "clockwise" if sensor.clockwise else "counter-clockwise"
         return f"all around, {direction}, {sensor.scan_rate:g} scans a second"

@@ -47,7 +47,13 @@ AT = """
   for (const t of TIMES) {
     slider.value = t;
     slider.dispatchEvent(new Event("input"));
-    const picture = [...document.querySelectorAll(".live *")].map(drawn).filter(Boolean);
+    const isTrail = (each) => each.matches(".trail, :has(> .trail)");
+    const others = [...document.querySelectorAll(".live *")].filter((each) => !isTrail(each));
+    const picture = others.map(drawn).filter(Boolean);
+    // The report's player has the path in parts, a colour each: a part begins where the one before ends.
+    const trails = [...document.querySelectorAll(".live .trail")].map((each) => each.getAttribute("d"));
+    const parts = trails.filter(Boolean);
+    picture.push(parts.map((each, i) => (i ? each.replace(/^M[^L]*/, "") : each)).join(""));
     shown.push([picture, text(".words"), text(".happened"), text(".now .chips")]);
   }
   return shown;
@@ -79,7 +85,7 @@ def test_in_timed_motion_the_pose_shown_is_right_and_fresh(tmp_path: Path, size:
         playback = Playback(index)
         for (_, moment, _), (x, y, heading) in zip(seen, numbers, strict=True):
             if moment <= index.duration:
-                pose = playback.state_at_time(moment)[1].pose
+                pose = playback.state_at(playback.index.find_time(moment), moment).pose
                 assert math.hypot(x - pose.x, y - pose.y) < 0.1
                 assert abs(heading - pose.heading) < 1.0
     ages = sorted(real - begun - moment for real, moment, _ in seen)
