@@ -31,7 +31,7 @@ from simmer_tui.errors import ConfigurationError, PortError
 from simmer_tui.links import port_list
 from simmer_tui.links.link import port_requests
 from simmer_tui.links.ports import take_port
-from simmer_tui.runlog.saved_runs import BEFORE, saved_runs_folder
+from simmer_tui.runlog.saved_runs import BEFORE, saved_runs, saved_runs_folder
 from simmer_tui.sim.command import WORD, counted, cut
 from simmer_tui.tui.sizes import SMALLEST_COLUMNS, SMALLEST_ROWS
 from simmer_tui.tui.terminal import GlyphMode, choose
@@ -184,7 +184,8 @@ def _runs() -> Check:
         fine = fine and os.access(path, os.W_OK)
         break
     lack = "" if fine else ", which cannot be written"
-    return fine, f"the last {BEFORE + 1} are saved in {folder}{lack}"
+    saved = counted(len(saved_runs(folder)), "run")
+    return fine, f"{saved} saved in {folder}, of at most {BEFORE + 1}{lack}"
 
 
 def _grading() -> Check:

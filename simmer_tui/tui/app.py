@@ -145,7 +145,7 @@ class SimmerApp(Shell):
     def _arrange(self, width: int, height: int) -> None:
         super()._arrange(width, height)
         typed = self._console.has_focus_within
-        self._show_head("console", "Up brings back the last line" if typed else ": or Enter comes here")
+        self._show_head("console", "" if typed else ": or Enter comes here")
         console = self._plan.boxes.get("console")
         # Without events the line above shows the present movement, and the last reply is beside the typed
         # text.
@@ -413,7 +413,7 @@ class SimmerApp(Shell):
 
     def action_help(self, code: str = "") -> None:
         """Show all of the help, or the description of one code."""
-        self.push_screen(help_screen(self._settings.keys, self._spec, code))
+        self.push_screen(help_screen(self._settings.keys, self._spec, self._maze.painter, code))
 
     def tell(self, text: str) -> None:
         """Show a note above the console's line."""
