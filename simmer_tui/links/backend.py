@@ -22,7 +22,7 @@ from simmer_tui.sim.command import MISSION_QUERY, Command
 from simmer_tui.sim.records import CommandResult
 
 # Judged: far more than a program sends ahead, and little memory.
-MOST_COMMANDS, _MOST_BYTES = 1000, 64 * 1024
+MOST_COMMANDS, MOST_WAITING_BYTES = 1000, 64 * 1024
 """Commands of a sender that may wait for their answer, and bytes of them. Further ones are busy."""
 # Some megabytes of memory: a sender that far ahead of its replies will never read them.
 MOST_REFUSED = 16 * 1024
@@ -247,7 +247,7 @@ class CommandBudget:
     def _count(self, commands: int, size: int) -> None:
         self._commands += commands
         self._bytes += size
-        self.has_room = self._commands < MOST_COMMANDS and self._bytes < _MOST_BYTES
+        self.has_room = self._commands < MOST_COMMANDS and self._bytes < MOST_WAITING_BYTES
 
     def take_refused(self) -> Callable[[], None]:
         """Count a message that is answered busy, or a query. Returns the call that stops counting it."""
@@ -262,6 +262,10 @@ class CommandBudget:
         now = self._loop.time()
         if now >= self._again:
             self._again = now + _AGAIN
-            what = f"{MOST_COMMANDS} commands" if self._commands >= MOST_COMMANDS else f"{_MOST_BYTES} bytes"
+            what = (
+                f"{MOST_COMMANDS} commands"
+                if self._commands >= MOST_COMMANDS
+                else f"{MOST_WAITING_BYTES} bytes"
+            )
             text = f"client {self._sender}: {what} wait already; further ones are answered busy"
             self._tell(Notice(NoticeKind.FAULT, f"{text}. Read each reply before the next command"))

@@ -337,7 +337,7 @@ class PacketLink:
             self._report.set_in(REPORT_DELAY)
 
     def received(self, sender: _Sender) -> None:
-        """Take note that something has come on a connection."""
+        """Note that something has come on a connection."""
         if sender in self.senders:
             del self.senders[sender]
             self.senders[sender] = None
@@ -357,7 +357,7 @@ class PacketLink:
         return driver
 
     def note_answered(self, count: int) -> None:
-        """Take note that a request of so many commands has been answered."""
+        """Note that a request of so many commands has been answered."""
         self.unanswered -= count
         self.presence.watch_velocity()
 

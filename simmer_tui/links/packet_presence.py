@@ -162,7 +162,7 @@ class Presence:
         return sender
 
     def _identify(self, sender: PacketDriver) -> None:
-        """Take note of the process of a request, as far as it was seen."""
+        """Note the process of a request, as far as it was seen."""
         client = self._clients.get(sender.address)
         if client is None:
             return

@@ -166,7 +166,7 @@ _LIMITS: list[tuple[int | None, int]] = [
 
 
 def end_with_machine(sock: socket.socket) -> None:
-    """Have the system end a connection within a minute after the other machine is gone, if it can."""
+    """Make the system end a connection within a minute after the other machine is gone, if it can."""
     for option, value in _LIMITS:
         if option is not None:
             with contextlib.suppress(OSError):  # Python has the name, but an older system does not support it

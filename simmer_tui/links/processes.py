@@ -90,7 +90,7 @@ class ProcessLookup:
         self._is_searching = False
 
     def note_run(self, pid: int) -> None:
-        """Take note of the program that the run has started."""
+        """Note the program that the run has started."""
         self.of_run = _process(pid)
 
     def _far(self, sock: socket.socket, peer: str) -> RemoteSocket | None:

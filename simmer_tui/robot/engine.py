@@ -139,7 +139,7 @@ class Engine:
     # -- watchers ----------------------------------------------------------------------------
 
     def watch(self, watcher: Watcher) -> None:
-        """Have every event passed to `watcher`, in order."""
+        """Pass every event to `watcher`, in order."""
         self._watchers.add(watcher)
 
     def unwatch(self, watcher: Watcher) -> None:
@@ -183,7 +183,7 @@ class Engine:
         self._set_clock()
 
     def now(self) -> float:
-        """Bring the simulator to the present and return simulated time."""
+        """Advance the simulator to the present. Returns simulated time."""
         # While paused, or with instant motion, only commands move simulated time.
         if self._passes and self._loop is not None and not self._stands:
             present = (self._loop.time() - self._origin) * self.time_scale
@@ -467,7 +467,7 @@ class Engine:
         return self.timed and not self.paused
 
     def _go_on_at(self, time: float, session: Session, step: Callable[..., None], *arguments: object) -> None:
-        """Have a session wait until a simulated time, and call `step` then."""
+        """Let a session wait until a simulated time, then call `step`."""
         session.waiting = True
         self.call_at(time, lambda: self._resume(session, step, *arguments))
 

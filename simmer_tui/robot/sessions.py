@@ -80,8 +80,9 @@ class Queued(Struct, eq=False):
 
 
 class Foreign(Struct, eq=False):
-    """A message that others answer: a real robot, or who refuses it. It keeps its place in the queue until
-    its answer is `given`, and its turn has come. `slices` is true for those that come by the thousand."""
+    """A message that others answer: a real robot, or the part that refuses it. It keeps its place in the
+    queue until its answer is `given`, and its turn has come. `slices` is true for those that come by the
+    thousand."""
 
     session: Session
     answered: Answered
@@ -104,7 +105,7 @@ class Session:
     answer_at_end: bool = True
     """True if a timed movement is answered when it ends; False if it is answered at once as accepted."""
     driver: Hashable | None = None
-    """Whose velocities it sets, None for its own."""
+    """Owner of the velocities that it sets; None for its own."""
     ready: bool = False
     """True if the session is in its lane's queue `ready`, or a later turn of the loop continues its
     answers."""

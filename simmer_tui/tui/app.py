@@ -128,7 +128,7 @@ class SimmerApp(Shell):
         elif any(not entry.folds for entry in new):
             self._console.note_event()
 
-    def events_shown(self, snapshot: Snapshot) -> None:
+    def show_status(self, snapshot: Snapshot) -> None:
         brief = "events" not in self._plan.boxes
         entries = self._panes.log.entries if brief else ()
         status = status_line(snapshot, entries, brief=brief, plain=self._plain)
@@ -377,7 +377,7 @@ class SimmerApp(Shell):
         self._console.show_error(self._operator.drive_for(values, refused))
 
     async def on_event(self, event: Event) -> None:
-        """Have any other key end the velocity of a held key, before its own action."""
+        """End the velocity of a held key at any other key, before the action of that key."""
         if isinstance(event, Key) and not event.is_forwarded:
             self._held_key.note_key(event.key if self._maze.has_focus else "", age_of(event))
         await super().on_event(event)
