@@ -90,6 +90,8 @@ class Deframer:
         self._framing = framing
         self._types = types
         self._held = bytearray()
+        self._searched = 0
+        """Count of the first bytes that wait and in which no end begins."""
         self._skipping = False
         """True while the rest of a message that is too long is dropped."""
 
@@ -126,7 +128,16 @@ class Deframer:
         self._skipping = False
         return self._take(len(self._held))
 
+    def _find(self, end: bytes, start: int = 0) -> int:
+        """The index of the first end from `start` on, -1 if there is none. Bytes that wait are searched once,
+        however many pieces a long message comes in."""
+        at = self._held.find(end, max(start, self._searched))
+        if at < 0:
+            self._searched = max(0, len(self._held) - len(end) + 1)
+        return at
+
     def _take(self, count: int) -> bytes:
+        self._searched = 0
         taken = bytes(self._held[:count])
         del self._held[:count]
         return taken
@@ -138,7 +149,7 @@ class Deframer:
 
     def _lines(self) -> Iterator[Frame | Noise]:
         end, longest = self._framing.end, self._framing.longest
-        while (at := self._held.find(end)) >= 0:
+        while (at := self._find(end)) >= 0:
             data = self._take(at + len(end))
             content = data[:at].strip()
             if self._skipping or len(content) > longest:
@@ -164,7 +175,7 @@ class Deframer:
                     yield Noise(noise, f"outside {begin.decode('latin-1')}{end.decode('latin-1')}")
             if at < 0:
                 return
-            close = self._held.find(end, len(begin))
+            close = self._find(end, len(begin))
             if close < 0:
                 if len(self._held) > longest:
                     yield Noise(self._take(len(self._held)), _too_long(longest))

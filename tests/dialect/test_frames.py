@@ -28,6 +28,17 @@ def test_a_line_ends_with_its_mark_and_has_no_blanks_around() -> None:
     assert contents(Framing(end=b"\r\n"), b"a\rb\r", b"\nc\r\n") == [b"a\rb", b"c"]
 
 
+@pytest.mark.parametrize(
+    "framing", [Framing(end=b"\r\n"), Framing(kind=FrameKind.BRACKET, open=b"<<", close=b">>")]
+)
+def test_an_end_of_two_bytes_is_found_in_pieces_of_any_length(framing: Framing) -> None:
+    data = b"<<a\r\n>>\r<<b>\r\n\r\r\n>>" * 3
+    whole = contents(framing, data)
+    for length in range(1, 6):
+        assert contents(framing, *(data[at : at + length] for at in range(0, len(data), length))) == whole
+    assert len(whole) >= 6
+
+
 def test_a_line_without_its_end_is_one_after_silence() -> None:
     deframer = Deframer(Framing(silence=1.0))
     assert deframer.receive(b"xx") == []
