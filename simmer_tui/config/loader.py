@@ -22,6 +22,7 @@ from simmer_tui.config.set_devices import DeviceStatus, set_devices
 from simmer_tui.config.sets import FILES, find_set, init_set, set_name
 from simmer_tui.config.settings import NO_WHEELS, Settings, settings_from
 from simmer_tui.config.settings_file import LoadedSettings, Override, load_settings
+from simmer_tui.config.wiring_toml import WIRING_FILE
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim.obstacles import placement_problems
 from simmer_tui.sim.sensors import KINDS, SensorKinds
@@ -230,5 +231,5 @@ def simulation_of(
 
 def _texts(directory: Path) -> dict[str, str]:
     """The files of a set, unchanged: line ends and byte-order marks stay."""
-    paths = [directory / name for name in (*FILES, FLOOR_FILE, MISSION_FILE, DIALECT_FILE)]
+    paths = [directory / name for name in (*FILES, FLOOR_FILE, MISSION_FILE, DIALECT_FILE, WIRING_FILE)]
     return {path.name: path.read_bytes().decode() for path in paths if path.is_file()}
