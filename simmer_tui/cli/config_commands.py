@@ -29,6 +29,7 @@ from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.new_set import SCHEMA_FOLDER as SCHEMAS
 from simmer_tui.config.new_set import term_files, with_comments, with_dialect, with_mission
 from simmer_tui.config.set_document import CHECK, DIFFERENCES, problems_document, set_document
+from simmer_tui.config.set_sketches import WIRING_FILE
 from simmer_tui.config.set_summary import summarize
 from simmer_tui.config.sets import (
     LOCAL_FOLDER,
@@ -126,6 +127,7 @@ def run_check(options: argparse.Namespace) -> int:
         directory, overrides = find_set(options.directory), overrides_from(options)
         configuration = load(directory, overrides, devices=DeviceUse.CHECK)
         course = _course_of(Path(options.directory or ""))
+        wiring, problems = _sketches(configuration)
     except ConfigurationError as error:
         if not options.json:
             raise
@@ -134,8 +136,8 @@ def run_check(options: argparse.Namespace) -> int:
     if options.against is not None:
         return _check_against(options.against, configuration, as_json=options.json)
     if options.json:
-        print_json(set_document(configuration))
-        return ExitCode.DONE
+        print_json(set_document(configuration, problems))
+        return ExitCode.NO if problems else ExitCode.DONE
     text = summarize(configuration)
     try:
         # A terminal in the C locale has no characters for the drawing of the maze.
@@ -145,7 +147,26 @@ def run_check(options: argparse.Namespace) -> int:
     sys.stdout.write(text)
     if course:
         print_lines("", course)
-    return 0
+    if wiring:
+        print_lines("", *wiring)
+    if problems:
+        print_lines("", f"The wiring and its sketches have {counted(len(problems), 'problem')}:")
+        print_lines(*(f"  {problem}" for problem in problems))
+    return ExitCode.NO if problems else ExitCode.DONE
+
+
+def _sketches(configuration: Configuration) -> tuple[list[str], list[Problem]]:
+    """The lines about a set's wiring, and its problems with its sketches; none for a set without a wiring.
+    Raises ConfigurationError if the wiring itself has mistakes."""
+    if WIRING_FILE not in configuration.files:
+        return [], []
+    from simmer_tui.sketch.sketch_check import sketch_problems
+    from simmer_tui.sketch.wiring import wiring_lines, wiring_of
+
+    wiring = wiring_of(configuration)
+    if wiring is None:
+        return [], []
+    return list(wiring_lines(wiring)), sketch_problems(wiring, configuration.directory)
 
 
 def _course_of(folder: Path) -> str:

@@ -11,6 +11,7 @@ from simmer_tui.config.device_file import DEVICE_FOLDER as DEVICES
 from simmer_tui.config.device_file import read_devices
 from simmer_tui.config.given_path import drive_hint, given_path
 from simmer_tui.config.leftovers import is_leftover
+from simmer_tui.config.set_sketches import WIRING_FILE, sketch_files
 from simmer_tui.errors import ConfigurationError, Problem, reason_of
 from simmer_tui.sim.command import first_of, typed_path
 from simmer_tui.sim.rules import did_you_mean
@@ -144,8 +145,8 @@ def init_set(destination: Path, source: Path) -> tuple[Path, ...]:
 
 
 def read_files(source: Path) -> dict[str, bytes]:
-    """The files of a set by name, its own device files by their paths in it. Raises ConfigurationError
-    if there are none, or if one cannot be copied."""
+    """The files of a set by name, its own device files and sketches by their paths in it. Raises
+    ConfigurationError if there are none, or if one cannot be copied."""
     found = (path for path in source.iterdir() if not is_leftover(path.name) and path.is_file())
     paths = sorted(path for path in found if path.suffix.lower() in (".csv", ".toml"))
     if not paths:
@@ -156,6 +157,8 @@ def read_files(source: Path) -> dict[str, bytes]:
     devices = sorted(path.name for path in (source / DEVICES).glob("*.py") if not is_leftover(path.name))
     own = [f"{DEVICES}/{name}" for name in devices]
     files |= {device.path: device.data for device in read_devices(source, own, DEVICES, problems)}
+    if WIRING_FILE in files:
+        files |= read_all(sketch_files(source, files[WIRING_FILE]), source)
     if problems:
         raise ConfigurationError(problems)
     return files

@@ -20,9 +20,6 @@ from simmer_tui.sim.rules import (
 )
 from simmer_tui.sim.values import Value
 
-WIRING_FILE = "wiring.toml"
-"""The file with the boards of a set, and their wires."""
-
 # The largest number of a pin: D69, which is A15, of a Mega.
 _LARGEST_PIN = 69
 _ANALOG = re.compile(r"A(?:[0-9]|1[0-5])")
