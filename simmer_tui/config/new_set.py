@@ -127,7 +127,7 @@ def with_mission(files: Mapping[str, bytes]) -> dict[str, bytes]:
 
 def with_dialect(files: Mapping[str, bytes], kind: FrameKind) -> dict[str, bytes]:
     """The files of a set with a dialect.toml of a kind, a small language with the codes of the set."""
-    drives, sensors = (_codes(text) for text in _device_tables(files).values())
+    drives, sensors = (enabled_codes(text) for text in _device_tables(files).values())
     ranges = [code for name, code in sensors.items() if name.startswith(_RANGES)]
     text = _DIALECT_HEAD + _bundled_files("dialects")[f"{kind}.toml"].decode()
     for word, code in (
@@ -150,7 +150,7 @@ def _device_tables(files: Mapping[str, bytes]) -> dict[str, str]:
     return texts
 
 
-def _codes(text: str) -> dict[str, str]:
+def enabled_codes(text: str) -> dict[str, str]:
     """The codes of the enabled rows of a table, by ID."""
     return {
         row.get(ID, "").lower(): row.get(POLL_CHARACTER, "")

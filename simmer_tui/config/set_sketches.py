@@ -16,6 +16,11 @@ _SOURCES = (*SKETCH_ENDINGS, ".h", ".hpp", ".c", ".cpp")
 _MOST_FILES = 100
 
 
+def is_sketch_path(path: Path) -> bool:
+    """True for an .ino file, and for a folder with one."""
+    return any(path.glob("*.ino")) or (path.is_file() and path.suffix.lower() in SKETCH_ENDINGS)
+
+
 def source_paths(sketch: Path) -> list[Path]:
     """The files of a sketch by its .ino file or its folder: the sketch itself first, then its further .ino
     files in the order of their names, then headers and sources beside it.

@@ -75,7 +75,7 @@ def find_set(name_or_path: str | None) -> Path:
     """
     if name_or_path is None:
         local = Path(LOCAL_FOLDER)
-        return local if _has_set(local) else bundled_folder()
+        return local if has_set(local) else bundled_folder()
     shown = str(name_or_path)
     if not name_or_path.strip():
         raise ConfigurationError([Problem("the configuration set", "its name is blank; name a folder")])
@@ -92,7 +92,7 @@ def find_set(name_or_path: str | None) -> Path:
     sets = bundled_sets()
     if is_other:
         what = "is not a folder; a set is a folder with five files, and simmer-tui init DIR makes one"
-        if _has_set(folder.parent):
+        if has_set(folder.parent):
             what = f"is not a folder; the set of this file is {typed_path(folder.parent)}"
         raise ConfigurationError([Problem(shown, what)])
     if name_or_path in sets:
@@ -106,9 +106,7 @@ def find_set(name_or_path: str | None) -> Path:
 def _folders_here() -> list[str]:
     """The names of the folders in the working directory that have a set."""
     with contextlib.suppress(OSError):
-        return sorted(
-            path.name for path in Path().iterdir() if _has_set(path) or _has_set(path / LOCAL_FOLDER)
-        )
+        return sorted(path.name for path in Path().iterdir() if has_set(path) or has_set(path / LOCAL_FOLDER))
     return []
 
 
@@ -124,7 +122,7 @@ def find_mission_set(name_or_path: str | None) -> Path:
     return local if (local / mission_toml.FILE).is_file() else bundled_sets()[MISSION_SET]
 
 
-def _has_set(folder: Path) -> bool:
+def has_set(folder: Path) -> bool:
     """True if a folder has any of the five files."""
     return any((folder / name).is_file() for name in FILES)
 
@@ -132,7 +130,7 @@ def _has_set(folder: Path) -> bool:
 def _set_in(folder: Path) -> Path:
     """The folder itself, or `config` in it if only that has a set, as in the folder of a course."""
     inner = folder / LOCAL_FOLDER
-    return inner if _has_set(inner) and not _has_set(folder) else folder
+    return inner if has_set(inner) and not has_set(folder) else folder
 
 
 def init_set(destination: Path, source: Path) -> tuple[Path, ...]:

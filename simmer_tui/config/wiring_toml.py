@@ -28,7 +28,7 @@ _ANALOG = re.compile(r"A(?:[0-9]|1[0-5])")
 class PinRule(Rule[int | str], frozen=True):
     """A pin: its number, or its analog name. A pin that the board does not have is found by its board."""
 
-    allowed: ClassVar[str] = 'a pin: a whole number such as 9, or an analog name such as "A0"'
+    allowed: ClassVar[str] = 'a pin such as 9 or "A0"'
     metavar: ClassVar[str] = "PIN"
     schema: ClassVar[dict[str, Any]] = {
         "anyOf": [

@@ -53,6 +53,8 @@ _MOST_STEPS = 200_000
 """Most values that are looked up in a sketch; later ones are unknown."""
 
 Pins = frozenset[int]
+Bindings = Mapping[str, "Pins | None"]
+"""Values of a function's parameters at one of its calls."""
 
 
 class SketchCall(Struct, frozen=True):
@@ -92,6 +94,10 @@ class SketchInterrupt(Struct, frozen=True):
     spot: str
 
 
+_Row = tuple[tuple[Token, ...], ...]
+"""A row of an array: expressions. An array with one index has rows of one."""
+
+
 class SketchFacts:
     """The facts of one sketch on a kind of board.
 
@@ -106,7 +112,7 @@ class SketchFacts:
         self.includes: list[tuple[str, str]] = []
         """Names of the headers that it includes, with their places."""
         self._values: dict[str, list[tuple[Token, ...]]] = defaultdict(list)
-        self._arrays: dict[str, tuple[tuple[Token, ...], ...]] = {}
+        self._arrays: dict[str, tuple[_Row, ...]] = {}
         self._changed: set[str] = set()
         self._parameters: dict[str, list[str]] = {}
         self._steps = 0
@@ -146,8 +152,15 @@ class SketchFacts:
             return None
         return self.values(call.arguments[index], call.function)
 
-    def values(self, expression: Sequence[Token], function: str = "", depth: int = 0) -> Pins | None:
-        """The whole numbers that an expression in a function can be; None if that is unknown."""
+    def values(
+        self,
+        expression: Sequence[Token],
+        function: str = "",
+        depth: int = 0,
+        bound: Bindings | None = None,
+    ) -> Pins | None:
+        """The whole numbers that an expression in a function can be; None if that is unknown. Parameters have
+        the values that are `bound`, or those of all callers."""
         self._steps += 1
         if depth > _DEEPEST or self._steps > _MOST_STEPS:
             return None
@@ -156,20 +169,41 @@ class SketchFacts:
             return None
         first = tokens[0]
         if len(tokens) == 1:
-            return self._value_of(first, function, depth)
+            return self._value_of(first, function, depth, bound)
         marks = [token.text for token in tokens]
         if "?" in marks and ":" in marks:
             half, end = marks.index("?"), marks.index(":")
-            one = self.values(tokens[half + 1 : end], function, depth + 1)
-            other = self.values(tokens[end + 1 :], function, depth + 1)
+            one = self.values(tokens[half + 1 : end], function, depth + 1, bound)
+            other = self.values(tokens[end + 1 :], function, depth + 1, bound)
             return None if one is None or other is None else one | other
         if first.is_name and marks[1] == "[" and marks[-1] == "]" and first.text in self._arrays:
-            items = self._arrays[first.text]
-            index = self.values(tokens[2:-1], function, depth + 1)
-            if index is not None and len(index) == 1 and next(iter(index)) < len(items):
-                items = (items[next(iter(index))],)
-            return _union(self.values(item, "", depth + 1) for item in items)
+            rows = self._arrays[first.text]
+            partners = _partners(tokens)
+            end = partners.get(1, len(tokens) - 1)
+            rows = self._picked(rows, tokens[2:end], function, depth, bound)
+            if end + 1 < len(tokens):
+                second = tokens[end + 2 : -1]
+                rows = tuple(
+                    item
+                    for row in rows
+                    for item in self._picked(tuple((each,) for each in row), second, function, depth, bound)
+                )
+            return _union(self.values(item, "", depth + 1) for row in rows for item in row)
         return None
+
+    def _picked(
+        self,
+        rows: tuple[_Row, ...],
+        index: Sequence[Token],
+        function: str,
+        depth: int,
+        bound: Bindings | None,
+    ) -> tuple[_Row, ...]:
+        """The rows of an array that an index can mean."""
+        found = self.values(index, function, depth + 1, bound)
+        if found is None or max(found, default=0) >= len(rows):
+            return rows
+        return tuple(rows[each] for each in sorted(found))
 
     def spelled(self, call: SketchCall, index: int = 0) -> str:
         """The text of an argument, as its author wrote it."""
@@ -224,15 +258,25 @@ class SketchFacts:
             rates |= dict.fromkeys(sorted(found or ()))
         return tuple(rates)
 
+    def bindings(self, call: SketchCall, bound: Bindings | None) -> dict[str, Pins | None]:
+        """The values of the parameters of one of its own functions, at a call."""
+        names = self._parameters.get(call.name, ())
+        return {
+            name: self.values(argument, call.function, 1, bound)
+            for name, argument in zip(names, call.arguments, strict=False)
+        }
+
     # -- values ------------------------------------------------------------------------------------
 
-    def _value_of(self, token: Token, function: str, depth: int) -> Pins | None:
+    def _value_of(self, token: Token, function: str, depth: int, bound: Bindings | None) -> Pins | None:
         if token.kind is TokenKind.NUMBER:
             found = _WHOLE.fullmatch(token.text)
             return Pins({_whole(found[1])}) if found else None
         if not token.is_name:
             return None
         name = token.text
+        if bound is not None and name in bound:
+            return bound[name]
         if name in self._parameters.get(function, ()):
             index = self._parameters[function].index(name)
             calls = [call for call in self._callers[function] if not call.type]
@@ -245,9 +289,10 @@ class SketchFacts:
         if name in self._changed:
             return None
         if name in self._values:
-            return _union(self.values(each, function, depth + 1) for each in self._values[name])
+            return _union(self.values(each, function, depth + 1, bound) for each in self._values[name])
         if name in self._arrays:
-            return _union(self.values(item, "", depth + 1) for item in self._arrays[name])
+            items = (item for row in self._arrays[name] for item in row)
+            return _union(self.values(item, "", depth + 1) for item in items)
         if name == "LED_BUILTIN":
             return Pins({13})
         analog = _ANALOG_PIN.fullmatch(name)
@@ -320,8 +365,13 @@ class SketchFacts:
             end = partners[end] + 1
         if end + 1 < len(tokens) and tokens[end].text == "=" and tokens[end + 1].text == "{":
             inner = tokens[end + 2 : partners.get(end + 1, end + 2)]
-            flat = [token for token in inner if token.text not in "{}"]
-            self._arrays[tokens[at].text] = tuple(_split(flat)[:_MOST_VALUES])
+            rows = []
+            for item in _split(inner)[:_MOST_VALUES]:
+                if not item:
+                    continue  # after a last comma
+                is_row = item[0].text == "{"
+                rows.append(tuple(_split(item[1:-1])[:_MOST_VALUES]) if is_row else (item,))
+            self._arrays[tokens[at].text] = tuple(rows)
 
     def _read_call(
         self, tokens: Sequence[Token], at: int, partners: Mapping[int, int], function: str

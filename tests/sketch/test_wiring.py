@@ -133,7 +133,7 @@ def test_a_wiring_is_read_with_numbers_of_pins(parts: WiringParts) -> None:
         (
             "rx = 9",
             'rx = "9V"',
-            'must be a pin: a whole number such as 9, or an analog name such as "A0", not "9V"',
+            'must be a pin such as 9 or "A0", not "9V"',
         ),
         ('from = "sensor.A0"', 'from = "A0"', "wiring.toml:12:wires.1.from: must be a board and a pin"),
         (
