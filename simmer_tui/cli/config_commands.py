@@ -93,9 +93,7 @@ def run_init(options: argparse.Namespace) -> int:
     if options.sketch is not None:
         _take_directory(options)
     if options.directory is None:
-        raise ConfigurationError(
-            [Problem("DIR", "is missing; name the folder to write: simmer-tui init DIR")]
-        )
+        run_init.parser().error("the following arguments are required: DIR")
     if options.sketch is not None and has_set(options.directory):
         return _draft_beside(options)
     source = bundled_folder() if options.source is None else find_set(options.source)

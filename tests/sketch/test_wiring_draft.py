@@ -1,4 +1,4 @@
-"""A draft of a wiring.toml: pins as the sketch has them, and a mark at each value that only the team knows."""
+"""A draft of a wiring.toml: pins as the sketch has them, and a mark where only the team knows."""
 
 from __future__ import annotations
 
