@@ -186,7 +186,8 @@ def _dialect(
     elif TEAM in listeners:
         what = f"names {TEAM}, but the set has no {DIALECT_FILE}; {_WRITES_ONE}"
         problems.append(Problem(loaded.places["server.listeners"], what))
-    if settings.server.pty and TEAM not in listeners:
+    has_line = TEAM in listeners or (directory / WIRING_FILE).exists()
+    if settings.server.pty and not has_line:
         what = f"is the serial port of a set with a {DIALECT_FILE}; {_WRITES_ONE}"
         problems.append(Problem(loaded.places["server.pty"], what))
     return dialect, settings

@@ -1,0 +1,70 @@
+// The board's start, and its end.
+#include <csignal>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+
+#include "../core/Arduino.h"
+#include "clock.h"
+#include "exchange.h"
+#include "pins.h"
+
+__attribute__((weak)) void serialEvent();
+#if defined(SIMMER_MEGA)
+__attribute__((weak)) void serialEvent1();
+__attribute__((weak)) void serialEvent2();
+__attribute__((weak)) void serialEvent3();
+#endif
+
+// Called by the compiler's instrumentation in each basic block of the sketch.
+extern "C" void __sanitizer_cov_trace_pc() {
+  using namespace board;
+  place = static_cast<uint32_t>(reinterpret_cast<uintptr_t>(__builtin_return_address(0)));
+  if (now + cost::BLOCK < next_stop)
+    now += cost::BLOCK;
+  else if (next_stop != NEVER)
+    pass(cost::BLOCK);
+}
+
+namespace {
+void died(int number) {
+  // Only what is safe in a signal handler. The simulator finds the line by the address.
+  char text[64];
+  const int size = avr_snprintf(text, sizeof text, "simmer-board died %d %lu\n", number, board::place);
+  std::fwrite(text, 1, static_cast<size_t>(size), stderr);
+  std::fflush(stderr);
+  std::_Exit(3);
+}
+
+// "--drives 5,6,7": the pins of a list, each passed to a function.
+void for_pins(const char* list, void (*mark)(int)) {
+  for (const char* at = list; *at;) {
+    char* end = nullptr;
+    mark(static_cast<int>(std::strtol(at, &end, 10)));
+    at = *end ? end + 1 : end;
+  }
+}
+}  // namespace
+
+int main(int count, char** arguments) {
+  for (int number : {SIGSEGV, SIGFPE, SIGILL, SIGABRT}) std::signal(number, died);
+  for (int at = 1; at + 1 < count; at += 2) {
+    if (!std::strcmp(arguments[at], "--drives")) for_pins(arguments[at + 1], board::mark_driving);
+    if (!std::strcmp(arguments[at], "--triggers")) for_pins(arguments[at + 1], board::mark_trigger);
+    if (!std::strcmp(arguments[at], "--asked")) for_pins(arguments[at + 1], board::mark_asked);
+  }
+  board::open_channel();
+  board::now = 0;
+  board::exchange(board::Reason::Horizon);
+  setup();
+  for (;;) {
+    loop();
+    board::pass(board::cost::LOOP);
+    if (serialEvent && Serial.available()) serialEvent();
+#if defined(SIMMER_MEGA)
+    if (serialEvent1 && Serial1.available()) serialEvent1();
+    if (serialEvent2 && Serial2.available()) serialEvent2();
+    if (serialEvent3 && Serial3.available()) serialEvent3();
+#endif
+  }
+}

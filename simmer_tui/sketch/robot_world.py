@@ -1,0 +1,150 @@
+"""The robot's world as boards reach it: wheels that turn by duties, and sensors, at exact simulated times.
+
+Times are nanoseconds of the boards' clocks. The world only goes forward.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from simmer_tui.robot.engine import Engine
+from simmer_tui.robot.sessions import Session
+from simmer_tui.sim.command import Command, parse_command
+from simmer_tui.sim.records import Status
+from simmer_tui.sim.specs import VelocityKind
+from simmer_tui.sim.wheels import WheelKinematics
+from simmer_tui.sketch.parts import EncoderState
+
+SOURCE = "boards"
+"""Source of the commands that boards make."""
+SECOND = 1_000_000_000
+# A line sensor is read thousands of times a second: all of them would be most of the log.
+READING_PERIOD = SECOND // 50
+"""Least time between two readings of the same analog or line sensor that are told."""
+
+
+class RobotWorld:
+    """The simulated robot with its wheels and sensors. Only for the robot's thread."""
+
+    def __init__(self, engine: Engine, session: Session, encoders: Sequence[EncoderState]) -> None:
+        self._engine = engine
+        self._simulator = engine.simulator
+        self._session = session
+        self._encoders = tuple(encoders)
+        spec = self._simulator.spec
+        self._kinematics = WheelKinematics.of(spec.wheels) if spec.wheels is not None else None
+        self._wheels_code = next(
+            (each.code for each in spec.velocities if each.kind is VelocityKind.WHEELS and each.enabled), ""
+        )
+        self._speeds: tuple[float, ...] = ()
+        self._waiting: tuple[float, ...] | None = None
+        """Rim speeds that wait for the end of the gripper's movement."""
+        self._leg: object = None
+        self._told: dict[str, int] = {}
+        self.time = 0
+        """The time that the world has reached."""
+
+    def restart(self) -> None:
+        """Everything as at time 0."""
+        self.time, self._leg = 0, None
+        self._speeds, self._waiting = (), None
+        self._told.clear()
+
+    @property
+    def next_change(self) -> int:
+        """The time of the next change of the wheels' speed that is known."""
+        due = self._simulator.next_event
+        trajectory = self._simulator.trajectory
+        if trajectory is not None:
+            due = min(due, trajectory.end_time)
+        return math.ceil(due * SECOND) if due < math.inf else 1 << 62
+
+    def advance(self, time: int) -> None:
+        """Let the world go on to a time."""
+        if time <= self.time:
+            return
+        simulator, target = self._simulator, time / SECOND
+        while True:
+            trajectory = simulator.trajectory
+            end = math.inf if trajectory is None else trajectory.end_time
+            due = min(simulator.next_event, end)
+            if due > target:
+                break
+            self.time = math.ceil(due * SECOND)
+            if end <= due:
+                self._engine.end_movement()
+                self._set_waiting()
+            else:
+                simulator.advance(due)
+            self._note_leg(self.time)
+        simulator.advance(target)
+        self.time = time
+
+    # -- wheels ----------------------------------------------------------------------------------------
+
+    def set_speeds(self, speeds: Mapping[int, float]) -> None:
+        """The wheels' rim speeds from now on, by the wheel's index; wheels without a motor stand."""
+        if self._kinematics is None or not self._wheels_code:
+            return
+        asked = tuple(speeds.get(index, 0.0) for index in range(len(self._kinematics.wheels)))
+        if asked == (self._speeds or (0.0,) * len(asked)):
+            return
+        self._speeds = asked
+        if self._simulator.trajectory is not None:
+            self._waiting = asked
+        else:
+            self._drive(asked)
+
+    def drive_again(self) -> None:
+        """Set the rim speeds again, after the robot was put elsewhere."""
+        if any(self._speeds):
+            self._drive(self._speeds)
+
+    def _set_waiting(self) -> None:
+        speeds, self._waiting = self._waiting, None
+        if speeds is not None:
+            self._drive(speeds)
+
+    def _drive(self, speeds: Sequence[float]) -> None:
+        text = f"{self._wheels_code}-{';'.join(f'{each:.12g}' for each in speeds)}"
+        self._engine.act(parse_command(text, SOURCE), self._session)
+        self._note_leg(self.time)
+
+    def _note_leg(self, time: int) -> None:
+        """Tell the encoders of the speed in force, if it has changed."""
+        leg = self._simulator.leg
+        if leg is self._leg or not self._encoders:
+            return
+        self._leg = leg
+        kinematics = self._kinematics
+        assert kinematics is not None, "encoders are at wheels"
+        speeds = (0.0,) * len(kinematics.wheels) if leg is None else kinematics.speeds(leg.commanded)
+        for each in self._encoders:
+            each.set_speed(time, speeds[each.wired.wheel_index])
+
+    # -- the gripper -----------------------------------------------------------------------------------
+
+    def grip(self, *, close: bool) -> None:
+        """Close or open the jaws now. The robot stands while they move, as with the gripper's command."""
+        gripper = self._simulator.spec.gripper
+        if gripper is None or not gripper.enabled or self._simulator.trajectory is not None:
+            return
+        moved = self._speeds if any(self._speeds) else None
+        self._engine.act(parse_command(f"{gripper.code}-{int(close)}", SOURCE), self._session)
+        self._waiting = moved
+        self._note_leg(self.time)
+
+    # -- sensors ---------------------------------------------------------------------------------------
+
+    def read(self, code: str, *, often: bool = False) -> float:
+        """A reading of a sensor now. If it is read `often`, not every one is told."""
+        command = Command(code, code, source=SOURCE)
+        last = self._told.get(code)
+        is_told = not often or last is None or self.time - last >= READING_PERIOD
+        if is_told:
+            self._told[code] = self.time
+            result = self._engine.act(command, self._session)
+        else:
+            result = self._engine.peek(command)
+        return result.reply if result.status is Status.READING else math.nan
