@@ -45,6 +45,7 @@ def sketch_problems(wiring: Wiring, directory: Path) -> list[Problem]:
         board = wiring.boards[name]
         uses = [use for use in wiring.pin_uses() if use.board == name]
         problems += _unused_pins(board, found, uses)
+        problems += _no_outputs(found, uses)
         problems += _interrupts(found)
         for sensor in wiring.sensors:
             if isinstance(sensor, WiredSonar) and sensor.board == name:
@@ -100,6 +101,27 @@ def _unused_pins(board: SketchBoard, facts: SketchFacts, uses: Iterable[PinUse])
         if any(use.pin in (port.rx or ()) or use.pin in (port.tx or ()) for port in ports):
             what += "; it is a pin of a serial port there"
         yield Problem(use.place, f"{what}; look at its pin numbers")
+
+
+def _no_outputs(facts: SketchFacts, uses: Iterable[PinUse]) -> Iterator[Problem]:
+    """Pins that are written and never made outputs: they stay weak, and drive nothing. analogWrite makes them
+    outputs by itself."""
+    outputs: set[int] = set()
+    for call in facts.named("pinMode", "analogWrite"):
+        pins = facts.pins(call)
+        if pins is None:
+            return
+        if call.name == "analogWrite" or facts.spelled(call, 1) not in ("INPUT", "INPUT_PULLUP"):
+            outputs |= pins
+    for use in uses:
+        if not use.writes or use.pin in outputs:
+            continue
+        for call in facts.named("digitalWrite"):
+            if use.pin in (facts.pins(call) or ()):
+                shown = facts.kind.pin_name(use.pin)
+                what = f"pin {shown} is written ({call.token.spot}) and is no output"
+                yield Problem(use.place, f"{what}: add pinMode({shown}, OUTPUT)")
+                break
 
 
 def _interrupts(facts: SketchFacts) -> Iterator[Problem]:

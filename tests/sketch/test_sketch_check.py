@@ -76,6 +76,7 @@ class Arm { public: void begin(int pin) { } };
 Arm arm;
 void setup() {
   link.begin(9600);
+  for (int i = 0; i < 2; i++) { pinMode(pins[i][0], OUTPUT); pinMode(pins[i][1], OUTPUT); }
   attachInterrupt(digitalPinToInterrupt(2), count, RISING);
   arm.begin(3);
 }
@@ -129,12 +130,12 @@ def test_a_wiring_that_fits_its_sketches_has_no_problem(tmp_path: Path, parts: W
         (
             "digitalPinToInterrupt(2)",
             "digitalPinToInterrupt(4)",
-            "rover.ino:17: attachInterrupt on pin 4, which has no interrupt; the Uno has them on pins 2 or 3",
+            "rover.ino:18: attachInterrupt on pin 4, which has no interrupt; the Uno has them on pins 2 or 3",
         ),
         (
             "digitalPinToInterrupt(2)",
             "2",
-            "rover.ino:17: attachInterrupt has the interrupt 2, which the Uno lacks; write digital",
+            "rover.ino:18: attachInterrupt has the interrupt 2, which the Uno lacks; write digital",
         ),
         (
             "digitalPinToInterrupt(2)",
@@ -151,6 +152,11 @@ def test_a_wiring_that_fits_its_sketches_has_no_problem(tmp_path: Path, parts: W
             "#include <Servo.h>\nServo s; void x() { s.attach(3); }\n#include <Soft",
             "pin 9 of the Uno has no PWM while Servo is used: they share a timer (analogWrite at "
             "rover.ino:13); take another PWM pin",
+        ),
+        (
+            "pinMode(trigPin, OUTPUT); ",
+            "",
+            "sensors.2.trig: pin 12 is written (eyes.ino:6) and is no output: add pinMode(12, OUTPUT)",
         ),
         ("EN_RIGHT = 9", "EN_RIGHT = 8", "the sketch never writes pin 9"),
         (
