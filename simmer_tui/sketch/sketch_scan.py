@@ -53,8 +53,8 @@ _MOST_STEPS = 200_000
 """Most values that are looked up in a sketch; later ones are unknown."""
 
 Pins = frozenset[int]
-Bindings = Mapping[str, "Pins | None"]
-"""Values of a function's parameters at one of its calls."""
+Bindings = Mapping[str, "Pins | str | None"]
+"""Values of a function's parameters at one of its calls; of an array, its name."""
 
 
 class SketchCall(Struct, frozen=True):
@@ -111,11 +111,14 @@ class SketchFacts:
         self.kind = kind
         self.includes: list[tuple[str, str]] = []
         """Names of the headers that it includes, with their places."""
-        self._values: dict[str, list[tuple[Token, ...]]] = defaultdict(list)
+        self._values: dict[str, list[tuple[tuple[Token, ...], str]]] = defaultdict(list)
+        """The expressions that a name is set to, each with the function that it is in."""
         self._arrays: dict[str, tuple[_Row, ...]] = {}
         self._changed: set[str] = set()
         self._parameters: dict[str, list[str]] = {}
         self._steps = 0
+        self._defined: tuple[int, Token] | None = None
+        """The end of the last definition of an object, and its class."""
         self.calls: list[SketchCall] = []
         """Calls and definitions of objects, in the order of the text."""
         tokens: list[Token] = []
@@ -126,7 +129,8 @@ class SketchFacts:
         self._read(tokens)
         self._callers: dict[str, list[SketchCall]] = defaultdict(list)
         for call in self.calls:
-            self._callers[call.name].append(call)
+            # The definition of an object calls its class's constructor.
+            self._callers[call.type or call.name].append(call)
 
     @classmethod
     def read(cls, sketch: Path, kind: BoardKind) -> SketchFacts:
@@ -176,20 +180,38 @@ class SketchFacts:
             one = self.values(tokens[half + 1 : end], function, depth + 1, bound)
             other = self.values(tokens[end + 1 :], function, depth + 1, bound)
             return None if one is None or other is None else one | other
-        if first.is_name and marks[1] == "[" and marks[-1] == "]" and first.text in self._arrays:
-            rows = self._arrays[first.text]
-            partners = _partners(tokens)
-            end = partners.get(1, len(tokens) - 1)
-            rows = self._picked(rows, tokens[2:end], function, depth, bound)
-            if end + 1 < len(tokens):
-                second = tokens[end + 2 : -1]
-                rows = tuple(
-                    item
-                    for row in rows
-                    for item in self._picked(tuple((each,) for each in row), second, function, depth, bound)
-                )
-            return _union(self.values(item, "", depth + 1) for row in rows for item in row)
+        if first.is_name and marks[1] == "[" and marks[-1] == "]":
+            end = _partners(tokens).get(1, len(tokens) - 1)
+            items: list[tuple[Token, ...]] = []
+            for rows in self._arrays_of(first.text, function, bound):
+                picked = self._picked(rows, tokens[2:end], function, depth, bound)
+                if end + 1 < len(tokens):
+                    second = tokens[end + 2 : -1]
+                    inner = (tuple((each,) for each in row) for row in picked)
+                    picked = tuple(
+                        row for each in inner for row in self._picked(each, second, function, depth, bound)
+                    )
+                items += [item for row in picked for item in row]
+            return _union(self.values(item, "", depth + 1) for item in items) if items else None
         return None
+
+    def _arrays_of(self, name: str, function: str, bound: Bindings | None) -> list[tuple[_Row, ...]]:
+        """The rows of an array, by the name of a parameter those of all that it can be; none if unknown."""
+        given = bound.get(name) if bound is not None else None
+        if isinstance(given, str):
+            return [self._arrays[given]]
+        if name in self._arrays:
+            return [self._arrays[name]]
+        names = self._parameters.get(function, ())
+        if name not in names:
+            return []
+        found: list[tuple[_Row, ...]] = []
+        for call in self._callers[function]:
+            passed = call.arguments[names.index(name)] if names.index(name) < len(call.arguments) else ()
+            if len(passed) != 1 or passed[0].text not in self._arrays:
+                return []
+            found.append(self._arrays[passed[0].text])
+        return found
 
     def _picked(
         self,
@@ -258,28 +280,30 @@ class SketchFacts:
             rates |= dict.fromkeys(sorted(found or ()))
         return tuple(rates)
 
-    def bindings(self, call: SketchCall, bound: Bindings | None) -> dict[str, Pins | None]:
-        """The values of the parameters of one of its own functions, at a call."""
-        names = self._parameters.get(call.name, ())
-        return {
-            name: self.values(argument, call.function, 1, bound)
-            for name, argument in zip(names, call.arguments, strict=False)
-        }
+    def bindings(self, call: SketchCall, bound: Bindings | None) -> dict[str, Pins | str | None]:
+        """The values of the parameters of its own function, or of a class's constructor, at a call."""
+        names = self._parameters.get(call.type or call.name, ())
+        made: dict[str, Pins | str | None] = {}
+        for name, argument in zip(names, call.arguments, strict=False):
+            is_array = len(argument) == 1 and argument[0].text in self._arrays
+            made[name] = argument[0].text if is_array else self.values(argument, call.function, 1, bound)
+        return made
 
     # -- values ------------------------------------------------------------------------------------
 
     def _value_of(self, token: Token, function: str, depth: int, bound: Bindings | None) -> Pins | None:
         if token.kind is TokenKind.NUMBER:
-            found = _WHOLE.fullmatch(token.text)
-            return Pins({_whole(found[1])}) if found else None
+            number = _WHOLE.fullmatch(token.text)
+            return Pins({_whole(number[1])}) if number else None
         if not token.is_name:
             return None
         name = token.text
         if bound is not None and name in bound:
-            return bound[name]
+            given = bound[name]
+            return None if isinstance(given, str) else given
         if name in self._parameters.get(function, ()):
             index = self._parameters[function].index(name)
-            calls = [call for call in self._callers[function] if not call.type]
+            calls = self._callers[function]
             passed = (
                 self.values(call.arguments[index], call.function, depth + 1)
                 for call in calls
@@ -289,7 +313,8 @@ class SketchFacts:
         if name in self._changed:
             return None
         if name in self._values:
-            return _union(self.values(each, function, depth + 1, bound) for each in self._values[name])
+            found = self._values[name]
+            return _union(self.values(each, inside, depth + 1, bound) for each, inside in found)
         if name in self._arrays:
             items = (item for row in self._arrays[name] for item in row)
             return _union(self.values(item, "", depth + 1) for item in items)
@@ -308,10 +333,10 @@ class SketchFacts:
                 name = "".join(token.text for token in rest).strip('<>"')
                 self.includes.append((name, f"{file}:{each.line}"))
             elif each.name == "define" and len(rest) > 1 and rest[1].text != "(":
-                self._values[rest[0].text].append(rest[1:])
+                self._values[rest[0].text].append((rest[1:], ""))
             elif each.name == "define" and len(rest) > 3 and rest[-1].text == ")":
                 # `#define PIN (9)` has a blank before the bracket, which a macro with arguments has not.
-                self._values[rest[0].text].append(rest[1:])
+                self._values[rest[0].text].append((rest[1:], ""))
 
     def _read(self, tokens: Sequence[Token]) -> None:
         partners = _partners(tokens)
@@ -329,7 +354,7 @@ class SketchFacts:
             if after in _CHANGED or before in ("++", "--"):
                 self._changed.add(token.text)
             elif after == "=" and before not in (".", "->"):
-                self._read_value(tokens, at, at + 2, partners)
+                self._read_value(tokens, at, partners, function)
             elif after == "[":
                 self._read_array(tokens, at, partners)
             elif after in ("(", "{") and token.text not in _KEYWORDS:
@@ -341,22 +366,34 @@ class SketchFacts:
         for at, token in enumerate(tokens):
             if token.text != "{" or at < 3 or tokens[at - 1].text != ")":
                 continue
-            start = partners.get(at - 1, 0)
+            end, members = at - 1, []
+            start = partners.get(end, 0)
+            # A constructor's `: en(a), in1(b)` before its body.
+            while start > 2 and tokens[start - 2].text in (",", ":"):
+                members.append((tokens[start - 1].text, tuple(tokens[start + 1 : end])))
+                mark, end = tokens[start - 2].text, start - 3
+                start = partners.get(end, 0)
+                if mark == ":":
+                    break
             name = tokens[start - 1] if start else token
             if not name.is_name or name.text in _KEYWORDS:
                 continue
             self._bodies[at] = name.text
-            self._parameters[name.text] = [_parameter(each) for each in _split(tokens[start + 1 : at - 1])]
+            self._parameters[name.text] = [_parameter(each) for each in _split(tokens[start + 1 : end])]
+            for member, value in members[:_MOST_VALUES]:
+                self._values[member].append((value, name.text))
 
-    def _read_value(self, tokens: Sequence[Token], at: int, start: int, partners: Mapping[int, int]) -> None:
+    def _read_value(
+        self, tokens: Sequence[Token], at: int, partners: Mapping[int, int], function: str
+    ) -> None:
         """Take `name = value` up to the next comma or end."""
-        end = start
+        start = end = at + 2
         while end < len(tokens) and tokens[end].text not in (",", ";", ")", "}"):
             end = partners.get(end, end) + 1
-        value = tuple(tokens[start:end])
+        value = tuple(tokens[start : min(end, start + _LONGEST_CALL)])
         known = self._values[tokens[at].text]
         if value and value[0].text != "{" and len(known) < _MOST_VALUES:
-            known.append(value)
+            known.append((value, function))
 
     def _read_array(self, tokens: Sequence[Token], at: int, partners: Mapping[int, int]) -> None:
         """Take the elements of `name[...] = {...}`, of inner braces as well."""
@@ -381,6 +418,8 @@ class SketchFacts:
             return
         before = tokens[at - 1]
         is_definition = before.is_name and before.text not in _KEYWORDS
+        if before.text == "," and self._defined is not None and self._defined[0] == at - 2:
+            before, is_definition = self._defined[1], True  # `Motor left(9), right(10);`
         if close + 1 in self._bodies and tokens[close + 1].text == "{":
             return  # the head of a function
         if tokens[at + 1].text == "{" and not is_definition:
@@ -398,6 +437,8 @@ class SketchFacts:
             order=len(self.calls),
         )
         self.calls.append(call)
+        if is_definition:
+            self._defined = (close, before)
 
 
 def _whole(text: str) -> int:

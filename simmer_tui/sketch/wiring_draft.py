@@ -81,9 +81,10 @@ class BoardDraft:
         self.encoders = list(_encoders(facts, taken))
         taken |= {pin for motor in self.motors for pin in motor.pins.values()}
         taken |= {pin for each in self.encoders for pin in (each.a, each.b) if pin is not None}
-        self.analog = sorted(_read(facts, "analogRead") - taken)
+        self.analog = sorted(_read(facts, "analogRead") - taken - _seeds(facts))
         self.analog = [pin for pin in self.analog if facts.kind.is_analog(pin)]
-        self.digital = sorted(_read(facts, "digitalRead") - taken - {*self.analog})
+        written = _read(facts, "digitalWrite")
+        self.digital = sorted(_read(facts, "digitalRead") - taken - {*self.analog} - written)
         grouped = {pin for motor in self.motors for pin in motor.pins.values()}
         self.loose = sorted({each.pin for each in steps if each.call == "analogWrite"} - grouped - taken)
         """Pins with a PWM whose motor was not found."""
@@ -139,6 +140,7 @@ def _steps(facts: SketchFacts) -> Iterator[_Step]:
     by_function: dict[str, list[SketchCall]] = {}
     for call in facts.calls:
         by_function.setdefault(call.function, []).append(call)
+    objects = {call.name: call for call in facts.calls if call.type in facts.functions}
     left = [_MOST_STEPS]
 
     def walk(function: str, bound: Bindings | None, depth: int) -> Iterator[_Step]:
@@ -150,8 +152,12 @@ def _steps(facts: SketchFacts) -> Iterator[_Step]:
                 pins = facts.values(call.arguments[0], function, 0, bound)
                 if pins is not None and len(pins) == 1:
                     yield _Step(call.name, next(iter(pins)), facts.spelled(call))
-            elif call.name in facts.functions and call.arguments and not call.type and depth < _DEEPEST:
-                yield from walk(call.name, facts.bindings(call, bound), depth + 1)
+            elif call.name in facts.functions and not call.type and depth < _DEEPEST:
+                # A method has the values of its object.
+                made = objects.get(call.object)
+                own = {} if made is None else facts.bindings(made, None)
+                if call.arguments or own:
+                    yield from walk(call.name, {**own, **facts.bindings(call, bound)}, depth + 1)
 
     end = _Step("", -1, "")
     for function in by_function:
@@ -276,6 +282,14 @@ def _encoders(facts: SketchFacts, taken: set[int]) -> Iterator[DraftEncoder]:
 
 def _read(facts: SketchFacts, name: str) -> set[int]:
     return {pin for call in facts.named(name) for pin in facts.pins(call) or ()}
+
+
+def _seeds(facts: SketchFacts) -> set[int]:
+    """The open pins whose noise is a seed: `randomSeed(analogRead(A3))`."""
+    after = {call.order + 1 for call in facts.named("randomSeed")}
+    return {
+        pin for call in facts.named("analogRead") if call.order in after for pin in facts.pins(call) or ()
+    }
 
 
 def _kind(facts: SketchFacts) -> BoardKind:
