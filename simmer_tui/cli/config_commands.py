@@ -242,17 +242,23 @@ def run_check(options: argparse.Namespace) -> int:
 
 
 def _sketches(configuration: Configuration) -> tuple[list[str], list[Problem]]:
-    """The lines about a set's wiring, and its problems with its sketches; none for a set without a wiring.
-    Raises ConfigurationError if the wiring itself has mistakes."""
+    """The lines about a set's wiring and boards, which run for a second, and the problems with its sketches;
+    none for a set without a wiring. Raises ConfigurationError if the wiring itself has mistakes."""
     if WIRING_FILE not in configuration.files:
         return [], []
-    from simmer_tui.sketch.sketch_check import sketch_problems
+    from simmer_tui.sketch.bench_check import bench_lines
+    from simmer_tui.sketch.motion_check import motor_lines
+    from simmer_tui.sketch.sketch_check import facts_of, sketch_problems
     from simmer_tui.sketch.wiring import wiring_lines, wiring_of
 
     wiring = wiring_of(configuration)
     if wiring is None:
         return [], []
-    return list(wiring_lines(wiring)), sketch_problems(wiring, configuration.directory)
+    problems: list[Problem] = []
+    facts, wheels = facts_of(wiring, configuration.directory, problems), configuration.simulation.wheels
+    problems += sketch_problems(wiring, facts, wheels)
+    lines = [*wiring_lines(wiring), *motor_lines(wiring, wheels)]
+    return [*lines, *bench_lines(configuration, wiring, problems)], problems
 
 
 def _course_of(folder: Path) -> str:

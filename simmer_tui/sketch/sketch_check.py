@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 from simmer_tui.errors import Problem, reason_of
 from simmer_tui.sim.rules import listed
-from simmer_tui.sketch.sketch_scan import Pins, SketchFacts, SketchPort
+from simmer_tui.sim.specs import WheelsSpec
+from simmer_tui.sketch.motion_check import wrong_motions
+from simmer_tui.sketch.sketch_scan import PULSES, WRITES, Pins, SketchFacts, SketchPort
 from simmer_tui.sketch.wiring import (
     LaptopLine,
     MotorDriver,
@@ -19,28 +21,30 @@ from simmer_tui.sketch.wiring import (
     WiringRow,
 )
 
-_WRITERS = ("digitalWrite", "analogWrite")
-_READERS = ("digitalRead", "analogRead", "pulseIn", "pulseInLong")
+_READERS = ("digitalRead", "analogRead", *PULSES)
 _MODES = ("pinMode", "digitalPinToInterrupt", "attachInterrupt", "detachInterrupt")
 """Calls that neither write nor read a pin; interrupts are found by their own list."""
 _DUTY_PINS = {MotorDriver.HBRIDGE: ("en",), MotorDriver.SHIELD: ("pwm",), MotorDriver.PWM2: ("in1", "in2")}
 """The pins of a driver that get its duty."""
 
 
-def sketch_problems(wiring: Wiring, directory: Path) -> list[Problem]:
-    """The problems of a wiring with its sketches.
-
-    Args:
-        wiring: The wiring.
-        directory: The set's folder, from which the paths of sketches begin.
-    """
-    problems: list[Problem] = []
+def facts_of(wiring: Wiring, directory: Path, problems: list[Problem]) -> dict[str, SketchFacts]:
+    """The facts of a wiring's sketches by board; one that cannot be read is missing, and a problem.
+    Their paths begin at `directory`, the set's folder."""
     facts: dict[str, SketchFacts] = {}
     for name, board in wiring.boards.items():
         try:
             facts[name] = SketchFacts.read(directory / board.sketch, board.kind)
         except (OSError, ValueError) as error:
             problems.append(Problem(board.place_of("sketch"), f"cannot be read: {reason_of(error)}"))
+    return facts
+
+
+def sketch_problems(
+    wiring: Wiring, facts: Mapping[str, SketchFacts], wheels: WheelsSpec | None
+) -> list[Problem]:
+    """The problems of a wiring with its sketches, by their facts, and with the robot's wheels."""
+    problems: list[Problem] = []
     for name, found in facts.items():
         board = wiring.boards[name]
         uses = [use for use in wiring.pin_uses() if use.board == name]
@@ -54,6 +58,7 @@ def sketch_problems(wiring: Wiring, directory: Path) -> list[Problem]:
             if motor.board == name:
                 problems += _motor_duty(found, motor)
     problems += _lines(wiring, facts)
+    problems += wrong_motions(wiring, wheels, facts)
     return problems
 
 
@@ -64,7 +69,7 @@ def _touched(facts: SketchFacts, *, writes: bool) -> Pins | None:
     """The pins that a sketch may write (or read), by all its calls; None if one of them cannot be known.
 
     Any argument of another call or object counts: a class of the team's own may write it."""
-    direct, others = (_WRITERS, _READERS) if writes else (_READERS, _WRITERS)
+    direct, others = (WRITES, _READERS) if writes else (_READERS, WRITES)
     found: set[int] = set()
     for call in facts.calls:
         if call.name in _MODES or call.name in others:
@@ -152,7 +157,7 @@ def _swapped_sonar(facts: SketchFacts, sonar: WiredSonar) -> Iterator[Problem]:
         if first == Pins({sonar.echo}) and second == Pins({sonar.trig}):
             yield Problem(sonar.place, _swapped(trig, echo, f"NewPing at {call.token.spot}"))
             return
-    for call in facts.named("pulseIn", "pulseInLong"):
+    for call in facts.named(*PULSES):
         if facts.pins(call) == Pins({sonar.trig}):
             yield Problem(sonar.place, _swapped(trig, echo, f"pulseIn at {call.token.spot}"))
             return
@@ -203,7 +208,7 @@ def _motor_duty(facts: SketchFacts, motor: WiredMotor) -> Iterator[Problem]:
 # -- serial lines ----------------------------------------------------------------------------------
 
 
-def _lines(wiring: Wiring, facts: dict[str, SketchFacts]) -> Iterator[Problem]:
+def _lines(wiring: Wiring, facts: Mapping[str, SketchFacts]) -> Iterator[Problem]:
     """Serial lines whose pins are no port, or whose two ends have different rates."""
     line = wiring.laptop
     if line is not None and line.board in facts:

@@ -38,6 +38,11 @@ _KEYWORDS = frozenset(
 """Names before `(` that are no calls, or before a name that are no types."""
 _WHOLE = re.compile(r"(0[xX][0-9a-fA-F]+|0[bB][01]+|[0-9]+)[uUlL]*")
 _ANALOG_PIN = re.compile(r"A([0-9]|1[0-5])")
+_NAMED = {"LED_BUILTIN": 13, "HIGH": 1, "LOW": 0, "true": 1, "false": 0}
+WRITES = ("digitalWrite", "analogWrite")
+"""Calls that write a pin."""
+PULSES = ("pulseIn", "pulseInLong")
+"""Calls that wait for a pulse at a pin."""
 _CHANGED = ("++", "--", "+=", "-=", "*=", "/=")
 _OPEN, _CLOSE = "([{", ")]}"
 # Judged: a function of motors that calls one of a motor that calls one of a pin.
@@ -71,6 +76,20 @@ class SketchCall(Struct, frozen=True):
     token: Token
     order: int
     """The number of its token in the sketch."""
+
+
+class SketchStep(Struct, frozen=True):
+    """A write or a pulse at one pin, as the sketch does it in one of its functions, `root`, or in a function
+    that this one calls."""
+
+    call: str
+    pin: int
+    name: str
+    """The argument, as its author wrote it."""
+    value: Pins | None
+    """The values that it can write; None if unknown, and for a pulse."""
+    root: str
+    spot: str
 
 
 class SketchPort(Struct, frozen=True):
@@ -249,6 +268,47 @@ class SketchFacts:
             found.append(SketchPort(call.name, rx_pins, tx_pins, bauds, call.token.spot, spot))
         return found
 
+    def steps(self) -> Iterator[SketchStep | None]:
+        """The writes and pulses of a sketch, of each function in its order, None after each. A call of one of
+        its own functions is followed if it passes values; the others are read by themselves."""
+        yield from self._walked(deep=False)
+
+    def deep_steps(self) -> Iterator[SketchStep | None]:
+        """The same with every call of its own functions followed."""
+        yield from self._walked(deep=True)
+
+    def _walked(self, *, deep: bool) -> Iterator[SketchStep | None]:
+        by_function: dict[str, list[SketchCall]] = {}
+        for call in self.calls:
+            by_function.setdefault(call.function, []).append(call)
+        objects = {call.name: call for call in self.calls if call.type in self.functions}
+        left = [_MOST_STEPS]
+
+        def walk(function: str, bound: Bindings | None, depth: int, root: str) -> Iterator[SketchStep]:
+            for call in by_function.get(function, ()):
+                left[0] -= 1
+                if left[0] < 0:
+                    return
+                if call.name in (*WRITES, *PULSES) and call.arguments:
+                    pins = self.values(call.arguments[0], function, 0, bound)
+                    if pins is None or len(pins) != 1:
+                        continue
+                    value = None
+                    if call.name in WRITES and len(call.arguments) > 1:
+                        value = self.values(call.arguments[1], function, 0, bound)
+                    pin, name = next(iter(pins)), self.spelled(call)
+                    yield SketchStep(call.name, pin, name, value, root, call.token.spot)
+                elif call.name in self.functions and not call.type and depth < _DEEPEST:
+                    # A method has the values of its object.
+                    made = objects.get(call.object)
+                    own = {} if made is None else self.bindings(made, None)
+                    if call.arguments or own or deep:
+                        yield from walk(call.name, {**own, **self.bindings(call, bound)}, depth + 1, root)
+
+        for function in by_function:
+            yield from walk(function, None, 0, function)
+            yield None
+
     def objects(self, kind: str) -> Iterator[SketchCall]:
         """The definitions of objects of a class with arguments, in an array and by `new` as well."""
         for call in self.calls:
@@ -318,8 +378,8 @@ class SketchFacts:
         if name in self._arrays:
             items = (item for row in self._arrays[name] for item in row)
             return _union(self.values(item, "", depth + 1) for item in items)
-        if name == "LED_BUILTIN":
-            return Pins({13})
+        if name in _NAMED:
+            return Pins({_NAMED[name]})
         analog = _ANALOG_PIN.fullmatch(name)
         pin = self.kind.pin(name) if analog else None
         return None if pin is None else Pins({pin})

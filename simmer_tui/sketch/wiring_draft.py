@@ -16,33 +16,27 @@ from pathlib import Path
 from msgspec import Struct
 
 from simmer_tui.sketch.boards import BOARDS, UNO, BoardKind
-from simmer_tui.sketch.sketch_scan import Bindings, Pins, SketchCall, SketchFacts, SketchPort
+from simmer_tui.sketch.sketch_scan import (
+    PULSES,
+    WRITES,
+    Pins,
+    SketchCall,
+    SketchFacts,
+    SketchPort,
+    SketchStep,
+)
 
-_WRITES = ("digitalWrite", "analogWrite")
-_PULSES = ("pulseIn", "pulseInLong")
-# Judged: loop, a function of a movement, one of a wheel, one of a pin.
-_DEEPEST = 4
-"""Calls within calls that are followed."""
-_MOST_STEPS = 20_000
-"""Most calls of a sketch that are followed."""
 _TRIGGER, _ECHO, _BRAKE, _LAMP = (
     re.compile(word, re.IGNORECASE) for word in ("trig", "echo", "brake|brk", "led|lamp|buzz")
 )
+_END = SketchStep("", -1, "", None, "", "")
+"""A step that ends those of a function."""
 _MARK = "  # ?"
 _HEAD = """\
 # A draft, read off the sketch. A line with "# ?" is a guess: look at it, then take the mark away.
 # simmer-tui check tells what does not fit. docs/sketch.md explains every part.
 """
 _SPEED = "top_speed = 20  # ? in/s at full duty: time it over a measured distance"
-
-
-class _Step(Struct, frozen=True):
-    """A write or a pulse at one pin, in the order in which the sketch does them."""
-
-    call: str
-    pin: int
-    name: str
-    """The argument, as its author wrote it."""
 
 
 class DraftMotor(Struct, frozen=True):
@@ -71,7 +65,7 @@ class BoardDraft:
 
     def __init__(self, name: str, sketch: str, facts: SketchFacts) -> None:
         self.name, self.sketch, self.facts = name, sketch, facts
-        steps = list(_steps(facts))
+        steps = [_END if step is None else step for step in facts.steps()]
         self.sonars = list(_sonars(facts, steps))
         self.servos = sorted({pin for call in self._attached() for pin in facts.pins(call) or ()})
         self.ports = facts.ports()
@@ -134,38 +128,7 @@ def draft(sketches: Sequence[Path], directory: Path, ranges: Sequence[str], line
 # -- reading ---------------------------------------------------------------------------------------
 
 
-def _steps(facts: SketchFacts) -> Iterator[_Step]:
-    """The writes and pulses of a sketch, of each function in its order. A call of one of its own functions is
-    followed if it passes values; the others are read by themselves."""
-    by_function: dict[str, list[SketchCall]] = {}
-    for call in facts.calls:
-        by_function.setdefault(call.function, []).append(call)
-    objects = {call.name: call for call in facts.calls if call.type in facts.functions}
-    left = [_MOST_STEPS]
-
-    def walk(function: str, bound: Bindings | None, depth: int) -> Iterator[_Step]:
-        for call in by_function.get(function, ()):
-            left[0] -= 1
-            if left[0] < 0:
-                return
-            if call.name in (*_WRITES, *_PULSES) and call.arguments:
-                pins = facts.values(call.arguments[0], function, 0, bound)
-                if pins is not None and len(pins) == 1:
-                    yield _Step(call.name, next(iter(pins)), facts.spelled(call))
-            elif call.name in facts.functions and not call.type and depth < _DEEPEST:
-                # A method has the values of its object.
-                made = objects.get(call.object)
-                own = {} if made is None else facts.bindings(made, None)
-                if call.arguments or own:
-                    yield from walk(call.name, {**own, **facts.bindings(call, bound)}, depth + 1)
-
-    end = _Step("", -1, "")
-    for function in by_function:
-        yield from walk(function, None, 0)
-        yield end
-
-
-def _sonars(facts: SketchFacts, steps: Sequence[_Step]) -> Iterator[DraftSonar]:
+def _sonars(facts: SketchFacts, steps: Sequence[SketchStep]) -> Iterator[DraftSonar]:
     found: dict[int, DraftSonar] = {}
     for call in facts.objects("NewPing"):
         trig, echo = facts.pins(call, 0), facts.pins(call, 1)
@@ -176,7 +139,7 @@ def _sonars(facts: SketchFacts, steps: Sequence[_Step]) -> Iterator[DraftSonar]:
     for step in steps:
         if step.call == "digitalWrite":
             written = step.pin
-        elif step.call in _PULSES and written >= 0 and written != step.pin:
+        elif step.call in PULSES and written >= 0 and written != step.pin:
             found.setdefault(step.pin, DraftSonar(written, step.pin))
     yield from found.values()
     # An echo by interrupt or by digitalRead has no call that tells its trigger: the names do.
@@ -195,7 +158,7 @@ def _sonars(facts: SketchFacts, steps: Sequence[_Step]) -> Iterator[DraftSonar]:
             yield DraftSonar(trigs[min(at, len(trigs) - 1)], pin)
 
 
-def _motors(steps: Sequence[_Step]) -> Iterator[DraftMotor]:
+def _motors(steps: Sequence[SketchStep]) -> Iterator[DraftMotor]:
     """The motors by their duties: the digital pins that are written right before the analogWrite of a motor,
     or right after it, are its directions."""
     duties = [step.pin for step in steps if step.call == "analogWrite"]
@@ -233,13 +196,13 @@ def _motors(steps: Sequence[_Step]) -> Iterator[DraftMotor]:
 
 
 def _runs(
-    steps: Sequence[_Step], duties: set[int]
+    steps: Sequence[SketchStep], duties: set[int]
 ) -> Iterator[tuple[list[tuple[int, str]], list[int], list[tuple[int, str]]]]:
     """Runs of duties with the levels before and after each: `(levels, duties, levels after)`."""
     levels: list[tuple[int, str]] = []
     analog: list[int] = []
     before: list[tuple[int, str]] = []
-    for step in (*steps, _Step("", -1, "")):
+    for step in (*steps, _END):
         if step.call == "digitalWrite":
             # An enable pin that is switched off digitally, and lamps, are no direction.
             is_direction = step.pin not in duties and not _LAMP.search(step.name)
@@ -295,7 +258,7 @@ def _seeds(facts: SketchFacts) -> set[int]:
 def _kind(facts: SketchFacts) -> BoardKind:
     """The board that a sketch needs: a Mega for its further serial ports or a pin that an Uno lacks."""
     is_mega = any(call.object in ("Serial1", "Serial2", "Serial3") for call in facts.calls)
-    for call in facts.named(*_WRITES, *_PULSES, "digitalRead", "pinMode"):
+    for call in facts.named(*WRITES, *PULSES, "digitalRead", "pinMode"):
         is_mega |= any(UNO.pins <= pin < BOARDS["mega"].pins for pin in facts.pins(call) or ())
     return BOARDS["mega"] if is_mega else UNO
 

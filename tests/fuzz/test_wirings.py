@@ -10,7 +10,7 @@ import pytest
 
 from simmer_tui.errors import Problem
 from simmer_tui.sim.specs import WheelLayout, WheelsSpec
-from simmer_tui.sketch.sketch_check import sketch_problems
+from simmer_tui.sketch.sketch_check import facts_of, sketch_problems
 from simmer_tui.sketch.wiring import WiringParts, missing_sketches, read_wiring, wiring_lines
 from tests.sketch.test_sketch_check import EYES, ROVER, WIRING
 from tests.sketch.test_wiring import TWO_BOARDS
@@ -49,7 +49,7 @@ def test_changed_wirings_and_sketches(cases: int, tmp_path: Path, mutate: Any) -
                 list(wiring_lines(read))
                 problems += missing_sketches(read, tmp_path)
                 taken += bool(read.motors)
-                problems += sketch_problems(read, tmp_path)
+                problems += sketch_problems(read, facts_of(read, tmp_path, problems), parts.wheels)
         except Exception as error:
             error.add_note(f"seed {seed}")
             raise

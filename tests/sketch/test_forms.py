@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from simmer_tui.sketch.compiler import find_compiler
-from simmer_tui.sketch.sketch_check import sketch_problems
+from simmer_tui.sketch.sketch_check import facts_of, sketch_problems
 from simmer_tui.sketch.wiring import wiring_of
 from tests.sketch.running import FORMS, Sent, run_boards, set_of
 
@@ -65,7 +65,12 @@ def test_every_form_has_a_wiring_that_fits_it(tmp_path: Path) -> None:
         configuration = set_of(FORMS / name, tmp_path / name)
         wiring = wiring_of(configuration)
         assert wiring is not None
-        assert [str(each) for each in sketch_problems(wiring, configuration.directory)] == [], name
+        assert [
+            str(each)
+            for each in sketch_problems(
+                wiring, facts_of(wiring, configuration.directory, []), configuration.simulation.wheels
+            )
+        ] == [], name
 
 
 @pytest.mark.slow

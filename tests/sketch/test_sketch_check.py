@@ -11,7 +11,7 @@ from simmer_tui.config.sets import bundled_sets
 from simmer_tui.errors import Problem
 from simmer_tui.sim.specs import WheelLayout, WheelsSpec
 from simmer_tui.sketch.boards import MEGA, UNO
-from simmer_tui.sketch.sketch_check import sketch_problems
+from simmer_tui.sketch.sketch_check import facts_of, sketch_problems
 from simmer_tui.sketch.sketch_scan import SketchFacts
 from simmer_tui.sketch.wiring import WiringParts, read_wiring
 
@@ -111,7 +111,8 @@ def found(folder: Path, parts: WiringParts, wiring: str, rover: str, eyes: str) 
     read = read_wiring(wiring, parts, problems)
     assert read is not None
     assert problems == []
-    return [str(each) for each in sketch_problems(read, folder)]
+    facts = facts_of(read, folder, problems)
+    return [str(each) for each in (*problems, *sketch_problems(read, facts, parts.wheels))]
 
 
 def test_a_wiring_that_fits_its_sketches_has_no_problem(tmp_path: Path, parts: WiringParts) -> None:

@@ -214,6 +214,7 @@ def test_a_set_with_a_wiring_is_copied_whole_and_checked(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PATH", "")  # without a compiler nothing is run
     init_set(tmp_path / "mine", bundled_sets()["mission"])
     (tmp_path / "mine" / "wiring.toml").write_text(
         '[boards.main]\nsketch = "drive"\nboard = "uno"\n[[servos]]\nboard = "main"\npin = 9\n', "utf-8"
@@ -227,7 +228,9 @@ def test_a_set_with_a_wiring_is_copied_whole_and_checked(
     assert (tmp_path / "copy" / "wiring.toml").read_text("utf-8").startswith("#:schema .schema/wiring.json\n")
     capsys.readouterr()
     assert main(["check", "copy"]) == 0
-    assert "Boards: main (Uno, drive)\n  servos[1]: pin main.9\n" in capsys.readouterr().out
+    out = capsys.readouterr().out
+    assert "Boards: main (Uno, drive)\n  servos[1]: pin main.9\n" in out
+    assert "The boards were not run: there is no C++ compiler (simmer-tui doctor)" in out
     (tmp_path / "copy" / "drive" / "drive.ino").write_text("void loop() { arm.attach(10); }\n", "utf-8")
     assert main(["check", "copy"]) == 1
     assert "wiring.toml:7:servos.1.pin: the sketch never writes pin 9" in capsys.readouterr().out

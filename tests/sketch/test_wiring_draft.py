@@ -127,6 +127,7 @@ def test_init_writes_a_draft_beside_a_set_and_with_a_new_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PATH", "")  # without a compiler nothing is run
     (tmp_path / "rover.ino").write_text(ROVER, "utf-8")
     (tmp_path / "eyes.ino").write_text(EYES, "utf-8")
     assert main(["init", "--sketch", "rover.ino", "eyes.ino", "new"]) == 0
