@@ -147,6 +147,8 @@ class Server:
         """The compiled sketches of the boards, if the robot is driven by them."""
         self.boards: SketchRobot | None = None
         """The boards, once they run."""
+        self.boards_ended: Callable[[], None] = lambda: None
+        """Called in the robot's thread when a board has died or hangs."""
         self._take_ports(settings.server)
         self.terminal = self._take_terminal(settings.server.pty)
         """The pseudo-terminal that leads to the robot, if there is one."""
@@ -493,7 +495,16 @@ class Server:
             file=file,
             prefix=self.prefix,
             run=run_command(command, self._token) if command else None,
+            sketches=self._logged_sketches,
         )
+
+    @property
+    def _logged_sketches(self) -> dict[str, str] | None:
+        if self.sketches is None:
+            return None
+        from simmer_tui.sketch.sketch_robot import logged_sketches
+
+        return logged_sketches(self.sketches)
 
     def _log_stopped(self, why: str) -> None:
         if not self._thread.is_alive():
@@ -690,11 +701,19 @@ class Server:
         from simmer_tui.sketch.sketch_robot import TICK, SketchRobot
 
         boards = self.boards = SketchRobot(sketches, self.engine)
+        boards.on_end = self._boards_over
         self._backend.use(boards)
         if self.clock is not None:
             self.clock.boards = boards.run_clock_to
         else:
             self._tick(TICK)
+
+    def _boards_over(self) -> None:
+        """A board has died or hangs: a mission has failed, and the run is over, as after a crash."""
+        assert self.boards is not None, "boards have ended"
+        if self.referee is not None:
+            self.referee.end(self.boards.failed)
+        self.boards_ended()
 
     def _tick(self, period: float) -> None:
         """Bring the boards to the present regularly: by the real clock it passes without a command."""

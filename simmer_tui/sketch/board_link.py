@@ -145,8 +145,8 @@ class BoardLink:
             if not self._has_lost:
                 self._has_lost = True
                 self.engine.tell_fault(
-                    f"the program writes faster than the line carries: {MOST_IN_TRANSIT} bytes wait, more are "
-                    "lost. A write to a real port would wait"
+                    f"the program writes faster than the line carries: {MOST_IN_TRANSIT} bytes wait, more "
+                    "are lost. A write to a real port would wait"
                 )
             return
         self._compare_baud(board_baud)

@@ -103,7 +103,8 @@ class BoardProcess:
             stderr=subprocess.PIPE,
             bufsize=0,
         )
-        assert self._process.stdin is not None and self._process.stdout is not None
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
         self._send = self._process.stdin.write
         self._read = self._process.stdout.read
         self._waits_since = 0.0
@@ -111,7 +112,7 @@ class BoardProcess:
         self.exchanges = 0
 
     def receive(self) -> list[BoardRecord]:
-        """Wait until the board stops again. Returns its records. Raises BoardError if it has died or hangs."""
+        """Wait until the board stops again. Returns its records. Raises BoardError if it died or hangs."""
         self._waits_since = time.monotonic()
         data = self._read_whole(_REQUEST.size)
         self.now, self.reason, self.query, count, self.pin, _, self.place = _REQUEST.unpack(data)

@@ -1,4 +1,4 @@
-"""Sketches compiled into programs that run as boards. Programs are kept by the content of all that made them."""
+"""Sketches compiled into programs that run as boards, kept by the content of all their sources."""
 
 from __future__ import annotations
 
@@ -59,8 +59,10 @@ _FLAGS = (
     "-D__AVR__",
 )
 _BAUDS = frozenset(
-    (300, 600, 1200, 2400, 4800, 9600, 14400, 19200, 28800, 31250, 38400, 57600, 74880, 115200)
-    + (230400, 250000, 460800, 500000, 921600, 1000000, 2000000)
+    (
+        *(300, 600, 1200, 2400, 4800, 9600, 14400, 19200, 28800, 31250, 38400, 57600, 74880, 115200),
+        *(230400, 250000, 460800, 500000, 921600, 1000000, 2000000),
+    )
 )
 _USUAL_BAUD = 9600
 _NOT_FITTING = ("-Woverflow", "-Wconstant-conversion")
@@ -195,7 +197,7 @@ def _missing_headers(files: Sequence[Path], sources: Sequence[_Source]) -> Itera
 
 
 def _library_headers() -> list[Path]:
-    return [each for each in (RUNTIME / "libraries").rglob("*.h")]
+    return list((RUNTIME / "libraries").rglob("*.h"))
 
 
 def _digest_of(paths: Sequence[Path]) -> str:

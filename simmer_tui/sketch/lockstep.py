@@ -52,7 +52,7 @@ class Board(Struct, eq=False):
         lines: the pins that its bytes go to, by the pin that sends.
         sources: the boards whose bytes reach it.
         encoders: encoders at its pins.
-        drives: True if it drives motors or a servo.
+        driving: its pins that drive motors or a servo.
         events: what will reach it, by time: bytes, and echoes.
         pins: its pins that the sketch has used.
         baud: rates of its ports, by pin.
@@ -67,7 +67,7 @@ class Board(Struct, eq=False):
     lines: dict[int, list[tuple[Board, int]]] = field(default_factory=dict)
     sources: list[Board] = field(default_factory=list)
     encoders: list[EncoderState] = field(default_factory=list)
-    drives: bool = False
+    driving: frozenset[int] = frozenset()
     events: list[BoardEvent] = field(default_factory=list)
     pins: dict[int, PinState] = field(default_factory=dict)
     baud: dict[int, int] = field(default_factory=dict)
@@ -81,6 +81,11 @@ class Board(Struct, eq=False):
     def now(self) -> int:
         """Its clock, nanoseconds."""
         return self.process.now
+
+    def level(self, number: int) -> float:
+        """The share of time that a pin is high."""
+        state = self.pins.get(number)
+        return 0.0 if state is None else state.level
 
     def pin(self, number: int) -> PinState:
         """The state of a pin."""
@@ -134,7 +139,7 @@ class Lockstep:
         """Bytes for the laptop: when they have arrived there, nanoseconds, and their value."""
         self.laptop_listens = False
         """True if `run` returns before the first byte for the laptop arrives."""
-        self._drivers = tuple(each for each in self.boards if each.drives)
+        self._drivers = tuple(each for each in self.boards if each.driving)
         for each in self.boards:
             self._receive(each)
 
@@ -170,6 +175,8 @@ class Lockstep:
         boards = self.boards
         board = boards[0] if len(boards) == 1 else min(boards, key=_clock)
         now = board.process.now
+        # Edges are known up to the next change of the wheels' speed.
+        self._world.advance(now)
         self._settle(board)
         horizon = self._horizon(board, until)
         if horizon <= now:
@@ -210,7 +217,7 @@ class Lockstep:
                 continue
             changed.append(record.pin)
         board.records.clear()
-        if changed:
+        if not board.driving.isdisjoint(changed):
             self._world.changed(board, changed)
         process = board.process
         board.answer = 0.0

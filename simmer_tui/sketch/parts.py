@@ -6,7 +6,8 @@ Times are nanoseconds, speeds in/s.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from itertools import pairwise
 
 from simmer_tui.sketch.board_process import EDGE, BoardEvent
 from simmer_tui.sketch.wiring import MotorDriver, WiredAnalog, WiredEncoder, WiredMotor
@@ -26,12 +27,12 @@ LARGEST_DUTY = 255
 _SECOND = 1_000_000_000
 
 
-def rim_speed(motor: WiredMotor, levels: Mapping[int, float]) -> float:
-    """The rim speed that a motor's driver asks for; `levels` has the share of time that each pin is high."""
+def rim_speed(motor: WiredMotor, level_of: Callable[[int], float]) -> float:
+    """The rim speed that a motor's driver asks for; `level_of` is the share of time that a pin is high."""
 
     def level(name: str, unwired: float = 0.0) -> float:
         pin = motor.pins.get(name)
-        return unwired if pin is None else levels.get(pin, 0.0)
+        return unwired if pin is None else level_of(pin)
 
     if motor.driver is MotorDriver.HBRIDGE:
         share = level("en", 1.0) * (level("in1") - level("in2"))
@@ -60,7 +61,7 @@ def analog_counts(sensor: WiredAnalog, reading: float) -> int:
     if math.isnan(reading):
         return 0
     counts = points[0][1] if reading <= points[0][0] else points[-1][1]
-    for (left, low), (right, high) in zip(points, points[1:], strict=False):
+    for (left, low), (right, high) in pairwise(points):
         if left <= reading <= right:
             counts = low + (reading - left) / (right - left) * (high - low)
             break

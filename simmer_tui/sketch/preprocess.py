@@ -25,7 +25,8 @@ _TYPE_WORDS = frozenset(("unsigned", "signed", "long", "short", "int", "double")
 # A block without a statement has no instrumentation in gcc: such a loop would take no time, and never end.
 _EMPTY_LOOP = re.compile(r"\b(while\s*\(\s*(?:1|true|HIGH)\s*\)|for\s*\(\s*;\s*;\s*\))(\s*)(;|\{\s*\})")
 _FUNCTION = re.compile(
-    r"^[ \t]*(?P<type>(?:[A-Za-z_][\w:<>, ]*?[\s*&]+))(?P<name>[A-Za-z_]\w*)\s*\((?P<arguments>[^;{}()]*)\)\s*\{",
+    r"^[ \t]*(?P<type>(?:[A-Za-z_][\w:<>, ]*?[\s*&]+))"
+    r"(?P<name>[A-Za-z_]\w*)\s*\((?P<arguments>[^;{}()]*)\)\s*\{",
     re.MULTILINE,
 )
 _NO_FUNCTIONS = frozenset(("if", "while", "for", "switch", "catch"))

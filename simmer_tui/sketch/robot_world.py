@@ -8,6 +8,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
+from msgspec import Struct
+
 from simmer_tui.robot.engine import Engine
 from simmer_tui.robot.sessions import Session
 from simmer_tui.sim.command import Command, parse_command
@@ -19,9 +21,10 @@ from simmer_tui.sketch.parts import EncoderState
 SOURCE = "boards"
 """Source of the commands that boards make."""
 SECOND = 1_000_000_000
-# A line sensor is read thousands of times a second: all of them would be most of the log.
+# A line sensor is read thousands of times a second: all of them would be most of the log. Real errors last: of
+# light, of surfaces, of a motor's noise.
 READING_PERIOD = SECOND // 50
-"""Least time between two readings of the same analog or line sensor that are told."""
+"""Time for which a sensor's error lasts, and in which one reading of it is told."""
 
 
 class RobotWorld:
@@ -41,7 +44,7 @@ class RobotWorld:
         self._waiting: tuple[float, ...] | None = None
         """Rim speeds that wait for the end of the gripper's movement."""
         self._leg: object = None
-        self._told: dict[str, int] = {}
+        self._last: dict[str, _LastReading] = {}
         self.time = 0
         """The time that the world has reached."""
 
@@ -49,7 +52,7 @@ class RobotWorld:
         """Everything as at time 0."""
         self.time, self._leg = 0, None
         self._speeds, self._waiting = (), None
-        self._told.clear()
+        self._last.clear()
 
     @property
     def next_change(self) -> int:
@@ -137,14 +140,33 @@ class RobotWorld:
 
     # -- sensors ---------------------------------------------------------------------------------------
 
-    def read(self, code: str, *, often: bool = False) -> float:
-        """A reading of a sensor now. If it is read `often`, not every one is told."""
-        command = Command(code, code, source=SOURCE)
-        last = self._told.get(code)
-        is_told = not often or last is None or self.time - last >= READING_PERIOD
-        if is_told:
-            self._told[code] = self.time
-            result = self._engine.act(command, self._session)
-        else:
-            result = self._engine.peek(command)
-        return result.reply if result.status is Status.READING else math.nan
+    def read(self, code: str) -> float:
+        """A reading of a sensor now.
+
+        Its error is drawn anew, and the reading told, once in `READING_PERIOD`. Readings in between have the
+        error of the last one.
+        """
+        last = self._last.get(code)
+        if last is not None and self.time - last.time < READING_PERIOD:
+            return self._held(code, last)
+        result = self._engine.act(Command(code, code, source=SOURCE), self._session)
+        if result.status is not Status.READING or result.reading is None:
+            return math.nan
+        self._last[code] = _LastReading(self.time, result.reply, result.reading.true)
+        return result.reply
+
+    def _held(self, code: str, last: _LastReading) -> float:
+        """A reading of the present true value with the error of the last one."""
+        true = self._simulator.true_value(code)
+        if self._simulator.sensor(code).is_yes_or_no:
+            return true if last.value == last.true else 1.0 - true
+        error = last.value - last.true
+        return true + error if math.isfinite(error) else last.value
+
+
+class _LastReading(Struct, frozen=True):
+    """The last reading of a sensor that was told, its time, and the true value then."""
+
+    time: int
+    value: float
+    true: float

@@ -5,12 +5,13 @@ Only for the robot's thread. Nobody else drives: console and programs over TCP m
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
 from msgspec import Struct
 from msgspec.structs import replace
 
+from simmer_tui.config.dialects import TEAM
 from simmer_tui.config.loader import Configuration
 from simmer_tui.errors import BoardError
 from simmer_tui.links.backend import Message
@@ -48,6 +49,8 @@ from simmer_tui.sketch.wiring import (
 )
 
 BITS_OF_A_BYTE = 10
+_TYPED = "binary"
+"""The dialect of typed commands."""
 # Two byte times of silence: a sketch that prints without line ends pauses for much longer.
 _GAP, _LINE_END, _LONGEST = 2, 10, 200
 NOT_DRIVEN = "boards drive the robot; send their program a line with :send TEXT"
@@ -86,7 +89,15 @@ def with_boards(configuration: Configuration, wiring: Wiring) -> Configuration:
     codes = {each.code for each in wiring.sensors if not isinstance(each, WiredEncoder)}
     spec = configuration.simulation
     sensors = tuple(replace(each, read_time=0.0) if each.code in codes else each for each in spec.sensors)
-    made = configuration.with_settings({"motion.motion": "timed"})
+    listeners = tuple(each for each in configuration.settings.server.listeners if each != TEAM)
+    made = configuration.with_settings(
+        {
+            "motion.motion": "timed",
+            "motion.velocity_timeout": 0.0,
+            # A set with a dialect may have no other language.
+            "server.listeners": listeners or (_TYPED,),
+        }
+    )
     return replace(made, simulation=replace(spec, sensors=sensors, velocity_timeout=0.0))
 
 
@@ -132,6 +143,8 @@ class SketchRobot(LockstepWorld):
         self._lost: dict[tuple[str, int, int], int] = {}
         self.failed = ""
         """The sentence about boards that have ended; empty while they run."""
+        self.on_end: Callable[[], None] = lambda: None
+        """Called when a board has died or hangs."""
         self.on_sent: Callable[[], None] = lambda: None
         """Called when bytes for the laptop may have arrived, after each step."""
         self._encoders = {
@@ -176,7 +189,7 @@ class SketchRobot(LockstepWorld):
                 options += [option, ",".join(map(str, sorted(pins)))]
         process = BoardProcess(name, self._set.built[name].program, options)
         board = Board(name, process, BITS_OF_A_BYTE * SECOND // self._set.bauds[name])
-        board.drives = bool(driving)
+        board.driving = frozenset(driving)
         board.encoders = [self._encoders[each.label] for each in sensors if isinstance(each, WiredEncoder)]
         for encoder in board.encoders:
             board.events += encoder.levels_at_start()
@@ -228,6 +241,7 @@ class SketchRobot(LockstepWorld):
         self.failed = text
         self._world.set_speeds({})
         self.engine.tell(Notice(NoticeKind.FAULT, f"{_ENDED}{text}"))
+        self.on_end()
 
     def _watch(self, event: Event) -> None:
         if not isinstance(event, ActionDone) or event.refused:
@@ -260,16 +274,12 @@ class SketchRobot(LockstepWorld):
 
     def changed(self, board: Board, pins: Iterable[int]) -> None:
         wiring = self._set.wiring
-        if board.drives:
-            self._world.set_speeds(
-                {each.wheel_index: rim_speed(each, self._levels(each.board)) for each in wiring.motors}
-            )
+        self._world.set_speeds(
+            {each.wheel_index: rim_speed(each, self.boards[each.board].level) for each in wiring.motors}
+        )
         for servo in wiring.servos:
             if servo.board == board.name and servo.pin in pins:
                 self._move_servo(board.pin(servo.pin).servo, servo.open, servo.closed)
-
-    def _levels(self, name: str) -> Mapping[int, float]:
-        return {number: state.level for number, state in self.boards[name].pins.items()}
 
     def _move_servo(self, width: int, opened: float | None, closed: float | None) -> None:
         """The gripper's servo has got another pulse: its jaws are on the side of the nearer angle."""
@@ -289,9 +299,9 @@ class SketchRobot(LockstepWorld):
             if isinstance(each, WiredSonar) and query == Query.SONAR and each.trig == pin:
                 self._ping(board, each)
             elif isinstance(each, WiredAnalog) and query == Query.ANALOG and each.pin == pin:
-                return analog_counts(each, self._world.read(each.code, often=True))
+                return analog_counts(each, self._world.read(each.code))
             elif isinstance(each, WiredLineSensor) and query == Query.DIGITAL and each.pin == pin:
-                seen = self._world.read(each.code, often=True) == 1.0
+                seen = self._world.read(each.code) == 1.0
                 return float(seen == each.active_high)
         return 0.0
 
@@ -371,9 +381,9 @@ class SketchRobot(LockstepWorld):
         """Every message has its answer at once."""
 
 
-def sent_options(sketches: SketchSet) -> Sequence[str]:
-    """The sketches of a run, for its log: board, file and hash."""
-    return [
-        f"{name}: {board.sketch} {sketches.built[name].digest}"
+def logged_sketches(sketches: SketchSet) -> dict[str, str]:
+    """The sketches of a run for its log, by board: file and hash."""
+    return {
+        name: f"{board.sketch} {sketches.built[name].digest}"
         for name, board in sketches.wiring.boards.items()
-    ]
+    }
