@@ -218,7 +218,7 @@ def _sketch_set(options: argparse.Namespace) -> str:
 
 def _compiled(configuration: Configuration) -> tuple[Configuration, SketchSet]:
     """A set's configuration with its boards, and their compiled sketches. Raises ConfigurationError."""
-    from simmer_tui.config.wiring_toml import WIRING_FILE
+    from simmer_tui.config.set_sketches import WIRING_FILE
     from simmer_tui.sketch.sketch_robot import compile_set, with_boards
     from simmer_tui.sketch.wiring import wiring_of
 

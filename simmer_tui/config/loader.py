@@ -19,10 +19,10 @@ from simmer_tui.config.mission_toml import FILE as MISSION_FILE
 from simmer_tui.config.mission_toml import MissionSpec, load_mission
 from simmer_tui.config.robot_csv import load_robot
 from simmer_tui.config.set_devices import DeviceStatus, set_devices
+from simmer_tui.config.set_sketches import WIRING_FILE
 from simmer_tui.config.sets import FILES, find_set, init_set, set_name
 from simmer_tui.config.settings import NO_WHEELS, Settings, settings_from
 from simmer_tui.config.settings_file import LoadedSettings, Override, load_settings
-from simmer_tui.config.wiring_toml import WIRING_FILE
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim.obstacles import placement_problems
 from simmer_tui.sim.sensors import KINDS, SensorKinds

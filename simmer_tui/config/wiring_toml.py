@@ -20,9 +20,6 @@ from simmer_tui.sim.rules import (
 )
 from simmer_tui.sim.values import Value
 
-WIRING_FILE = "wiring.toml"
-"""The file with the boards of a set, and their wires."""
-
 # The largest number of a pin: D69, which is A15, of a Mega.
 _LARGEST_PIN = 69
 _ANALOG = re.compile(r"A(?:[0-9]|1[0-5])")
@@ -31,7 +28,7 @@ _ANALOG = re.compile(r"A(?:[0-9]|1[0-5])")
 class PinRule(Rule[int | str], frozen=True):
     """A pin: its number, or its analog name. A pin that the board does not have is found by its board."""
 
-    allowed: ClassVar[str] = 'a pin: a whole number such as 9, or an analog name such as "A0"'
+    allowed: ClassVar[str] = 'a pin such as 9 or "A0"'
     metavar: ClassVar[str] = "PIN"
     schema: ClassVar[dict[str, Any]] = {
         "anyOf": [

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 from msgspec import Struct
 
 from simmer_tui.config import wiring_toml
+from simmer_tui.config.set_sketches import SKETCH_ENDINGS, WIRING_FILE
 from simmer_tui.config.toml_file import TomlFile
-from simmer_tui.config.wiring_toml import WIRING_FILE
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim.command import cut
 from simmer_tui.sim.rules import did_you_mean
@@ -25,7 +25,7 @@ from simmer_tui.sketch.boards import BOARDS, BoardKind
 if TYPE_CHECKING:
     from simmer_tui.config.loader import Configuration
 
-# More than any of the robots of the survey: 2 boards, 4 motors, 8 sensors, 2 servos.
+# Judged: the largest robot known has a Mega and an Uno, three wheels and eight ranges.
 _MOST_ROWS = {"boards": 4, "wires": 16, "motors": 8, "sensors": 32, "servos": 8}
 WHEEL_NAMES: Mapping[WheelLayout, tuple[str, ...]] = {
     WheelLayout.DIFF: ("left", "right"),
@@ -200,6 +200,24 @@ class Wiring(Struct, frozen=True, kw_only=True):
             yield _use(servo, servo.board, servo.pin, "pin", writes=True)
 
 
+def wiring_lines(wiring: Wiring) -> Iterator[str]:
+    """A wiring in words, a line a board and a line a part, for `check`."""
+    yield "Boards: " + ", ".join(
+        f"{board.name} ({board.kind.title}, {cut(board.sketch)})" for board in wiring.boards.values()
+    )
+    uses: dict[str, list[PinUse]] = {}
+    for use in wiring.pin_uses():
+        uses.setdefault(use.label, []).append(use)
+    parts = {row.label: row for row in (*wiring.motors, *wiring.sensors, *wiring.servos)}
+    for label, found in uses.items():
+        pins = ", ".join(
+            f"{use.name} {use.board}.{wiring.boards[use.board].kind.pin_name(use.pin)}" for use in found
+        )
+        part = parts.get(label)
+        what = getattr(part, "wheel", "") or getattr(part, "code", "")
+        yield f"  {label} {what}: {pins}" if what else f"  {label}: {pins}"
+
+
 def _use(row: WiringRow, board: str, pin: int, name: str, *, writes: bool = False) -> PinUse:
     return PinUse(board, pin, row.label, name, writes, row.place_of(name))
 
@@ -247,14 +265,14 @@ def missing_sketches(wiring: Wiring, directory: Path) -> Iterator[Problem]:
             if path.is_dir():
                 if not any(path.glob("*.ino")):
                     yield Problem(place, f'"{cut(board.sketch)}" has no .ino file')
-            elif path.suffix.lower() not in (".ino", ".pde"):
-                yield Problem(place, f'must be an .ino file or its folder, not "{cut(board.sketch)}"')
-            elif not path.is_file():
+            elif not path.exists():
                 there = [
                     each.relative_to(directory).as_posix() for each in sorted(directory.glob("**/*.ino"))
                 ]
                 hint = did_you_mean(board.sketch, there) or "; its path begins at the set's folder"
                 yield Problem(place, f'there is no sketch "{cut(board.sketch)}"{hint}')
+            elif path.suffix.lower() not in SKETCH_ENDINGS:
+                yield Problem(place, f'must be an .ino file or its folder, not "{cut(board.sketch)}"')
         except (OSError, ValueError):
             yield Problem(place, f'"{cut(board.sketch)}" cannot be a path')
 

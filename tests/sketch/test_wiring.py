@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import tomllib
+from pathlib import Path
+
+import jsonschema
 import pytest
 
+from simmer_tui.cli.main import main
 from simmer_tui.config.loader import load
-from simmer_tui.config.sets import bundled_sets
+from simmer_tui.config.new_set import wiring_schema
+from simmer_tui.config.sets import bundled_sets, init_set
 from simmer_tui.errors import Problem
 from simmer_tui.sim.specs import WheelLayout, WheelsSpec
 from simmer_tui.sketch.wiring import Wiring, WiringParts, read_wiring
@@ -127,7 +133,7 @@ def test_a_wiring_is_read_with_numbers_of_pins(parts: WiringParts) -> None:
         (
             "rx = 9",
             'rx = "9V"',
-            'must be a pin: a whole number such as 9, or an analog name such as "A0", not "9V"',
+            'must be a pin such as 9 or "A0", not "9V"',
         ),
         ('from = "sensor.A0"', 'from = "A0"', "wiring.toml:12:wires.1.from: must be a board and a pin"),
         (
@@ -190,3 +196,41 @@ def test_a_set_without_wheels_or_boards_is_told_so(parts: WiringParts) -> None:
     assert "wiring.toml:20:motors.1.wheel: the set has no wheels" in problems[0]
     assert "add [boards.NAME]" in read("[[motors]]\n", parts)[1][0]
     assert "is not TOML" in read("boards = {", parts)[1][0]
+
+
+def test_the_schema_allows_what_the_reader_allows() -> None:
+    jsonschema.Draft7Validator.check_schema(wiring_schema())
+    jsonschema.validate(tomllib.loads(TWO_BOARDS), wiring_schema())
+    for wrong in (
+        '[laptop]\nboard = "a"\nspeed = 1\n',
+        '[[motors]]\ndriver = "step_dir"\n',
+        "[[servos]]\npin = -1\n",
+    ):
+        with pytest.raises(jsonschema.ValidationError):
+            jsonschema.validate(tomllib.loads(wrong), wiring_schema())
+
+
+def test_a_set_with_a_wiring_is_copied_whole_and_checked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PATH", "")  # without a compiler nothing is run
+    init_set(tmp_path / "mine", bundled_sets()["mission"])
+    (tmp_path / "mine" / "wiring.toml").write_text(
+        '[boards.main]\nsketch = "drive"\nboard = "uno"\n[[servos]]\nboard = "main"\npin = 9\n', "utf-8"
+    )
+    assert main(["check", "mine"]) == 2
+    assert 'wiring.toml:2:boards.main.sketch: there is no sketch "drive"' in capsys.readouterr().err
+    (tmp_path / "mine" / "drive").mkdir()
+    (tmp_path / "mine" / "drive" / "drive.ino").write_text("void loop() { arm.attach(9); }\n", "utf-8")
+    assert main(["init", "copy", "--from", "mine"]) == 0
+    assert (tmp_path / "copy" / "drive" / "drive.ino").read_text("utf-8").startswith("void loop()")
+    assert (tmp_path / "copy" / "wiring.toml").read_text("utf-8").startswith("#:schema .schema/wiring.json\n")
+    capsys.readouterr()
+    assert main(["check", "copy"]) == 0
+    out = capsys.readouterr().out
+    assert "Boards: main (Uno, drive)\n  servos[1]: pin main.9\n" in out
+    assert "The boards were not run: there is no C++ compiler (simmer-tui doctor)" in out
+    (tmp_path / "copy" / "drive" / "drive.ino").write_text("void loop() { arm.attach(10); }\n", "utf-8")
+    assert main(["check", "copy"]) == 1
+    assert "wiring.toml:7:servos.1.pin: the sketch never writes pin 9" in capsys.readouterr().out
