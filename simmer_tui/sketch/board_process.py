@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import re
 import shutil
+import signal
 import struct
 import subprocess
 import threading
@@ -14,7 +15,9 @@ from enum import IntEnum
 from pathlib import Path
 from typing import NamedTuple
 
+from simmer_tui import platform_has
 from simmer_tui.errors import BoardError
+from simmer_tui.sketch.build import RUNTIME
 from simmer_tui.sketch.compiler import links_at_fixed_addresses
 
 _REQUEST = struct.Struct("<QBBHiII")
@@ -145,7 +148,12 @@ class BoardProcess:
         since = self._waits_since
         if since and now - since > SILENT:
             self._is_hung = True
-            self._process.kill()
+            # Its handler tells where it is. Windows has no such signal for processes.
+            self._waits_since = 0.0
+            if platform_has.POSIX:
+                self._process.send_signal(signal.SIGABRT)
+            else:
+                self._process.kill()
 
     def close(self) -> None:
         """End the process."""
@@ -184,7 +192,7 @@ class BoardProcess:
             return ""
         try:
             done = subprocess.run(
-                [tool, "-e", str(self._program), hex(place - 1)],
+                [tool, "-i", "-e", str(self._program), hex(place - 1)],
                 capture_output=True,
                 text=True,
                 timeout=SILENT,
@@ -192,7 +200,9 @@ class BoardProcess:
             )
         except (OSError, subprocess.SubprocessError):
             return ""
-        found = re.match(r"(?:.*/)?([^/:]+):(\d+)", done.stdout.strip())
+        # A function of the runtime that was inlined comes before the line that calls it.
+        own = [each for each in done.stdout.splitlines() if str(RUNTIME) not in each]
+        found = re.match(r"(?:.*/)?([^/:]+?)(?:(?<=\.ino)\.cpp)?:(\d+)", own[0]) if own else None
         return f"{found[1]}:{found[2]}" if found else ""
 
 

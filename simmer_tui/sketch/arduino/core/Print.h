@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "Program_memory.h"
 #include "WString.h"
 
 class Print;
@@ -42,12 +43,12 @@ class Print {
 
   size_t println();
   template <class Value>
-  size_t println(const Value& value) {
+  SIMMER_RUNTIME size_t println(const Value& value) {
     const size_t size = print(value);
     return size + println();
   }
   template <class Value>
-  size_t println(const Value& value, int format) {
+  SIMMER_RUNTIME size_t println(const Value& value, int format) {
     const size_t size = print(value, format);
     return size + println();
   }
