@@ -13,15 +13,16 @@ from pathlib import Path
 from msgspec import Struct
 
 from simmer_tui import platform_has
+from simmer_tui.version import requirement
 
 _NAMES = ("g++", "clang++", "c++")
 """Compilers of the system, the first one that is there is used."""
 NO_COMPILER = (
     "no C++ compiler was found. Install g++ (Debian: apt install g++; macOS: xcode-select --install), "
-    "or: pip install 'simmer-tui[sketch]'"
+    f"or: pip install '{requirement('sketch')}'"
 )
 # A first run of ziglang fills its cache for 150 s; a compiler that hangs must end.
-TIME_LIMIT = 600.0
+COMPILE_LIMIT = 600.0
 """Real seconds that one run of a compiler may take."""
 
 
@@ -55,7 +56,7 @@ class Compiler(Struct, frozen=True, dict=True):
             text=True,
             errors="replace",
             stdin=subprocess.DEVNULL,
-            timeout=TIME_LIMIT,
+            timeout=COMPILE_LIMIT,
             check=False,
         )
 
