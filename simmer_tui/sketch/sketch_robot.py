@@ -33,7 +33,7 @@ from simmer_tui.sketch.board_process import (
 )
 from simmer_tui.sketch.board_view import BoardView, PinView
 from simmer_tui.sketch.build import BuiltSketch, build_sketch, fastest_baud
-from simmer_tui.sketch.lockstep import NEVER, BOARD_SLICE, Board, Lockstep, LockstepWorld, PinState
+from simmer_tui.sketch.lockstep import BOARD_SLICE, NEVER, Board, Lockstep, LockstepWorld, PinState
 from simmer_tui.sketch.parts import (
     ECHO_DELAY,
     EncoderState,
@@ -246,7 +246,8 @@ class SketchRobot(LockstepWorld):
 
     def run_to(self, until: float) -> float:
         """Let the boards run to a simulated time, seconds. Returns the time that they have reached."""
-        if self._running:
+        # A restart has set the simulator back already; the boards follow once it is told.
+        if self._running or round(until * SECOND) < self._world.time:
             return until
         if self.failed:
             self._world.advance(round(until * SECOND))
@@ -430,6 +431,8 @@ class SketchRobot(LockstepWorld):
         simulator = engine.simulator
         refused = simulator.is_drive(command) or simulator.is_velocity(command)
         result = engine.peek(replace(command, problem=NOT_DRIVEN) if refused else command)
+        # The command itself has no mistake.
+        result = replace(result, command=command)
         if result.status is Status.READING or result.status is not Status.DONE:
             engine.tell(result)
         return result
