@@ -701,7 +701,13 @@ class Server:
         from simmer_tui.sketch.sketch_robot import TICK, SketchRobot
 
         boards = self.boards = SketchRobot(sketches, self.engine)
+        for name, built in sketches.built.items():
+            for warning in built.warnings:
+                self.engine.tell(Notice(NoticeKind.ROBOT, f"board {name}: {warning}"))
         boards.on_end = self._boards_over
+        # A run without a screen has no recorder, and needs none.
+        if "recorder" in self.__dict__:
+            self.recorder.boards = boards.views
         self._backend.use(boards)
         if self.clock is not None:
             self.clock.boards = boards.run_clock_to

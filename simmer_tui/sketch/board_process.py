@@ -17,7 +17,7 @@ from typing import NamedTuple
 from simmer_tui.errors import BoardError
 from simmer_tui.sketch.compiler import links_at_fixed_addresses
 
-_REQUEST = struct.Struct("<QBBHiiI")
+_REQUEST = struct.Struct("<QBBHiII")
 _GRANT = struct.Struct("<QdII")
 _RECORD = struct.Struct("<QBBHi")
 # A slice takes milliseconds. A board that says nothing for this long is in a loop that no clock sees.
@@ -88,13 +88,14 @@ class BoardProcess:
     Attributes:
         now: the board's clock, nanoseconds.
         reason, query, pin: why it has stopped, and its question.
+        waited: its time in delay() so far, milliseconds.
         place: the address of the basic block of its sketch.
     """
 
     def __init__(self, name: str, program: Path, options: Sequence[str]) -> None:
         self.name = name
         self.now = 0
-        self.reason = self.query = self.pin = self.place = 0
+        self.reason = self.query = self.pin = self.waited = self.place = 0
         self._program = program
         self._process = subprocess.Popen(
             [str(program), *options],
@@ -115,7 +116,7 @@ class BoardProcess:
         """Wait until the board stops again. Returns its records. Raises BoardError if it died or hangs."""
         self._waits_since = time.monotonic()
         data = self._read_whole(_REQUEST.size)
-        self.now, self.reason, self.query, count, self.pin, _, self.place = _REQUEST.unpack(data)
+        self.now, self.reason, self.query, count, self.pin, self.waited, self.place = _REQUEST.unpack(data)
         self.exchanges += 1
         if not count:
             self._waits_since = 0.0

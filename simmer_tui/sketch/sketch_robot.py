@@ -30,8 +30,9 @@ from simmer_tui.sketch.board_process import (
     Told,
     Watchdog,
 )
+from simmer_tui.sketch.board_view import BoardView, PinView
 from simmer_tui.sketch.build import BuiltSketch, build_sketch, fastest_baud
-from simmer_tui.sketch.lockstep import SLICE, Board, Lockstep, LockstepWorld
+from simmer_tui.sketch.lockstep import SLICE, Board, Lockstep, LockstepWorld, PinState
 from simmer_tui.sketch.parts import (
     ECHO_DELAY,
     EncoderState,
@@ -49,6 +50,7 @@ from simmer_tui.sketch.wiring import (
 )
 
 BITS_OF_A_BYTE = 10
+_LED = 13
 _TYPED = "binary"
 """The dialect of typed commands."""
 # Two byte times of silence: a sketch that prints without line ends pauses for much longer.
@@ -161,6 +163,8 @@ class SketchRobot(LockstepWorld):
     def _start(self) -> None:
         """Start the boards at time 0."""
         self._messages = SentMessages()
+        self._busy: dict[str, tuple[int, int, float]] = {}
+        """Each board's clock and time in delay() at the last look, and its busy share until then."""
         self.last_line = ""
         self._sonar_until: dict[str, int] = {}
         self._gripper_closed: bool | None = None
@@ -239,6 +243,7 @@ class SketchRobot(LockstepWorld):
 
     def _fail(self, text: str) -> None:
         self.failed = text
+        self._world.advance(self.lockstep.reached)
         self._world.set_speeds({})
         self.engine.tell(Notice(NoticeKind.FAULT, f"{_ENDED}{text}"))
         self.on_end()
@@ -351,6 +356,27 @@ class SketchRobot(LockstepWorld):
         """Tell bytes of the line, at the present time."""
         self.engine.tell(WireMessage(self.engine.simulator.time, text, reply=reply))
 
+    # -- what people see -------------------------------------------------------------------------------
+
+    def views(self) -> tuple[BoardView, ...]:
+        """The boards as they are now."""
+        return tuple(self._view(each) for each in self.boards.values())
+
+    def _view(self, board: Board) -> BoardView:
+        process, name = board.process, board.name
+        kind = self._set.wiring.boards[name].kind
+        begin, waited, busy = self._busy.get(name, (0, 0, 0.0))
+        if board.now - begin >= SECOND:
+            busy = 1.0 - (process.waited - waited) * 1_000_000 / (board.now - begin)
+            self._busy[name] = board.now, process.waited, busy
+        line = self._set.wiring.laptop
+        said = self.last_line if line is not None and line.board == name else ""
+        pins = tuple(
+            PinView(kind.pin_name(number), _pin_text(state)) for number, state in sorted(board.pins.items())
+        )
+        led = board.level(_LED) > 0.0
+        return BoardView(name, board.now / SECOND, max(busy, 0.0), led, said.strip(), pins, self.failed)
+
     # -- commands of others ----------------------------------------------------------------------------
 
     def submit(self, message: Message, session: Session, answered: Answered) -> None:
@@ -379,6 +405,18 @@ class SketchRobot(LockstepWorld):
 
     def forget(self, session: Session) -> None:
         """Every message has its answer at once."""
+
+
+_MODES = {0: "input", 1: "output", 2: "input with pull-up"}
+
+
+def _pin_text(state: PinState) -> str:
+    """What a sketch does with a pin, in words."""
+    if state.servo:
+        return f"servo, {state.servo} us"
+    if state.mode != 1:
+        return _MODES.get(state.mode, "input")
+    return f"output, {'high' if state.level == 1.0 else f'{state.level:.0%}' if state.level else 'low'}"
 
 
 def logged_sketches(sketches: SketchSet) -> dict[str, str]:

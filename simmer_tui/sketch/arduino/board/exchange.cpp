@@ -26,8 +26,8 @@ struct Request {
   uint64_t now;
   uint8_t reason, query;
   uint16_t count;
-  int32_t a, b;
-  uint32_t place;
+  int32_t pin;
+  uint32_t waited, place;
 };
 struct Grant {
   uint64_t horizon;
@@ -78,13 +78,13 @@ void open_channel() {
 #endif
 }
 
-double exchange(Reason reason, Query query, int a, int b) {
+double exchange(Reason reason, Query query, int pin) {
   const Request request{now,
                         static_cast<uint8_t>(reason),
                         static_cast<uint8_t>(query),
                         static_cast<uint16_t>(told.size()),
-                        a,
-                        b,
+                        pin,
+                        static_cast<uint32_t>(waited / MILLISECOND),
                         place};
   const size_t size = told.size() * sizeof(Record);
   buffer.resize(sizeof request + size);

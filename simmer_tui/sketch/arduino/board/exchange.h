@@ -2,11 +2,11 @@
 //
 // The board may not pass its horizon without asking. All numbers are little-endian.
 //
-//   board -> simulator   u64 now, u8 reason, u8 query, u16 count, i32 a, i32 b, u32 place; count x Record
+//   board -> simulator   u64 now, u8 reason, u8 query, u16 count, i32 pin, u32 waited, u32 place; count x Record
 //   simulator -> board   u64 horizon, f64 answer, u32 count, u32 flags; count x Record
 //   Record               u64 time, u8 kind, u8 pin, u16 0, i32 value
 //
-// `place` is the address of the last basic block. A grant replaces all events of the one before it.
+// `waited` is the time spent in delay(), milliseconds. `place` is the address of the last basic block. A grant replaces all events of the one before it.
 #pragma once
 #include <cstdint>
 
@@ -37,7 +37,7 @@ extern uint32_t place;  // address of the last basic block of the sketch
 extern uint32_t grant_flags;
 
 void open_channel();
-double exchange(Reason reason, Query query = Query::None, int a = 0, int b = 0);
+double exchange(Reason reason, Query query = Query::None, int pin = 0);
 void tell(Told kind, int pin, int value, Nanoseconds time = now);
 Nanoseconds next_event();
 void apply_events();

@@ -14,7 +14,11 @@ unsigned int micros() {
   return static_cast<unsigned int>(now / (4 * MICROSECOND) * 4);  // timer 0 counts every 4 us
 }
 
-void delay(unsigned int milliseconds) { pass_until(now + milliseconds * MILLISECOND); }
+void delay(unsigned int milliseconds) {
+  const Nanoseconds begin = now;
+  pass_until(begin + milliseconds * MILLISECOND);
+  waited += now - begin;
+}
 void delayMicroseconds(unsigned int microseconds) { pass(microseconds * MICROSECOND); }
 
 void tone(int, unsigned int, unsigned int) { pass(cost::TONE); }
