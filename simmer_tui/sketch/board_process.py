@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from simmer_tui.errors import BoardError
-from simmer_tui.sketch.compiler import links_at_fixed_addresses
+from simmer_tui.sketch.compiler import RUNTIME, links_at_fixed_addresses
 
 _REQUEST = struct.Struct("<QBBHiII")
 _GRANT = struct.Struct("<QdII")
@@ -184,7 +184,7 @@ class BoardProcess:
             return ""
         try:
             done = subprocess.run(
-                [tool, "-e", str(self._program), hex(place - 1)],
+                [tool, "-i", "-e", str(self._program), hex(place - 1)],
                 capture_output=True,
                 text=True,
                 timeout=SILENT,
@@ -192,8 +192,12 @@ class BoardProcess:
             )
         except (OSError, subprocess.SubprocessError):
             return ""
-        found = re.match(r"(?:.*/)?([^/:]+):(\d+)", done.stdout.strip())
-        return f"{found[1]}:{found[2]}" if found else ""
+        for line in done.stdout.splitlines():
+            found = re.match(r"(.*/)?([^/:]+):(\d+)", line)
+            # A function of a header of the core stands in the sketch's: its caller's line comes next.
+            if found and not (found[1] or "").startswith(f"{RUNTIME.as_posix()}/"):
+                return f"{found[2]}:{found[3]}"
+        return ""
 
 
 class Watchdog:

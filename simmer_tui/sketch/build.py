@@ -17,7 +17,7 @@ from msgspec import Struct
 from simmer_tui import platform_has
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sketch.boards import BoardKind
-from simmer_tui.sketch.compiler import NO_COMPILER, Compiler, find_compiler, links_at_fixed_addresses
+from simmer_tui.sketch.compiler import NO_COMPILER, RUNTIME, Compiler, find_compiler, links_at_fixed_addresses
 from simmer_tui.sketch.preprocess import (
     board_source,
     includes,
@@ -26,8 +26,6 @@ from simmer_tui.sketch.preprocess import (
     read_source,
 )
 
-RUNTIME = Path(__file__).parent / "arduino"
-"""The C++ runtime: Arduino's core and libraries in simulated time."""
 MOST_ERRORS = 3
 """Errors of the compiler that are shown: later ones mostly follow from the first."""
 _CODE = frozenset((".h", ".hpp", ".hh", ".c", ".cpp", ".cc", ".cxx"))

@@ -14,6 +14,8 @@ from msgspec import Struct
 
 from simmer_tui import platform_has
 
+RUNTIME = Path(__file__).parent / "arduino"
+"""The C++ runtime: Arduino's core and libraries in simulated time."""
 _NAMES = ("g++", "clang++", "c++")
 """Compilers of the system, the first one that is there is used."""
 NO_COMPILER = (

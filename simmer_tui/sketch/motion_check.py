@@ -55,7 +55,7 @@ def motor_lines(wiring: Wiring, wheels: WheelsSpec | None) -> Iterator[str]:
         return
     kinematics = WheelKinematics.of(wheels)
     for motor in wiring.motors:
-        speed = rim_speed(motor, _levels(motor, _FORWARD[motor.driver]))
+        speed = rim_speed(motor, _levels(motor, _FORWARD[motor.driver]).__getitem__)
         speeds = [0.0] * len(kinematics.wheels)
         speeds[motor.wheel_index] = speed
         twist = kinematics.twist(speeds)
@@ -92,7 +92,7 @@ def sketch_motions(
         backward = []
         for motor in motors:
             given = {name: levels.get(pin, _UNSET.get(name, 0.0)) for name, pin in motor.pins.items()}
-            speeds[motor.wheel_index] = speed = rim_speed(motor, _levels(motor, given))
+            speeds[motor.wheel_index] = speed = rim_speed(motor, _levels(motor, given).__getitem__)
             backward += [motor.label] if speed < 0 else []
         motion = _motion(kinematics, speeds)
         if motion:
