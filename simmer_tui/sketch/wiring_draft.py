@@ -26,8 +26,9 @@ from simmer_tui.sketch.sketch_scan import (
     SketchStep,
 )
 
-_TRIGGER, _ECHO, _BRAKE, _LAMP = (
-    re.compile(word, re.IGNORECASE) for word in ("trig", "echo", "brake|brk", "led|lamp|buzz")
+_TRIGGER, _ECHO, _BRAKE, _LAMP, _LEFT, _RIGHT = (
+    re.compile(word, re.IGNORECASE)
+    for word in ("trig", "echo", "brake|brk", "led|lamp|buzz", "left", "right")
 )
 _END = SketchStep("", -1, "", None, "", "")
 """A step that ends those of a function."""
@@ -36,7 +37,7 @@ _HEAD = """\
 # A draft, read off the sketch. A line with "# ?" is a guess: look at it, then take the mark away.
 # simmer-tui check tells what does not fit. docs/sketch.md explains every part.
 """
-_SPEED = "top_speed = 20  # ? in/s at full duty: time it over a measured distance"
+_SPEED = "top_speed = 12  # ? in/s at full duty: time it over a measured distance"
 
 
 class DraftMotor(Struct, frozen=True):
@@ -58,6 +59,7 @@ class DraftEncoder(Struct, frozen=True):
 
     a: int
     b: int | None
+    wheel: str
 
 
 class BoardDraft:
@@ -226,6 +228,7 @@ def _runs(
 
 def _encoders(facts: SketchFacts, taken: set[int]) -> Iterator[DraftEncoder]:
     seen: set[int] = set()
+    count = 0
     for each in facts.interrupts():
         pins = each.pins or Pins()
         if len(pins) != 1 or pins & (taken | seen) or _ECHO.search(each.function):
@@ -240,7 +243,9 @@ def _encoders(facts: SketchFacts, taken: set[int]) -> Iterator[DraftEncoder]:
         others = sorted(read - {a} - taken)
         b = others[0] if len(others) == 1 else None
         seen |= {a} | ({b} if b is not None else set())
-        yield DraftEncoder(a, b)
+        is_right = bool(_RIGHT.search(each.function)) or (count > 0 and not _LEFT.search(each.function))
+        count += 1
+        yield DraftEncoder(a, b, "right" if is_right else "left")
 
 
 def _read(facts: SketchFacts, name: str) -> set[int]:
@@ -364,7 +369,8 @@ def _sensor_tables(board: BoardDraft, ranges: list[str], others: list[str]) -> I
     for encoder in board.encoders:
         keys = [f"a = {_pin(board, encoder.a)}"]
         keys += [] if encoder.b is None else [f"b = {_pin(board, encoder.b)}"]
-        yield row("encoder", 'wheel = "left"  # ? which', *keys, "edges_per_inch = 20  # ? of all its pins")
+        wheel = f'wheel = "{encoder.wheel}"  # ? which'
+        yield row("encoder", wheel, *keys, "edges_per_inch = 20  # ? of all its pins")
     for pin in board.digital:
         yield row("line", _code(others, "i1"), f"pin = {_pin(board, pin)}{_MARK} or a button: then no row")
     for pin in board.analog:

@@ -27,7 +27,7 @@ def drafted(folder: Path, *texts: str) -> dict[str, Any]:
     problems: list[Problem] = []
     read_wiring(made, WiringParts((), WheelsSpec(layout=WheelLayout.DIFF)), problems)
     assert [str(each) for each in problems if "no row of sensors.csv has" not in each.what] == []
-    assert made.count("wheel =") == made.count("# ? which wheel") + made.count('wheel = "left"  # ? which\n')
+    assert made.count("wheel =") == made.count("# ? which wheel") + made.count('"  # ? which\n')
     return tomllib.loads(made)
 
 
