@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import re
 import shutil
+import signal
 import struct
 import subprocess
 import threading
@@ -14,8 +15,10 @@ from enum import IntEnum
 from pathlib import Path
 from typing import NamedTuple
 
+from simmer_tui import platform_has
 from simmer_tui.errors import BoardError
-from simmer_tui.sketch.compiler import RUNTIME, links_at_fixed_addresses
+from simmer_tui.sketch.build import RUNTIME
+from simmer_tui.sketch.compiler import links_at_fixed_addresses
 
 _REQUEST = struct.Struct("<QBBHiII")
 _GRANT = struct.Struct("<QdII")
@@ -145,7 +148,12 @@ class BoardProcess:
         since = self._waits_since
         if since and now - since > SILENT:
             self._is_hung = True
-            self._process.kill()
+            # Its handler tells where it is. Windows has no such signal for processes.
+            self._waits_since = 0.0
+            if platform_has.POSIX:
+                self._process.send_signal(signal.SIGABRT)
+            else:
+                self._process.kill()
 
     def close(self) -> None:
         """End the process."""
@@ -192,12 +200,10 @@ class BoardProcess:
             )
         except (OSError, subprocess.SubprocessError):
             return ""
-        for line in done.stdout.splitlines():
-            found = re.match(r"(.*/)?([^/:]+):(\d+)", line)
-            # A function of a header of the core stands in the sketch's: its caller's line comes next.
-            if found and not (found[1] or "").startswith(f"{RUNTIME.as_posix()}/"):
-                return f"{found[2]}:{found[3]}"
-        return ""
+        # A function of the runtime that was inlined comes before the line that calls it.
+        own = [each for each in done.stdout.splitlines() if str(RUNTIME) not in each]
+        found = re.match(r"(?:.*/)?([^/:]+?)(?:(?<=\.ino)\.cpp)?:(\d+)", own[0]) if own else None
+        return f"{found[1]}:{found[2]}" if found else ""
 
 
 class Watchdog:

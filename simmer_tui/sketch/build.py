@@ -17,7 +17,7 @@ from msgspec import Struct
 from simmer_tui import platform_has
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sketch.boards import BoardKind
-from simmer_tui.sketch.compiler import NO_COMPILER, RUNTIME, Compiler, find_compiler, links_at_fixed_addresses
+from simmer_tui.sketch.compiler import NO_COMPILER, Compiler, find_compiler, links_at_fixed_addresses
 from simmer_tui.sketch.preprocess import (
     board_source,
     includes,
@@ -26,6 +26,8 @@ from simmer_tui.sketch.preprocess import (
     read_source,
 )
 
+RUNTIME = Path(__file__).parent / "arduino"
+"""The C++ runtime: Arduino's core and libraries in simulated time."""
 MOST_ERRORS = 3
 """Errors of the compiler that are shown: later ones mostly follow from the first."""
 _CODE = frozenset((".h", ".hpp", ".hh", ".c", ".cpp", ".cc", ".cxx"))
@@ -224,7 +226,9 @@ def _compile(
     runtime = _runtime_object(compiler, kind)
     with tempfile.TemporaryDirectory(dir=folder.parent, prefix="build-") as name:
         work = Path(name)
-        (work / "sketch.cpp").write_text(_with_names(joined_source(files)), encoding="utf-8")
+        # Arduino's build names it so too. Debuggers take the name of the unit for that of its first file.
+        main = f"{files[0].name}.cpp"
+        (work / main).write_text(_with_names(joined_source(files)), encoding="utf-8")
         for each in sources:
             target = work / each.name
             target.parent.mkdir(parents=True, exist_ok=True)
@@ -232,7 +236,7 @@ def _compile(
             if target.suffix in _COMPILED:
                 text = f'#include "Arduino.h"\n{text}'
             target.write_text(text, encoding="utf-8")
-        units = ["sketch.cpp", *(each.name for each in sources if Path(each.name).suffix in _COMPILED)]
+        units = [main, *(each.name for each in sources if Path(each.name).suffix in _COMPILED)]
         told: list[str] = []
         objects = []
         for number, unit in enumerate(units):
@@ -322,7 +326,12 @@ def _messages(output: str) -> Iterator[tuple[str, str, str]]:
         found = re.match(r"(.+?:\d+)(?::\d+)?: (?:fatal )?(error|warning): (.*)", line)
         if found:
             name, _, number = found[1].rpartition(":")
-            yield f"{Path(name).name}:{number}", found[2], found[3]
+            yield f"{_own_name(Path(name).name)}:{number}", found[2], found[3]
+
+
+def _own_name(name: str) -> str:
+    """The file of a sketch that a unit was made of."""
+    return name.removesuffix(".cpp") if name.endswith((".ino.cpp", ".pde.cpp")) else name
 
 
 def _errors(output: str, compiler: Compiler, files: Sequence[Path]) -> Iterator[Problem]:

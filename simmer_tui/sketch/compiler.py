@@ -14,13 +14,11 @@ from msgspec import Struct
 
 from simmer_tui import platform_has
 
-RUNTIME = Path(__file__).parent / "arduino"
-"""The C++ runtime: Arduino's core and libraries in simulated time."""
 _NAMES = ("g++", "clang++", "c++")
 """Compilers of the system, the first one that is there is used."""
 NO_COMPILER = (
     "no C++ compiler was found. Install g++ (Debian: apt install g++; macOS: xcode-select --install), "
-    "or: pip install 'simmer-tui[sketch]'"
+    "or: pip install ziglang"
 )
 # A first run of ziglang fills its cache for 150 s; a compiler that hangs must end.
 TIME_LIMIT = 600.0

@@ -21,8 +21,8 @@ from simmer_tui.sketch.parts import EncoderState
 SOURCE = "boards"
 """Source of the commands that boards make."""
 SECOND = 1_000_000_000
-# A line sensor is read thousands of times a second: all of them would be most of the log. Real errors last too:
-# those of light, of surfaces, of a motor's noise.
+# A line sensor is read thousands of times a second: all of that would be most of the log. Real errors last
+# too, those of light, of surfaces, of a motor's noise.
 READING_PERIOD = SECOND // 50
 """Time for which a sensor's error lasts, and in which one reading of it is told."""
 

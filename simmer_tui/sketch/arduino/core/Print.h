@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "Program_memory.h"
 #include "WString.h"
 
 class Print;
@@ -11,14 +12,6 @@ class Printable {
   virtual ~Printable() = default;
   virtual size_t printTo(Print& target) const = 0;
 };
-
-// A function that is compiled with the sketch and is none of its code: it takes no time of its own, and messages name
-// the line of the sketch that calls it.
-#if defined(__clang__)
-#define UNCOUNTED __attribute__((no_sanitize("coverage")))
-#else
-#define UNCOUNTED __attribute__((no_sanitize_coverage))
-#endif
 
 class Print {
  public:
@@ -50,12 +43,12 @@ class Print {
 
   size_t println();
   template <class Value>
-  UNCOUNTED size_t println(const Value& value) {
+  SIMMER_RUNTIME size_t println(const Value& value) {
     const size_t size = print(value);
     return size + println();
   }
   template <class Value>
-  UNCOUNTED size_t println(const Value& value, int format) {
+  SIMMER_RUNTIME size_t println(const Value& value, int format) {
     const size_t size = print(value, format);
     return size + println();
   }

@@ -9,6 +9,13 @@
 #define PGM_VOID_P const void*
 #define PSTR(text) (text)
 
+// Functions of the runtime in its headers have no basic blocks of the sketch: their time is that of their calls.
+#if defined(__clang__)
+#define SIMMER_RUNTIME __attribute__((no_sanitize("coverage"), noinline))
+#else
+#define SIMMER_RUNTIME __attribute__((no_sanitize_coverage, noinline))
+#endif
+
 class __FlashStringHelper;
 #define F(text) (reinterpret_cast<const __FlashStringHelper*>(text))
 #define FPSTR(text) (reinterpret_cast<const __FlashStringHelper*>(text))

@@ -3,6 +3,8 @@
 #include <string>
 #include <type_traits>
 
+#include "Program_memory.h"
+
 class __FlashStringHelper;
 
 class String {
@@ -30,7 +32,7 @@ class String {
   void clear() { text_.clear(); }
 
   template <class Value>
-  bool concat(const Value& value) {
+  SIMMER_RUNTIME bool concat(const Value& value) {
     *this += value;
     return true;
   }
@@ -39,7 +41,7 @@ class String {
   String& operator+=(const __FlashStringHelper* other);
   String& operator+=(char letter);
   template <class Number, class = typename std::enable_if<std::is_arithmetic<Number>::value>::type>
-  String& operator+=(Number value) {
+  SIMMER_RUNTIME String& operator+=(Number value) {
     return *this += String(value);
   }
 
@@ -90,7 +92,7 @@ String operator+(const char* left, const String& right);
 String operator+(const String& left, const __FlashStringHelper* right);
 String operator+(const String& left, char right);
 template <class Number, class = typename std::enable_if<std::is_arithmetic<Number>::value>::type>
-String operator+(const String& left, Number right) {
+SIMMER_RUNTIME String operator+(const String& left, Number right) {
   String sum(left);
   sum += right;
   return sum;
