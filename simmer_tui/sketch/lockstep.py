@@ -101,6 +101,9 @@ class LockstepWorld:
     def advance(self, time: int) -> None:
         """Let the world go on to a time."""
 
+    def settle(self) -> None:
+        """The boards pause: the world is looked at."""
+
     @property
     def next_change(self) -> int:
         """Time of the next change of the wheels' speed."""
@@ -164,6 +167,7 @@ class Lockstep:
                 break
         reached = min(self.reached, until)
         self._world.advance(reached)
+        self._world.settle()
         return reached
 
     def put(self, board: Board, event: BoardEvent) -> None:

@@ -12,8 +12,8 @@ from msgspec import Struct
 
 from simmer_tui.robot.engine import Engine
 from simmer_tui.robot.sessions import Session
-from simmer_tui.sim.command import Command, parse_command
-from simmer_tui.sim.records import Status
+from simmer_tui.sim.command import parse_command
+from simmer_tui.sim.records import CommandResult, Status
 from simmer_tui.sim.specs import VelocityKind
 from simmer_tui.sim.wheels import WheelKinematics
 from simmer_tui.sketch.parts import EncoderState
@@ -47,42 +47,58 @@ class RobotWorld:
         self._last: dict[str, _LastReading] = {}
         self.time = 0
         """The time that the world has reached."""
+        self._due = math.inf
+        """Time of the next change of the motion, seconds."""
 
     def restart(self) -> None:
         """Everything as at time 0."""
-        self.time, self._leg = 0, None
+        self.time, self._leg, self._due = 0, None, math.inf
         self._speeds, self._waiting = (), None
         self._last.clear()
 
     @property
     def next_change(self) -> int:
         """The time of the next change of the wheels' speed that is known."""
-        due = self._simulator.next_event
-        trajectory = self._simulator.trajectory
-        if trajectory is not None:
-            due = min(due, trajectory.end_time)
-        return math.ceil(due * SECOND) if due < math.inf else 1 << 62
+        return math.ceil(self._due * SECOND) if self._due < math.inf else 1 << 62
+
+    def look_again(self) -> None:
+        """Take note that a person has changed something."""
+        self._plan()
+        self._note_leg(self.time)
+
+    def _plan(self) -> None:
+        trajectory, due = self._simulator.trajectory, self._simulator.next_event
+        self._due = due if trajectory is None else min(due, trajectory.end_time)
+
+    def _act(self, text: str) -> CommandResult:
+        """Do a command now, and tell it."""
+        self._simulator.advance(self.time / SECOND)
+        result = self._engine.act(parse_command(text, SOURCE), self._session)
+        self._plan()
+        return result
 
     def advance(self, time: int) -> None:
         """Let the world go on to a time."""
         if time <= self.time:
             return
-        simulator, target = self._simulator, time / SECOND
-        while True:
-            trajectory = simulator.trajectory
-            end = math.inf if trajectory is None else trajectory.end_time
-            due = min(simulator.next_event, end)
-            if due > target:
-                break
-            self.time = math.ceil(due * SECOND)
-            if end <= due:
+        target = time / SECOND
+        # The simulator itself is advanced only where something is read or done: that costs more than this.
+        while self._due <= target:
+            due = self._due
+            self.time = max(math.ceil(due * SECOND), self.time)
+            trajectory = self._simulator.trajectory
+            if trajectory is not None and trajectory.end_time <= due:
                 self._engine.end_movement()
                 self._set_waiting()
             else:
-                simulator.advance(due)
+                self._simulator.advance(due)
+            self._plan()
             self._note_leg(self.time)
-        simulator.advance(target)
-        self.time = time
+        self.time = max(time, self.time)
+
+    def settle(self) -> None:
+        """Bring the simulator to the time that the world has reached."""
+        self._simulator.advance(self.time / SECOND)
 
     # -- wheels ----------------------------------------------------------------------------------------
 
@@ -110,8 +126,7 @@ class RobotWorld:
             self._drive(speeds)
 
     def _drive(self, speeds: Sequence[float]) -> None:
-        text = f"{self._wheels_code}-{';'.join(f'{each:.12g}' for each in speeds)}"
-        self._engine.act(parse_command(text, SOURCE), self._session)
+        self._act(f"{self._wheels_code}-{';'.join(f'{each:.12g}' for each in speeds)}")
         self._note_leg(self.time)
 
     def _note_leg(self, time: int) -> None:
@@ -134,7 +149,7 @@ class RobotWorld:
         if gripper is None or not gripper.enabled or self._simulator.trajectory is not None:
             return
         moved = self._speeds if any(self._speeds) else None
-        self._engine.act(parse_command(f"{gripper.code}-{int(close)}", SOURCE), self._session)
+        self._act(f"{gripper.code}-{int(close)}")
         self._waiting = moved
         self._note_leg(self.time)
 
@@ -149,16 +164,18 @@ class RobotWorld:
         last = self._last.get(code)
         if last is not None and self.time - last.time < READING_PERIOD:
             return self._held(code, last)
-        result = self._engine.act(Command(code, code, source=SOURCE), self._session)
+        result = self._act(code)
         if result.status is not Status.READING or result.reading is None:
             return math.nan
-        self._last[code] = _LastReading(self.time, result.reply, result.reading.true)
+        reading = result.reading
+        self._last[code] = _LastReading(self.time, result.reply, reading.true, reading.sensor.is_yes_or_no)
         return result.reply
 
     def _held(self, code: str, last: _LastReading) -> float:
         """A reading of the present true value with the error of the last one."""
+        self._simulator.advance(self.time / SECOND)
         true = self._simulator.true_value(code)
-        if self._simulator.sensor(code).is_yes_or_no:
+        if last.is_yes_or_no:
             return true if last.value == last.true else 1.0 - true
         error = last.value - last.true
         return true + error if math.isfinite(error) else last.value
@@ -170,3 +187,4 @@ class _LastReading(Struct, frozen=True):
     time: int
     value: float
     true: float
+    is_yes_or_no: bool

@@ -32,7 +32,7 @@ from simmer_tui.sketch.board_process import (
 )
 from simmer_tui.sketch.board_view import BoardView, PinView
 from simmer_tui.sketch.build import BuiltSketch, build_sketch, fastest_baud
-from simmer_tui.sketch.lockstep import SLICE, Board, Lockstep, LockstepWorld, PinState
+from simmer_tui.sketch.lockstep import NEVER, SLICE, Board, Lockstep, LockstepWorld, PinState
 from simmer_tui.sketch.parts import (
     ECHO_DELAY,
     EncoderState,
@@ -110,6 +110,8 @@ class SentMessages:
         self._text = ""
         self._last = self._byte = 0
         self._whole: list[tuple[int, str]] = []
+        self.next_due = NEVER
+        """Time at which the first message is over, unless another byte comes."""
 
     def add(self, time: int, value: int, byte: int) -> None:
         """Add a byte that arrives at a time; `byte` is its duration."""
@@ -119,6 +121,7 @@ class SentMessages:
         self._last, self._byte = time, byte
         if value == _LINE_END or len(self._text) >= _LONGEST:
             self._end(time)
+        self._plan()
 
     def due(self, time: int) -> list[tuple[int, str]]:
         """The messages that are over by a time, with their times; each is returned once."""
@@ -126,7 +129,14 @@ class SentMessages:
             self._end(self._last + _GAP * self._byte)
         whole = [each for each in self._whole if each[0] <= time]
         self._whole = self._whole[len(whole) :]
+        self._plan()
         return whole
+
+    def _plan(self) -> None:
+        if self._whole:
+            self.next_due = self._whole[0][0]
+        else:
+            self.next_due = self._last + _GAP * self._byte if self._text else NEVER
 
     def _end(self, time: int) -> None:
         self._whole.append((time, self._text))
@@ -155,7 +165,11 @@ class SketchRobot(LockstepWorld):
             if isinstance(each, WiredEncoder)
         }
         self._world = RobotWorld(engine, self._session, list(self._encoders.values()))
-        self._behind = False
+        self._asked: dict[tuple[str, int, int], list[WiredSonar | WiredAnalog | WiredLineSensor]] = {}
+        """Sensors by the question that asks for them: board, query and pin."""
+        for each in sketches.wiring.sensors:
+            if not isinstance(each, WiredEncoder):
+                self._asked.setdefault(_question(each), []).append(each)
         self._start()
         engine.boards = self.catch_up
         engine.watch(self._watch)
@@ -221,6 +235,7 @@ class SketchRobot(LockstepWorld):
             return until
         if self.failed:
             self._world.advance(round(until * SECOND))
+            self._world.settle()
             return until
         self._running = True
         target = round(until * SECOND)
@@ -244,6 +259,7 @@ class SketchRobot(LockstepWorld):
     def _fail(self, text: str) -> None:
         self.failed = text
         self._world.advance(self.lockstep.reached)
+        self._world.settle()
         self._world.set_speeds({})
         self.engine.tell(Notice(NoticeKind.FAULT, f"{_ENDED}{text}"))
         self.on_end()
@@ -251,6 +267,7 @@ class SketchRobot(LockstepWorld):
     def _watch(self, event: Event) -> None:
         if not isinstance(event, ActionDone) or event.refused:
             return
+        self._world.look_again()
         if event.restarts:
             self.close()
             self._world.restart()
@@ -264,14 +281,20 @@ class SketchRobot(LockstepWorld):
     # -- what boards do --------------------------------------------------------------------------------
 
     def advance(self, time: int) -> None:
-        for at, text in self._messages.due(time):
-            self._world.advance(at)
-            self.last_line = text
-            self.tell_line(text, reply=True)
+        if time <= self._world.time:
+            return
+        if time >= self._messages.next_due:
+            for at, text in self._messages.due(time):
+                self._world.advance(at)
+                self.last_line = text
+                self.engine.tell(WireMessage(at / SECOND, text, reply=True))
         self._world.advance(time)
 
     def sent(self, time: int, value: int, byte: int) -> None:
         self._messages.add(time, value, byte)
+
+    def settle(self) -> None:
+        self._world.settle()
 
     @property
     def next_change(self) -> int:
@@ -298,17 +321,16 @@ class SketchRobot(LockstepWorld):
             self._world.grip(close=close)
 
     def answer(self, board: Board, query: int, pin: int) -> float:
-        for each in self._set.wiring.sensors:
-            if each.board != board.name:
-                continue
-            if isinstance(each, WiredSonar) and query == Query.SONAR and each.trig == pin:
+        made = 0.0
+        for each in self._asked.get((board.name, query, pin), ()):
+            if isinstance(each, WiredSonar):
                 self._ping(board, each)
-            elif isinstance(each, WiredAnalog) and query == Query.ANALOG and each.pin == pin:
-                return analog_counts(each, self._world.read(each.code))
-            elif isinstance(each, WiredLineSensor) and query == Query.DIGITAL and each.pin == pin:
+            elif isinstance(each, WiredAnalog):
+                made = analog_counts(each, self._world.read(each.code))
+            else:
                 seen = self._world.read(each.code) == 1.0
-                return float(seen == each.active_high)
-        return 0.0
+                made = float(seen == each.active_high)
+        return made
 
     def _ping(self, board: Board, sonar: WiredSonar) -> None:
         """A sonar's trigger has fallen: its echo rises and falls. While it listens it takes no other."""
@@ -387,7 +409,9 @@ class SketchRobot(LockstepWorld):
         engine = self.engine
         if command.stops:
             engine.now()
-            return engine.halt(command)
+            done = engine.halt(command)
+            self._world.look_again()
+            return done
         simulator = engine.simulator
         refused = simulator.is_drive(command) or simulator.is_velocity(command)
         result = engine.peek(replace(command, problem=NOT_DRIVEN) if refused else command)
@@ -405,6 +429,13 @@ class SketchRobot(LockstepWorld):
 
     def forget(self, session: Session) -> None:
         """Every message has its answer at once."""
+
+
+def _question(sensor: WiredSonar | WiredAnalog | WiredLineSensor) -> tuple[str, int, int]:
+    """The board, query and pin by which a sketch asks for a sensor."""
+    if isinstance(sensor, WiredSonar):
+        return sensor.board, Query.SONAR, sensor.trig
+    return sensor.board, Query.ANALOG if isinstance(sensor, WiredAnalog) else Query.DIGITAL, sensor.pin
 
 
 _MODES = {0: "input", 1: "output", 2: "input with pull-up"}
