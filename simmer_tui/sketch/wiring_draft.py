@@ -16,6 +16,7 @@ from pathlib import Path
 from msgspec import Struct
 
 from simmer_tui.sketch.boards import BOARDS, UNO, BoardKind
+from simmer_tui.sketch.motion_check import forward_levels
 from simmer_tui.sketch.sketch_scan import (
     PULSES,
     WRITES,
@@ -45,6 +46,7 @@ class DraftMotor(Struct, frozen=True):
 
     driver: str
     pins: Mapping[str, int]
+    reversed: bool = False
 
 
 class DraftSonar(Struct, frozen=True):
@@ -73,7 +75,9 @@ class BoardDraft:
         self.ports = facts.ports()
         taken = {pin for each in self.sonars for pin in (each.trig, each.echo)} | {*self.servos}
         taken |= {pin for port in self.ports for pins in (port.rx, port.tx) for pin in pins or ()}
-        self.motors = list(_motors([each for each in steps if each.pin not in taken]))
+        ahead = forward_levels(facts)
+        found = _motors([each for each in steps if each.pin not in taken])
+        self.motors = [_oriented(each, ahead) for each in found]
         self.encoders = list(_encoders(facts, taken))
         taken |= {pin for motor in self.motors for pin in motor.pins.values()}
         taken |= {pin for each in self.encoders for pin in (each.a, each.b) if pin is not None}
@@ -195,6 +199,17 @@ def _motors(steps: Sequence[SketchStep]) -> Iterator[DraftMotor]:
         if one != other and not used & {one, other}:
             used |= {one, other}
             yield DraftMotor("pwm2", {"in1": one, "in2": other})
+
+
+def _oriented(motor: DraftMotor, ahead: Mapping[int, float]) -> DraftMotor:
+    """The motor with its inputs in the order in which the sketch's own function drives ahead."""
+    pins = motor.pins
+    if "dir" in pins:
+        return DraftMotor(motor.driver, pins, ahead.get(pins["dir"]) == 0.0)
+    first, second = (ahead.get(pins[name]) for name in ("in1", "in2"))
+    if first == 0.0 and second:
+        return DraftMotor(motor.driver, {**pins, "in1": pins["in2"], "in2": pins["in1"]})
+    return motor
 
 
 def _runs(
@@ -347,10 +362,11 @@ def _links(boards: Sequence[BoardDraft], ports: Sequence[_Port]) -> list[tuple[_
 def _motor_tables(board: BoardDraft, wheels: list[str]) -> Iterator[str]:
     for motor in board.motors:
         wheel = wheels.pop(0) if wheels else "left"
+        turned = f"reversed = true{_MARK}\n" if motor.reversed else ""
         pins = "\n".join(f"{name} = {_pin(board, pin)}" for name, pin in motor.pins.items())
         yield (
             f'[[motors]]\nboard = "{board.name}"\ndriver = "{motor.driver}"\n{pins}\n'
-            f'wheel = "{wheel}"  # ? which wheel of [wheels] in settings.toml\n{_SPEED}\n'
+            f'wheel = "{wheel}"  # ? which wheel of [wheels] in settings.toml\n{_SPEED}\n{turned}'
         )
     if board.loose:
         pins = ", ".join(_pin(board, pin) for pin in board.loose)

@@ -81,6 +81,22 @@ def test_motors_are_read_off_the_order_of_writes(tmp_path: Path, form: str) -> N
     assert [pins(row) for row in drafted(tmp_path, text)["motors"]] == expected
 
 
+def test_the_order_of_inputs_is_the_one_that_drives_ahead(tmp_path: Path) -> None:
+    text = (
+        "void goForward() { digitalWrite(2, LOW); digitalWrite(4, HIGH); analogWrite(5, 90);"
+        " digitalWrite(7, HIGH); digitalWrite(8, LOW); analogWrite(6, 90); }"
+    )
+    assert [pins(row) for row in drafted(tmp_path, text)["motors"]] == [
+        ("hbridge", 4, 2, 5),
+        ("hbridge", 7, 8, 6),
+    ]
+    shield = (
+        "void forward() { digitalWrite(4, LOW); analogWrite(5, 9);"
+        " digitalWrite(7, HIGH); analogWrite(6, 9); }"
+    )
+    assert [row.get("reversed", False) for row in drafted(tmp_path, shield)["motors"]] == [True, False]
+
+
 SENSORS = {
     "NewPing": ("NewPing eyes[2] = {NewPing(8, 9, 200), NewPing(10, 11)};", [(8, 9), (10, 11)]),
     "pulseIn": (
