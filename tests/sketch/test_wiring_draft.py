@@ -67,6 +67,12 @@ MOTORS = {
         "void f() { analogWrite(5, 9); analogWrite(6, 0); analogWrite(9, 9); analogWrite(10, 0); }",
         [("pwm2", 5, 6), ("pwm2", 9, 10)],
     ),
+    "directions and duties apart": (
+        "void ahead() { digitalWrite(2, 1); digitalWrite(4, 0); digitalWrite(7, 1); digitalWrite(8, 0); }\n"
+        "void halt() { digitalWrite(2, 0); digitalWrite(4, 0); digitalWrite(7, 0); digitalWrite(8, 0); }\n"
+        "void balance() { analogWrite(5, right); analogWrite(6, left); }",
+        [("hbridge", 2, 4, 5), ("hbridge", 7, 8, 6)],
+    ),
     "a lamp between": (
         "const int led = 13; void f() { digitalWrite(led, 1); digitalWrite(2, 1); digitalWrite(4, 0);"
         " analogWrite(5, 90); }",
@@ -137,6 +143,13 @@ def test_boards_their_lines_and_a_gripper_are_read(tmp_path: Path) -> None:
     assert {"from": "sketch1.A0", "to": "sketch2.A4"} in found["wires"]
     assert drafted(tmp_path, servo)["servos"][0]["pin"] == 3
     assert drafted(tmp_path, "void setup() { Serial1.begin(9600); }")["boards"]["sketch1"]["board"] == "mega"
+
+
+def test_a_library_that_is_not_there_yet_is_noted(tmp_path: Path) -> None:
+    (tmp_path / "s.ino").write_text("#include <Wire.h>\n#include <Servo.h>\n", "utf-8")
+    made = draft([tmp_path / "s.ino"], tmp_path, [], [])
+    assert "# s.ino:1 has Wire.h, which is not there yet" in made
+    assert "Servo.h" not in made
 
 
 def test_init_writes_a_draft_beside_a_set_and_with_a_new_one(
