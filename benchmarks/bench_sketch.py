@@ -3,8 +3,9 @@
     python benchmarks/bench_sketch.py [--quick] [--json FILE]
 
 A polling sketch with two sonars and two H-bridges runs alone (goal 50 times real time), then with a laptop
-program that asks at 9600 baud (goal 20). Two boards joined at 9600 baud run with encoders of 400 edges a second
-(goal 10). A sketch is compiled, with an empty cache and again (goals 5 s and 0.2 s). Needs a C++ compiler.
+program that asks at 9600 baud (goal 20). Two boards joined at 9600 baud run with encoders of 400 edges a
+second (goal 10). A sketch is compiled, with an empty cache and again (goals 5 s and 0.2 s). Needs a C++
+compiler.
 """
 
 from __future__ import annotations
@@ -53,7 +54,8 @@ void setup() {
 void loop() {
   float ahead = range(8, 4), aside = range(12, 11);
   if (ahead > 0 && ahead < 8) drive(-120, 120); else drive(150, 140);
-  if (Serial.available() && Serial.read() == 'u') { Serial.print(ahead); Serial.print(','); Serial.println(aside); }
+  if (Serial.available() == 0 || Serial.read() != 'u') return;
+  Serial.print(ahead); Serial.print(','); Serial.println(aside);
 }
 """
 )
@@ -101,22 +103,9 @@ def with_laptop(folder: Path, seconds: float) -> float:
     made_set(folder, ROVER + MOTORS + SONARS, {"rover.ino": POLLING})
     program, log = folder / "laptop.py", folder / "run.jsonl"
     program.write_text(LAPTOP.replace("SECONDS", str(seconds)), "utf-8")
-    subprocess.run(
-        [
-            sys.executable,
-            "-m",
-            "simmer_tui",
-            "--no-ui",
-            "--quiet",
-            "--sketch",
-            str(folder),
-            "--clock",
-            "program",
-        ]
-        + ["--port", "0", "--seed", "1", "--log", str(log), "--run", f"{sys.executable} {program}"],
-        check=True,
-        cwd=ROOT,
-    )
+    words = ["--no-ui", "--quiet", "--sketch", str(folder), "--clock", "program", "--port", "0"]
+    words += ["--seed", "1", "--log", str(log), "--run", f"{sys.executable} {program}"]
+    subprocess.run([sys.executable, "-m", "simmer_tui", *words], check=True, cwd=ROOT)
     times = [
         (float(record["t"]), float(record["real"]))
         for record in map(json.loads, log.read_text("utf-8").splitlines())
