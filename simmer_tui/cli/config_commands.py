@@ -122,7 +122,8 @@ def run_init(options: argparse.Namespace) -> int:
             f"Edit {LOCAL_FOLDER} and course.toml in it, then: {check}",
         )
     else:
-        print_lines(wrote, f"Edit them, then: {check}")
+        marked = f'Look at every line of {WIRING_FILE} with "# ?"' if options.sketch else "Edit them"
+        print_lines(wrote, f"{marked}, then: {check}")
     return ExitCode.DONE
 
 

@@ -88,7 +88,7 @@ def build_parser() -> OneLineParser:
     run.add_argument(
         "--sketch",
         metavar="DIR",
-        help="as --config, with the set's boards: the sketches in its wiring.toml drive the robot",
+        help="as --config; sketches on its boards drive it",
     )
     text = "do the set's mission (default set: ./config or mission); with --no-ui exit code 1: it failed"
     add_flag(run, "--mission", text)

@@ -56,7 +56,8 @@ _COMPILED = {
 }
 """The compilers of program texts."""
 _DOCUMENTS = {
-    ".ino": "is a sketch for a board. simmer-tui ports lists the boards, simmer-tui --serial PORT drives one",
+    ".ino": "is a sketch for a board. simmer-tui init my-robot --sketch {file} makes a robot of it, "
+    "simmer-tui --serial PORT drives a real board",
     ".ipynb": "is a notebook. Start simmer-tui in this terminal, and run the notebook's cells beside it",
 }
 """Files that nothing here starts."""

@@ -13,13 +13,12 @@ from pathlib import Path
 from msgspec import Struct
 
 from simmer_tui import platform_has
-from simmer_tui.version import requirement
 
 _NAMES = ("g++", "clang++", "c++")
 """Compilers of the system, the first one that is there is used."""
 NO_COMPILER = (
     "no C++ compiler was found. Install g++ (Debian: apt install g++; macOS: xcode-select --install), "
-    f"or: pip install '{requirement('sketch')}'"
+    "or: pip install ziglang"
 )
 # A first run of ziglang fills its cache for 150 s; a compiler that hangs must end.
 COMPILE_LIMIT = 600.0

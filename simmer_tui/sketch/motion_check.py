@@ -72,6 +72,31 @@ def _of_one(twist: Twist) -> str:
     return f"turns the robot {'left' if twist.r > 0 else 'right'}"
 
 
+def levels_of_functions(facts: SketchFacts) -> Iterator[tuple[str, str, Mapping[int, float]]]:
+    """Functions that set pins to levels that are known: name, place of the first write, and levels by pin."""
+    steps: dict[str, list[SketchStep]] = {}
+    for step in facts.deep_steps():
+        if step is not None and step.root not in ("setup", "loop", ""):
+            steps.setdefault(step.root, []).append(step)
+    for function, found in steps.items():
+        levels = _set_levels(found)
+        if levels is not None:
+            yield function, found[0].spot, levels
+
+
+def forward_levels(facts: SketchFacts) -> Mapping[int, float]:
+    """The levels that the sketch's own function for driving ahead sets, by its name; none without one."""
+    for function, _, levels in levels_of_functions(facts):
+        if _promised(function) == {_AHEAD}:
+            return levels
+    return {}
+
+
+def _promised(function: str) -> set[str]:
+    """The motions that a function's name promises."""
+    return {motion for pattern, motion in _NAMED if pattern.search(function)}
+
+
 def sketch_motions(
     wiring: Wiring, wheels: WheelsSpec, facts: SketchFacts, board: str
 ) -> Iterator[SketchMotion]:
@@ -80,13 +105,8 @@ def sketch_motions(
     if not motors or any(motor.board != board for motor in motors):
         return
     kinematics = WheelKinematics.of(wheels)
-    steps: dict[str, list[SketchStep]] = {}
-    for step in facts.deep_steps():
-        if step is not None and step.root not in ("setup", "loop", ""):
-            steps.setdefault(step.root, []).append(step)
-    for function, found in steps.items():
-        levels = _set_levels(found)
-        if levels is None or not all(_is_set(motor, levels) for motor in motors):
+    for function, spot, levels in levels_of_functions(facts):
+        if not all(_is_set(motor, levels) for motor in motors):
             continue
         speeds = [0.0] * len(kinematics.wheels)
         backward = []
@@ -96,7 +116,7 @@ def sketch_motions(
             backward += [motor.label] if speed < 0 else []
         motion = _motion(kinematics, speeds)
         if motion:
-            yield SketchMotion(function, found[0].spot, motion, tuple(backward))
+            yield SketchMotion(function, spot, motion, tuple(backward))
 
 
 def wrong_motions(
@@ -107,7 +127,7 @@ def wrong_motions(
         return
     for board, found in facts.items():
         for each in sketch_motions(wiring, wheels, found, board):
-            promised = {motion for pattern, motion in _NAMED if pattern.search(each.function)}
+            promised = _promised(each.function)
             if len(promised) == 1 and each.motion not in promised:
                 turned = " and ".join(each.backward)
                 which = (

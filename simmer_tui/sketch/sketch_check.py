@@ -44,7 +44,7 @@ def sketch_problems(
     wiring: Wiring, facts: Mapping[str, SketchFacts], wheels: WheelsSpec | None
 ) -> list[Problem]:
     """The problems of a wiring with its sketches, by their facts, and with the robot's wheels."""
-    problems: list[Problem] = []
+    problems: list[Problem] = list(_too_fast(wiring, wheels))
     for name, found in facts.items():
         board = wiring.boards[name]
         uses = [use for use in wiring.pin_uses() if use.board == name]
@@ -60,6 +60,15 @@ def sketch_problems(
     problems += _lines(wiring, facts)
     problems += wrong_motions(wiring, wheels, facts)
     return problems
+
+
+def _too_fast(wiring: Wiring, wheels: WheelsSpec | None) -> Iterator[Problem]:
+    """Motors that are faster than the set's wheels may turn."""
+    for motor in wiring.motors:
+        if wheels is not None and motor.top_speed > wheels.top_speed:
+            what = f"{motor.top_speed:g} in/s is more than top_speed of [wheels] in settings.toml"
+            remedy = "the wheel turns no faster; give both the same"
+            yield Problem(motor.place_of("top_speed"), f"{what}, {wheels.top_speed:g}: {remedy}")
 
 
 # -- pins ------------------------------------------------------------------------------------------

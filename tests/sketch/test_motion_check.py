@@ -96,7 +96,7 @@ def test_check_runs_the_boards_and_reads_each_part(
         ("pulse_in", "sensors[3] i1: 0 at the start, analogRead gives 850"),
         (
             "millis_states",
-            'The boards ran for 1 s without a program: sent 29 bytes to the laptop, first "ready"',
+            'The boards ran for 1 s without a program: sent 15 bytes to the laptop, first "ready"',
         ),
         ("two_boards", "sent nothing to the laptop; the robot stands where it was"),
     ):

@@ -34,7 +34,7 @@ en = 5
 in1 = 6
 in2 = 7
 wheel = "left"
-top_speed = 20
+top_speed = 12
 [[motors]]
 board = "rover"
 driver = "hbridge"
@@ -42,7 +42,7 @@ en = 9
 in1 = 8
 in2 = 10
 wheel = "right"
-top_speed = 20
+top_speed = 12
 [[sensors]]
 board = "rover"
 part = "encoder"
@@ -198,6 +198,11 @@ def test_a_wiring_that_fits_its_sketches_has_no_problem(tmp_path: Path, parts: W
             "laptop: the sketch has no serial port with rx A2 and tx A3; it has Serial with rx 0 and tx 1, ",
         ),
         ("en = 9\n", "en = 12\n", "the sketch never writes pin 12"),
+        (
+            "top_speed = 12",
+            "top_speed = 20",
+            "wiring.toml:19:motors.1.top_speed: 20 in/s is more than top_speed of [wheels] in settings",
+        ),
     ],
 )
 def test_a_mistake_is_told_in_a_line(

@@ -27,7 +27,7 @@ def drafted(folder: Path, *texts: str) -> dict[str, Any]:
     problems: list[Problem] = []
     read_wiring(made, WiringParts((), WheelsSpec(layout=WheelLayout.DIFF)), problems)
     assert [str(each) for each in problems if "no row of sensors.csv has" not in each.what] == []
-    assert made.count("wheel =") == made.count("# ? which wheel") + made.count('wheel = "left"  # ? which\n')
+    assert made.count("wheel =") == made.count("# ? which wheel") + made.count('"  # ? which\n')
     return tomllib.loads(made)
 
 
@@ -67,6 +67,12 @@ MOTORS = {
         "void f() { analogWrite(5, 9); analogWrite(6, 0); analogWrite(9, 9); analogWrite(10, 0); }",
         [("pwm2", 5, 6), ("pwm2", 9, 10)],
     ),
+    "directions and duties apart": (
+        "void ahead() { digitalWrite(2, 1); digitalWrite(4, 0); digitalWrite(7, 1); digitalWrite(8, 0); }\n"
+        "void halt() { digitalWrite(2, 0); digitalWrite(4, 0); digitalWrite(7, 0); digitalWrite(8, 0); }\n"
+        "void balance() { analogWrite(5, right); analogWrite(6, left); }",
+        [("hbridge", 2, 4, 5), ("hbridge", 7, 8, 6)],
+    ),
     "a lamp between": (
         "const int led = 13; void f() { digitalWrite(led, 1); digitalWrite(2, 1); digitalWrite(4, 0);"
         " analogWrite(5, 90); }",
@@ -79,6 +85,22 @@ MOTORS = {
 def test_motors_are_read_off_the_order_of_writes(tmp_path: Path, form: str) -> None:
     text, expected = MOTORS[form]
     assert [pins(row) for row in drafted(tmp_path, text)["motors"]] == expected
+
+
+def test_the_order_of_inputs_is_the_one_that_drives_ahead(tmp_path: Path) -> None:
+    text = (
+        "void goForward() { digitalWrite(2, LOW); digitalWrite(4, HIGH); analogWrite(5, 90);"
+        " digitalWrite(7, HIGH); digitalWrite(8, LOW); analogWrite(6, 90); }"
+    )
+    assert [pins(row) for row in drafted(tmp_path, text)["motors"]] == [
+        ("hbridge", 4, 2, 5),
+        ("hbridge", 7, 8, 6),
+    ]
+    shield = (
+        "void forward() { digitalWrite(4, LOW); analogWrite(5, 9);"
+        " digitalWrite(7, HIGH); analogWrite(6, 9); }"
+    )
+    assert [row.get("reversed", False) for row in drafted(tmp_path, shield)["motors"]] == [True, False]
 
 
 SENSORS = {
@@ -121,6 +143,13 @@ def test_boards_their_lines_and_a_gripper_are_read(tmp_path: Path) -> None:
     assert {"from": "sketch1.A0", "to": "sketch2.A4"} in found["wires"]
     assert drafted(tmp_path, servo)["servos"][0]["pin"] == 3
     assert drafted(tmp_path, "void setup() { Serial1.begin(9600); }")["boards"]["sketch1"]["board"] == "mega"
+
+
+def test_a_library_that_is_not_there_yet_is_noted(tmp_path: Path) -> None:
+    (tmp_path / "s.ino").write_text("#include <Wire.h>\n#include <Servo.h>\n", "utf-8")
+    made = draft([tmp_path / "s.ino"], tmp_path, [], [])
+    assert "# s.ino:1 has Wire.h, which is not there yet" in made
+    assert "Servo.h" not in made
 
 
 def test_init_writes_a_draft_beside_a_set_and_with_a_new_one(
