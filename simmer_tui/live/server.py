@@ -711,6 +711,7 @@ class Server:
         self._backend.use(boards)
         if self.clock is not None:
             self.clock.boards = boards.run_clock_to
+            self.clock.when_real = lambda: self._tick(TICK)
         else:
             self._tick(TICK)
 

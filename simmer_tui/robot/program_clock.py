@@ -82,6 +82,8 @@ class ProgramClock:
         self.boards: Callable[[float], float] | None = None
         """Lets the team's boards run to a time of this clock. Returns the time that they have reached, which
         is earlier if they have sent something to the program."""
+        self.when_real: Callable[[], None] = lambda: None
+        """Called when the real clock comes into force."""
         self._sent = 0
         self._waits = 0
         self._processes: dict[ProgramWait, None] = {}
@@ -138,6 +140,7 @@ class ProgramClock:
         """Use the real clock from now on."""
         if self._real_since is None:
             self._real_since = time.monotonic() - self.now
+            self.when_real()
 
     def time(self) -> float:
         """The time now."""

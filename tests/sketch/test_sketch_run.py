@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from simmer_tui.cli.main import main
 from simmer_tui.sketch.compiler import find_compiler
 from tests.sketch.test_lockstep import MOTORS, ROVER, STOPPABLE, made_set
 
@@ -77,13 +78,17 @@ def test_a_program_and_its_board_run_twice_the_same(tmp_path: Path) -> None:
     assert next(each.get("cmd") for each in first if each["kind"] == "answer") == "ww-12;0"
     header = json.loads((tmp_path / "first.jsonl").read_text("utf-8").split("\n", 1)[0])
     assert header["sketches"]["rover"].startswith("rover.ino ")
-    again = subprocess.run(
-        [sys.executable, "-m", "simmer_tui", "rerun", str(tmp_path / "first.jsonl")],
-        capture_output=True,
-        text=True,
-        check=False,
+    log = str(tmp_path / "first.jsonl")
+    assert main(["rerun", log, "--sketch", str(folder)]) == 0
+    assert main(["rerun", log]) == 0
+    # Another sketch is not that of the run; another byte of the laptop makes another run.
+    changed = tmp_path / "changed.jsonl"
+    changed.write_text(
+        (tmp_path / "first.jsonl").read_text("utf-8").replace('"data":"?"', '"data":"x"'), "utf-8"
     )
-    assert again.returncode == 0, again.stdout + again.stderr
+    assert main(["rerun", str(changed), "--sketch", str(folder)]) == 1
+    (folder / "rover.ino").write_text(STOPPABLE, "utf-8")
+    assert main(["rerun", log, "--sketch", str(folder)]) == 2
 
 
 def test_a_board_that_dies_fails_the_mission(tmp_path: Path) -> None:
