@@ -45,9 +45,8 @@ class BoardRerun(Closing):
             here = logged_sketches(sketches)
             changed = [name for name, sketch in header.sketches.items() if here.get(name) != sketch]
             if changed:
-                raise RunLogError(
-                    f"{self._shown}: the sketch of {cut(', '.join(changed))} in {folder} is another than the run's"
-                )
+                names = cut(", ".join(changed))
+                raise RunLogError(f"{self._shown}: the sketch of {names} in {folder} is not that of the run")
             simulator = Simulator(with_boards(configuration, wiring).simulation, header.seed)
             simulator.noise = header.noise
             set_up_simulator(simulator, header)

@@ -360,10 +360,10 @@ class SketchRobot(LockstepWorld):
         self.lockstep.put(board, BoardEvent(fall, EDGE, sonar.echo, 0))
 
     def lost(self, board: Board, record: BoardRecord) -> None:
-        """Tell the first of each kind that is lost at a pin; all are counted."""
+        """Tell the first of each kind that is lost at a pin, the tenth, the hundredth ..."""
         key = (board.name, record.kind, record.pin)
         count = self._lost[key] = self._lost.get(key, 0) + 1
-        if count > 1:
+        if str(count).strip("0") != "1":
             return
         kind = self._set.wiring.boards[board.name].kind
         line = board.process.line_of(record.value & 0xFFFFFFFF)
@@ -373,7 +373,8 @@ class SketchRobot(LockstepWorld):
             text = f"an edge at pin {pin} was lost{where}: interrupts were off since the one before"
         else:
             text = f"a byte at pin {pin} was lost{where}: the queue was full, or interrupts were off"
-        self.engine.tell(Notice(NoticeKind.ROBOT, f"board {board.name}: {text}"))
+        more = f"; {count} so far" if count > 1 else ""
+        self.engine.tell(Notice(NoticeKind.ROBOT, f"board {board.name}: {text}{more}"))
 
     # -- the line to the laptop ------------------------------------------------------------------------
 

@@ -8,10 +8,6 @@
 #ifdef _WIN32
 #include <fcntl.h>
 #include <io.h>
-#define dup _dup
-#define dup2 _dup2
-#define read _read
-#define write _write
 #else
 #include <unistd.h>
 #endif
@@ -22,6 +18,19 @@
 namespace board {
 
 namespace {
+// The system's calls, which have other names on Windows.
+#ifdef _WIN32
+int duplicate(int file) { return _dup(file); }
+void replace_file(int file, int by) { _dup2(by, file); }
+long read_file(int file, void* data, size_t size) { return _read(file, data, static_cast<unsigned>(size)); }
+long write_file(int file, const void* data, size_t size) { return _write(file, data, static_cast<unsigned>(size)); }
+#else
+int duplicate(int file) { return dup(file); }
+void replace_file(int file, int by) { dup2(by, file); }
+long read_file(int file, void* data, size_t size) { return ::read(file, data, size); }
+long write_file(int file, const void* data, size_t size) { return ::write(file, data, size); }
+#endif
+
 struct Request {
   uint64_t now;
   uint8_t reason, query;
@@ -45,8 +54,8 @@ size_t next = 0;
 
 void receive(void* data, size_t size) {
   for (char* at = static_cast<char*>(data); size > 0;) {
-    const auto got = ::read(channel_in, at, static_cast<unsigned>(size));
-    if (got <= 0) _exit(0);  // the simulator has ended the run
+    const long got = read_file(channel_in, at, size);
+    if (got <= 0) std::_Exit(0);  // the simulator has ended the run
     at += got;
     size -= static_cast<size_t>(got);
   }
@@ -54,8 +63,8 @@ void receive(void* data, size_t size) {
 
 void send(const void* data, size_t size) {
   for (const char* at = static_cast<const char*>(data); size > 0;) {
-    const auto sent = ::write(channel_out, at, static_cast<unsigned>(size));
-    if (sent <= 0) _exit(0);
+    const long sent = write_file(channel_out, at, size);
+    if (sent <= 0) std::_Exit(0);
     at += sent;
     size -= static_cast<size_t>(sent);
   }
@@ -69,9 +78,9 @@ uint32_t grant_flags = 0;
 
 void open_channel() {
   // What the sketch prints with printf() must not come between the records.
-  channel_in = dup(0);
-  channel_out = dup(1);
-  dup2(2, 1);
+  channel_in = duplicate(0);
+  channel_out = duplicate(1);
+  replace_file(1, 2);
 #ifdef _WIN32
   _setmode(channel_in, _O_BINARY);
   _setmode(channel_out, _O_BINARY);
