@@ -783,6 +783,10 @@ class Engine:
         """Do a command of a board at the simulator's time, and tell its result. A movement that it begins is
         ended by `end_movement`."""
         result = self._begin(command, session)
+        reading = result.reading
+        if reading is not None and reading.took:
+            # The board's own calls have taken their time.
+            result = replace(result, reading=replace(reading, took=0.0))
         self.tell(result)
         return result
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import deque
 from pathlib import Path
 
 from msgspec.structs import replace
@@ -13,7 +14,7 @@ from simmer_tui.robot.engine import Engine
 from simmer_tui.run.events import ActionDone, CommandResult, Event, Notice, NoticeKind, WireMessage
 from simmer_tui.runlog.closing import Closing
 from simmer_tui.runlog.header import rebuild
-from simmer_tui.runlog.log_records import BrokenLine
+from simmer_tui.runlog.log_records import BrokenLine, NoticeRecord
 from simmer_tui.runlog.reader import LogReader
 from simmer_tui.runlog.rerun import set_up_simulator
 from simmer_tui.sim.command import cut
@@ -59,6 +60,13 @@ class BoardRerun(Closing):
         self._engine.watch(self._take)
         self._robot = SketchRobot(sketches, self._engine)
         self._baud = self._free = 0
+        with LogReader(path) as again:
+            self._connected = deque(
+                record.t
+                for _, record in again.lines()
+                if isinstance(record, NoticeRecord) and record.about is NoticeKind.CONNECTED
+            )
+        """The times at which programs have opened the port: a notice itself has none."""
 
     def close(self) -> None:
         """End the boards, and close the log."""
@@ -106,6 +114,8 @@ class BoardRerun(Closing):
         if isinstance(event, Notice) and event.kind is NoticeKind.CONNECTED:
             found = re.search(r" at (\d+) baud", event.text)
             self._baud = int(found[1]) if found else 0
+            self._run_to(self._connected.popleft())
+            self._robot.reset_by_usb()
         elif isinstance(event, ActionDone):
             self._run_to(event.time)
             self._engine.perform(event.action)

@@ -111,6 +111,8 @@ class BoardLink:
         if baud is not None:
             self.set_baud(endpoint, baud)
             rate = f" at {baud:g} baud"
+        self.engine.now()
+        self._robot.reset_by_usb()
         text = f"a program opened {cut(name, WORD)}{rate}"
         self.engine.tell(Notice(NoticeKind.CONNECTED, text, endpoint.peer))
         endpoint.answer("")

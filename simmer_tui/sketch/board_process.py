@@ -213,10 +213,14 @@ class Watchdog:
     """A thread that ends boards which are silent for too long."""
 
     def __init__(self, boards: Sequence[BoardProcess]) -> None:
-        self._boards = boards
+        self._boards = list(boards)
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._run, name="boards", daemon=True)
         self._thread.start()
+
+    def replace(self, board: BoardProcess, by: BoardProcess) -> None:
+        """Look at another process in the place of one."""
+        self._boards[self._boards.index(board)] = by
 
     def close(self) -> None:
         """End the thread."""
@@ -226,5 +230,5 @@ class Watchdog:
     def _run(self) -> None:
         while not self._over.wait(SILENT / 10):
             now = time.monotonic()
-            for each in self._boards:
+            for each in tuple(self._boards):
                 each.look(now)

@@ -170,6 +170,14 @@ class Lockstep:
         self._world.settle()
         return reached
 
+    def reset(self, board: Board) -> None:
+        """A board begins again at its clock, in another process."""
+        board.records.clear()
+        board.pins.clear()
+        board.baud.clear()
+        board.granted, board.waits = board.process.now, False
+        self._receive(board)
+
     def put(self, board: Board, event: BoardEvent) -> None:
         """Have an event reach a board, at its clock or later."""
         insort(board.events, event)

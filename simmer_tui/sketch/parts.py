@@ -111,9 +111,10 @@ class EncoderState:
                 yield from self._levels(time, k + after)
             k += step
 
-    def levels_at_start(self) -> Iterator[BoardEvent]:
-        """The levels at time 0."""
-        yield from self._levels(0, 0)
+    def levels_at(self, time: int) -> Iterator[BoardEvent]:
+        """The levels at a time."""
+        state = math.floor(self._counted + self._rate * ((time - self._since) / _SECOND))
+        yield from self._levels(time, state)
 
     def _levels(self, time: int, state: int) -> Iterator[BoardEvent]:
         """Both channels in a state: A leads where the wheel rolls forward."""

@@ -51,6 +51,8 @@ from simmer_tui.sketch.wiring import (
 )
 
 _LED = 13
+_USB_PINS = (0, 1)
+"""The pins of the port that is at the USB line too."""
 _TYPED = "binary"
 """The dialect of typed commands."""
 # Two byte times of silence: a sketch that prints without line ends pauses for much longer.
@@ -91,11 +93,7 @@ def compile_set(wiring: Wiring, directory: Path) -> SketchSet:
 
 
 def with_boards(configuration: Configuration, wiring: Wiring) -> Configuration:
-    """The configuration of a run with boards: motion is timed, and a part's reading takes the time that its
-    sketch takes."""
-    codes = {each.code for each in wiring.sensors if not isinstance(each, WiredEncoder)}
-    spec = configuration.simulation
-    sensors = tuple(replace(each, read_time=0.0) if each.code in codes else each for each in spec.sensors)
+    """The configuration of a run with boards: motion is timed, and a velocity lasts as the pins do."""
     listeners = tuple(each for each in configuration.settings.server.listeners if each != TEAM)
     made = configuration.with_settings(
         {
@@ -105,7 +103,7 @@ def with_boards(configuration: Configuration, wiring: Wiring) -> Configuration:
             "server.listeners": listeners or (_TYPED,),
         }
     )
-    return replace(made, simulation=replace(spec, sensors=sensors, velocity_timeout=0.0))
+    return replace(made, simulation=replace(configuration.simulation, velocity_timeout=0.0))
 
 
 class SentMessages:
@@ -189,6 +187,7 @@ class SketchRobot(LockstepWorld):
         """Each board's clock and time in delay() at the last look, and its busy share until then."""
         self.last_line = ""
         self._sonar_until: dict[str, int] = {}
+        self._options: dict[str, list[str]] = {}
         self._gripper_closed: bool | None = None
         boards = {name: self._board(name) for name in self._set.wiring.boards}
         for wire in self._set.wiring.wires:
@@ -213,17 +212,44 @@ class SketchRobot(LockstepWorld):
         for option, pins in (("--drives", driving), ("--triggers", triggers), ("--asked", asked)):
             if pins:
                 options += [option, ",".join(map(str, sorted(pins)))]
+        self._options[name] = options
         process = BoardProcess(name, self._set.built[name].program, options)
         board = Board(name, process, BITS_OF_A_BYTE * SECOND // self._set.bauds[name])
         board.driving = frozenset(driving)
         board.encoders = [self._encoders[each.label] for each in sensors if isinstance(each, WiredEncoder)]
-        for encoder in board.encoders:
-            board.events += encoder.levels_at_start()
-        for each in sensors:
-            if isinstance(each, WiredSonar):
-                board.events.append(BoardEvent(0, EDGE, each.echo, 0))
-        board.events.sort()
+        self._set_levels(board)
         return board
+
+    def _set_levels(self, board: Board) -> None:
+        """The levels at a board's inputs as it begins."""
+        now = board.now
+        for encoder in board.encoders:
+            board.events += encoder.levels_at(now)
+        for each in self._set.wiring.sensors:
+            if isinstance(each, WiredSonar) and each.board == board.name:
+                board.events.append(BoardEvent(now, EDGE, each.echo, 0))
+        board.events.sort()
+
+    def reset_by_usb(self) -> None:
+        """The laptop's program has opened the port: on a USB line that resets the board."""
+        line = self._set.wiring.laptop
+        if line is None or (line.rx, line.tx) != _USB_PINS or self.failed:
+            return
+        board = self.boards[line.board]
+        now = board.now
+        # A board that has not begun needs no reset.
+        if not now:
+            return
+        board.process.close()
+        options = [*self._options[board.name], "--boot", str(now)]
+        process = BoardProcess(board.name, self._set.built[board.name].program, options)
+        self._watchdog.replace(board.process, process)
+        process.now = now
+        board.process = process
+        board.events.clear()
+        self._set_levels(board)
+        self.lockstep.reset(board)
+        self.changed(board, board.driving)
 
     def close(self) -> None:
         """End the boards."""

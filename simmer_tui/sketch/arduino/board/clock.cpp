@@ -6,6 +6,7 @@
 namespace board {
 
 Nanoseconds now = 0;
+Nanoseconds boot = 0;
 Nanoseconds waited = 0;
 Nanoseconds next_stop = NEVER;  // before main() nothing is due: constructors of globals take no time
 

@@ -32,6 +32,7 @@ constexpr Nanoseconds EEPROM_READ = 1000, EEPROM_WRITE = 3300000;
 }  // namespace cost
 
 extern Nanoseconds now;
+extern Nanoseconds boot;       // the time of the last reset: millis() counts from there
 extern Nanoseconds waited;     // time spent in delay()
 extern Nanoseconds next_stop;  // the earliest time at which something is due
 

@@ -6,12 +6,12 @@ using namespace board;
 
 unsigned int millis() {
   pass(cost::MILLIS);
-  return static_cast<unsigned int>(now / MILLISECOND);
+  return static_cast<unsigned int>((now - boot) / MILLISECOND);
 }
 
 unsigned int micros() {
   pass(cost::MICROS);
-  return static_cast<unsigned int>(now / (4 * MICROSECOND) * 4);  // timer 0 counts every 4 us
+  return static_cast<unsigned int>((now - boot) / (4 * MICROSECOND) * 4);  // timer 0 counts every 4 us
 }
 
 void delay(unsigned int milliseconds) {
