@@ -179,7 +179,7 @@ class Lockstep:
         self._receive(board)
 
     def put(self, board: Board, event: BoardEvent) -> None:
-        """Have an event reach a board, at its clock or later."""
+        """Add an event that reaches a board, at its clock or later."""
         insort(board.events, event)
 
     def _step(self, until: int) -> None:

@@ -62,7 +62,7 @@ class RobotWorld:
         return math.ceil(self._due * SECOND) if self._due < math.inf else 1 << 62
 
     def look_again(self) -> None:
-        """Take note that a person has changed something."""
+        """Plan again after a person has changed something."""
         self._plan()
         self._note_leg(self.time)
 

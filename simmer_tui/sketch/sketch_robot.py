@@ -411,7 +411,7 @@ class SketchRobot(LockstepWorld):
         return 0 if line is None else self.boards[line.board].baud.get(line.tx, 0)
 
     def receive(self, time: int, value: int, baud: int) -> None:
-        """Have a byte of the laptop arrive at its board."""
+        """Add a byte of the laptop that arrives at its board."""
         line = self._set.wiring.laptop
         assert line is not None, "only a wiring with a line to the laptop has its link"
         board = self.boards[line.board]
