@@ -19,7 +19,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from simmer_tui.config import load_default
-from simmer_tui.sim import Arc, Maze, Pose, RobotSpec, Simulator, Twist
+from simmer_tui.sim import Arc, Maze, Pose, RangeSpec, RobotSpec, Simulator, Twist
 from simmer_tui.sim.arc_contact import first_arc_contact
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.obstacles import Obstacles
@@ -84,7 +84,8 @@ def main() -> int:
     count, programs, times = (60, 3, 2) if options.quick else (400, 25, 5)
     walls = Obstacles.of_maze(Maze(SPEC.maze).walls)
     simulator = Simulator(SPEC, seed=1)
-    rays = sum(simulator.sensor(code).rays for code in simulator.ranging_codes())
+    sensors = map(simulator.sensor, simulator.ranging_codes())
+    rays = sum(sensor.rays for sensor in sensors if isinstance(sensor, RangeSpec))
     origins, bearings = np.full((rays, 2), (9.5, 42.0)), np.linspace(0.0, 360.0, rays)
     casting = best_of(lambda: [simulator.cast_rays(origins, bearings) for _ in range(count)], times)
     figures: dict[str, float] = {}

@@ -7,6 +7,9 @@ second port, read, close. They are measured in turn, and the median of the ratio
 printed. Goal: 0.6. A third server accepts all users of the machine, as with `--any-user`. The look-up of the
 connecting user may cost programs 5 %. Students' programs wait at least 40 ms between request and reply; the
 cost for a client that never waits is printed too.
+
+Then a program opens 500 silent connections at once, of which 128 are kept, and sends requests right after.
+The mean of 20 trips may be 3 times that of 20 before. The median of several repeats is printed.
 """
 
 from __future__ import annotations
@@ -27,6 +30,7 @@ from pathlib import Path
 REQUEST = b"[u0]"
 GOAL = 0.6
 OWNER_GOAL = 1.05
+CROWD, TRIPS, CROWD_GOAL = 500, 20, 3.0
 WAIT = 0.04
 """Seconds that the fastest of students' programs waits between request and reply."""
 
@@ -175,6 +179,35 @@ def measure(repeats: int, count: int) -> dict[str, float]:
     }
 
 
+def trips(ports: tuple[int, int]) -> list[float]:
+    """Milliseconds of `TRIPS` requests with their replies."""
+    times = []
+    for _ in range(TRIPS):
+        begun = time.perf_counter()
+        exchange(ports)
+        times.append(1000 * (time.perf_counter() - begun))
+    return times
+
+
+def beside_crowd(repeats: int) -> dict[str, float]:
+    """Medians over the repeats: means of `TRIPS` before `CROWD` connections at once and right after, their
+    ratio, and the first trip after."""
+    found: dict[str, list[float]] = {"idle ms": [], "crowd ms": [], "crowd first ms": [], "crowd ratio": []}
+    for _ in range(repeats):
+        with served("simulator") as ports, contextlib.ExitStack() as stack:
+            rate(ports, 100)
+            idle = statistics.mean(trips(ports))
+            for _ in range(CROWD):
+                sock = stack.enter_context(socket.socket())
+                sock.setblocking(False)
+                sock.connect_ex(("127.0.0.1", ports[0]))
+            after = trips(ports)
+        mean = statistics.mean(after)
+        for name, figure in zip(found, (idle, mean, after[0], mean / idle), strict=True):
+            found[name].append(figure)
+    return {name: statistics.median(each) for name, each in found.items()}
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--quick", action="store_true", help="fewer repeats")
@@ -187,6 +220,7 @@ def main() -> None:
         serve_simulator(any_user=options.serve == "any user")
     else:
         figures = measure(*((5, 500) if options.quick else (45, 600)))
+        figures |= beside_crowd(3 if options.quick else 15)
         print(
             f"requests through a connection per message: {figures['simulator']:,.0f}/s, bare server "
             f"{figures['bare']:,.0f}/s, ratio {figures['ratio']:.2f} (goal {GOAL}); reads a request "
@@ -196,6 +230,11 @@ def main() -> None:
             f"without asking who connects: {figures['owner check']:.3f} times as many by programs that wait "
             f"{1000 * WAIT:.0f} ms (goal {OWNER_GOAL}), {figures['owner check without a wait']:.3f} times by "
             f"one that never does ({figures['owner check, us a connection']:.1f} us a connection)"
+        )
+        print(
+            f"a trip after {CROWD} connections at once: {figures['crowd ms']:.2f} ms, idle "
+            f"{figures['idle ms']:.2f} ms (means of {TRIPS}), ratio {figures['crowd ratio']:.1f} (goal "
+            f"{CROWD_GOAL:g}); the first one {figures['crowd first ms']:.1f} ms"
         )
         if options.json is not None:
             options.json.write_text(json.dumps(figures, indent=1) + "\n")

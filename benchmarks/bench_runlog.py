@@ -215,10 +215,10 @@ def open_long_log(path: Path) -> dict[str, float]:
     for _ in range(50):
         elapsed = chance.uniform(0, log.duration)
         begin = time.perf_counter()
-        playback.state_at_time(elapsed)
+        playback.state_at(log.find_time(elapsed), elapsed)
         seeks.append(time.perf_counter() - begin)
         begin = time.perf_counter()
-        playback.state_at_time(elapsed + 0.1)
+        playback.state_at(log.find_time(elapsed + 0.1), elapsed + 0.1)
         frames.append(time.perf_counter() - begin)
     begin = time.perf_counter()
     log.find_next(0, EntryFlag.FAULTY)

@@ -1,6 +1,6 @@
 """A soak: commands by the million while a program on each other port misbehaves at once.
 
-    python benchmarks/bench_soak.py [--commands N | --quick] [--json FILE]
+    python benchmarks/bench_soak.py [--six] [--commands N | --quick] [--json FILE]
 
 The simulator runs headless in a process of its own. One client asks `u1` on the command port, N times: a
 tenth of them alone, then with the others: endless beliefs, `xx` and garbage, half requests, connections that
@@ -8,14 +8,23 @@ close one side and read nothing, and many connections that are opened and reset.
 round trip alone and in the soak (median, p99, longest), the simulator's memory at a tenth and at the end, and
 the time to end after SIGTERM. Goals: p99 below 20 ms, memory flat within a tenth, the end within 2 s. POSIX
 only.
+
+With `--six` the others are one of each of these: it opens silent connections in a loop, sends blank lines,
+sends half packets, never reads its replies, connects and leaves, or drives from the page. Then the client
+asks different sensors, and each reply must be nearest to the usual one of its sensor. Descriptors must be
+flat too. A hundred stops are sent at the end: each is to be answered within 100 ms.
 """
 
 from __future__ import annotations
 
 import argparse
+import base64
 import contextlib
+import itertools
 import json
+import math
 import multiprocessing
+import os
 import re
 import signal
 import socket
@@ -28,7 +37,9 @@ from multiprocessing.synchronize import Barrier
 from pathlib import Path
 from typing import Any
 
-GOAL_P99, GOAL_GROWTH, GOAL_END = 0.020, 1.10, 2.0
+GOAL_P99, GOAL_GROWTH, GOAL_END, GOAL_STOP = 0.020, 1.10, 2.0, 0.1
+SENSORS = (b"u1\n", b"u2\n", b"u3\n", b"u4\n", b"u5\n")
+STOPS = 100
 BELIEF = b'{"x":1,"y":2,"heading":3}\n'
 CLOUD = b'{"x":1,"y":2,"heading":3,"particles":[' + b"[1,2]," * 20_000 + b"[1,2]]}\n"
 FLOODS = {
@@ -70,6 +81,76 @@ def come_and_go(port: int, begun: Barrier) -> None:
         time.sleep(0.005)
 
 
+def keep_silent(port: int, begun: Barrier) -> None:
+    """Open connections in a loop and send nothing; 300 are open at once."""
+    begun.wait()
+    kept: list[socket.socket] = []
+    while True:
+        with contextlib.suppress(OSError):
+            kept.append(socket.create_connection(("127.0.0.1", port)))
+        if len(kept) > 300:
+            kept.pop(0).close()
+
+
+def send_blank_lines(port: int, begun: Barrier) -> None:
+    misbehave(port, b"\n" * 30_000, begun)
+
+
+def send_halves(port: int, begun: Barrier) -> None:
+    """Send half a packet and leave a moment later."""
+    begun.wait()
+    while True:
+        with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port)) as sock:
+            sock.sendall(b"[u1,u")
+            time.sleep(0.01)
+
+
+def never_read(port: int, begun: Barrier) -> None:
+    misbehave(port, b"[u1]" * 1000, begun)
+
+
+def reconnect(port: int, begun: Barrier) -> None:
+    """Connect and leave at once."""
+    begun.wait()
+    while True:
+        with contextlib.suppress(OSError):
+            socket.create_connection(("127.0.0.1", port)).close()
+
+
+def drive_page(port: int, begun: Barrier) -> None:
+    """Send lines of the console from a page that drives, and read what the page shows."""
+    key = base64.b64encode(os.urandom(16)).decode()
+    data = b'{"line":"d1-0"}'
+    frame = bytes((0x81, 0x80 | len(data), 0, 0, 0, 0)) + data
+    begun.wait()
+    while True:
+        with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port)) as sock:
+            sock.sendall(
+                f"GET /live HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nOrigin: http://127.0.0.1:{port}\r\n"
+                f"Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Key: {key}\r\n"
+                "Sec-WebSocket-Version: 13\r\n\r\n".encode()
+            )
+            sock.sendall(b"\x81\x82\0\0\0\0{}")
+            while sock.recv(1 << 18):
+                sock.sendall(frame * 100)
+
+
+SIX = {
+    "packets": [keep_silent, send_halves, never_read],
+    "beliefs": [send_blank_lines],
+    "commands": [reconnect],
+    "page": [drive_page],
+}
+
+
+def descriptors(pid: int) -> float:
+    """Count of open descriptors of a process; NaN if the system does not report it."""
+    try:
+        return len(os.listdir(f"/proc/{pid}/fd"))  # noqa: PTH208 - names will do
+    except OSError:
+        return float("nan")
+
+
 def memory(pid: int) -> float:
     """Resident megabytes of a process; NaN if the system does not report it."""
     try:
@@ -79,16 +160,36 @@ def memory(pid: int) -> float:
     return pages * 4096 / 1e6
 
 
-def ask(client: socket.socket, count: int) -> list[float]:
-    """Seconds of so many round trips."""
-    times = []
-    for _ in range(count):
+class Asker:
+    """The client that behaves."""
+
+    def __init__(self, port: int, sensors: tuple[bytes, ...]) -> None:
+        self._socket = socket.create_connection(("127.0.0.1", port), 30)
+        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._sensors = sensors
+        self._usual = [statistics.mean(self.ask(each)[1] for _ in range(20)) for each in sensors]
+        self.wrong = 0
+        """Replies that are not their sensor's."""
+
+    def ask(self, line: bytes) -> tuple[float, float]:
+        """Seconds of a round trip, and its reply."""
         begin = time.perf_counter()
-        client.sendall(b"u1\n")
-        if len(client.recv(8)) != 8:
+        self._socket.sendall(line)
+        data = self._socket.recv(8)
+        if len(data) != 8:
             raise ConnectionError("the simulator has closed the connection")
-        times.append(time.perf_counter() - begin)
-    return times
+        return time.perf_counter() - begin, struct.unpack(">d", data)[0]
+
+    def times(self, count: int) -> list[float]:
+        """Seconds of so many round trips."""
+        found = []
+        for number, line in zip(range(count), itertools.cycle(self._sensors), strict=False):
+            seconds, reading = self.ask(line)
+            # The readings of the bundled set differ by a fifth at least, and err by some hundredths.
+            distances = [abs(math.log(reading / usual)) for usual in self._usual]
+            self.wrong += distances.index(min(distances)) != number % len(self._sensors)
+            found.append(seconds)
+        return found
 
 
 def summary(times: list[float]) -> dict[str, float]:
@@ -98,40 +199,43 @@ def summary(times: list[float]) -> dict[str, float]:
     return {"median": 1e3 * statistics.median(ordered), "p99": 1e3 * p99, "longest": 1e3 * ordered[-1]}
 
 
-def soak(commands: int) -> dict[str, float]:
+def soak(commands: int, *, six: bool = False) -> dict[str, float]:
     """All the figures."""
     options = ["--no-ui", "--port", "0", "--listeners", "binary,packets", "--quiet"]
     process = subprocess.Popen(
-        [sys.executable, "-m", "simmer_tui", *options],
+        [sys.executable, "-m", "simmer_tui", *options, *(("--web", "0", "--web-control") if six else ())],
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         text=True,
     )
     assert process.stdout is not None
-    ports = dict(
-        re.findall(
-            r"(?:, )?(\w[\w ]*?) on port (\d+)", process.stdout.readline().partition("configuration")[2]
-        )
-    )
+    head = process.stdout.readline().partition("configuration")[2]
+    ports = dict(re.findall(r"(?:, )?(\w[\w ]*?) on port (\d+)", head))
+    while six and "page" not in ports:
+        ports |= re.findall(r"(page) to drive: .*?:(\d+)/", process.stdout.readline())
     rude = multiprocessing.get_context("spawn")
     others: list[Any] = []
     try:
-        client = socket.create_connection(("127.0.0.1", int(_port(ports, "commands"))), 30)
-        client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        quiet = summary(ask(client, max(100, commands // 10)))
-        begun = rude.Barrier(1 + sum(1 + len(floods) for floods in FLOODS.values()))
-        for purpose, floods in FLOODS.items():
+        client = Asker(int(_port(ports, "commands")), SENSORS if six else SENSORS[:1])
+        quiet = summary(client.times(max(100, commands // 10)))
+        begun = rude.Barrier(1 + (6 if six else sum(1 + len(floods) for floods in FLOODS.values())))
+        for purpose, floods in (SIX if six else FLOODS).items():
             number = int(_port(ports, purpose))
-            ways: list[Any] = [(misbehave, (number, data, begun)) for data in floods]
-            ways.append((come_and_go, (number, begun)))
+            ways: list[Any] = [
+                (each, (number, begun)) if callable(each) else (misbehave, (number, each, begun))
+                for each in floods
+            ]
+            if not six:
+                ways.append((come_and_go, (number, begun)))
             others += [rude.Process(target=way, args=given, daemon=True) for way, given in ways]
         for each in others:
             each.start()
         begun.wait()  # their start takes more of the processor than their work
-        times = ask(client, max(100, commands // 10))
-        early = memory(process.pid)
-        times += ask(client, max(100, commands - 2 * (commands // 10)))
-        late = memory(process.pid)
+        times = client.times(max(100, commands // 10))
+        early, few = memory(process.pid), descriptors(process.pid)
+        times += client.times(max(100, commands - 2 * (commands // 10)))
+        late, many = memory(process.pid), descriptors(process.pid)
+        stops = summary([client.ask(b"xx\n")[0] for _ in range(STOPS)])
         begin = time.perf_counter()
         process.send_signal(signal.SIGTERM)
         process.wait(60)
@@ -143,6 +247,8 @@ def soak(commands: int) -> dict[str, float]:
         process.communicate()
     figures = {f"quiet {name} ms": value for name, value in quiet.items()}
     figures |= {f"soak {name} ms": value for name, value in summary(times).items()}
+    figures |= {f"stop {name} ms": value for name, value in stops.items()}
+    figures |= {"wrong replies": client.wrong, "descriptors at a tenth": few, "descriptors at the end": many}
     return figures | {"MB at a tenth": early, "MB at the end": late, "end s": end}
 
 
@@ -156,15 +262,19 @@ def main() -> int:
     parser.add_argument("--commands", type=int, default=1_000_000, help="round trips (default: 1000000)")
     parser.add_argument("--json", metavar="FILE", type=Path, help="write the figures to a file too")
     parser.add_argument("--quick", action="store_true", help="2000 round trips")
+    parser.add_argument("--six", action="store_true", help="six others, and replies are checked")
     options = parser.parse_args()
-    figures = soak(2000 if options.quick else options.commands)
+    figures = soak(2000 if options.quick else options.commands, six=options.six)
     for name, value in figures.items():
-        print(f"{name:20} {value:10.2f}")
+        print(f"{name:22} {value:10.2f}")
     missed = [
         name
         for name, good in {
             "p99": figures["soak p99 ms"] < 1e3 * GOAL_P99,
             "memory": not figures["MB at the end"] > GOAL_GROWTH * figures["MB at a tenth"],
+            "descriptors": not figures["descriptors at the end"] > figures["descriptors at a tenth"] + 300,
+            "stop": not options.six or figures["stop longest ms"] <= 1e3 * GOAL_STOP,
+            "replies": not options.six or not figures["wrong replies"],
             "end": figures["end s"] < GOAL_END,
         }.items()
         if not good

@@ -110,8 +110,11 @@ class Counted:
         return subprocess.Popen([sys.executable, "-c", CLIENT, *map(str, told)])
 
     def settle(self) -> None:
-        """Wait until all that was sent has been processed."""
-        self.server.drain()
+        """Wait until all that was sent has been processed: a busy machine may need several drains."""
+        before = -1
+        while (count := self.drives + self.others + self.refused) != before:
+            before = count
+            self.server.drain()
 
 
 @contextmanager

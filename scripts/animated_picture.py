@@ -22,6 +22,7 @@ import tempfile
 import threading
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 
@@ -49,35 +50,59 @@ LINGER = 3.0
 POSTER = 0.45
 """Moment that a viewer without animation shows, as a share of the run."""
 QUADRANTS = " ▘▝▀▖▌▞▛▗▚▐▜▄▙▟█"
+
+
+@dataclass(frozen=True)
+class Still:
+    """A picture of docs/screen.md: size in columns and rows, theme, characters of the maze, the program with
+    its set, its pace, and the moment as a share of the run."""
+
+    size: tuple[int, int]
+    theme: str = "dark"
+    glyphs: GlyphMode = GlyphMode.QUADRANT
+    program: str = "solve.py"
+    set: str = "mission"
+    pace: float = 10.0
+    moment: float = POSTER
+
+
 STILLS = {
-    "small": ((80, 24), "dark", GlyphMode.QUADRANT),
-    "medium": ((120, 36), "dark", GlyphMode.QUADRANT),
-    "large": ((200, 60), "dark", GlyphMode.QUADRANT),
-    "light": ((120, 36), "light", GlyphMode.QUADRANT),
-    "ascii": ((80, 24), "dark", GlyphMode.ASCII),
+    "small": Still((80, 24)),
+    "medium": Still((120, 36)),
+    "large": Still((200, 60)),
+    "light": Still((120, 36), "light"),
+    "ascii": Still((80, 24), glyphs=GlyphMode.ASCII),
+    "wander": Still((120, 36), program="wander.py --steps 60"),
+    # It turns once; then its map shows where it can be.
+    "heat": Still((120, 36), program="course/step4b_histogram.py", set="default", pace=1.0, moment=1.0),
+    "solve": Still((120, 36)),
 }
-"""Pictures of docs/screen.md by name: size in columns and rows, theme, and characters of the maze."""
-STILL_PACE = 10.0
+"""Pictures of docs/screen.md by name."""
 LAST_LOOKS = 20
 """Further pictures after the program has ended, to show the end of the mission."""
 Piece = tuple[int, int, str, str, str, bool]
 """A part of a row: row, column, text, colours of letters and ground, bold."""
 
 
-async def pictures(app: SimmerApp, server: Server, size: tuple[int, int]) -> list[frozenset[Piece]]:
+async def pictures(
+    app: SimmerApp, server: Server, size: tuple[int, int], program: str
+) -> list[frozenset[Piece]]:
     """Pictures of the screen, a few times a second, until the program has ended."""
     over = threading.Event()
     seen: list[frozenset[Piece]] = []
     async with app.run_test(size=size):
-        program = Program(
-            f"{sys.executable} {Path(__file__).with_name('solve.py')}",
+        running = Program(
+            f"{sys.executable} {Path(__file__).parent}/{program}",
             server.environment,
             lambda code: over.set(),
             lambda line: None,
         )
         try:
             while not over.is_set():
-                seen.append(frozenset(pieces(rows_of(app.screen))))
+                shown = frozenset(pieces(rows_of(app.screen)))
+                # A program that loads NumPy connects late.
+                if not any("WAITING" in piece[2] for piece in shown):
+                    seen.append(shown)
                 await asyncio.sleep(1 / A_SECOND)
             # A busy machine shows the end of the mission a while after the program has ended.
             for _ in range(LAST_LOOKS):
@@ -87,7 +112,7 @@ async def pictures(app: SimmerApp, server: Server, size: tuple[int, int]) -> lis
                     break
             seen.append(last)
         finally:
-            program.end()
+            running.end()
     return seen
 
 
@@ -208,31 +233,26 @@ def _box(x: float, y: float, width: float, height: float, fill: str) -> str:
     return f'<rect x="{x:.1f}" y="{y:g}" width="{width + 0.3:.1f}" height="{height + 0.3:g}" fill="{fill}"/>'
 
 
-def draw(
-    theme: str,
-    seed: int,
-    pace: float,
-    size: tuple[int, int],
-    *,
-    glyphs: GlyphMode = GlyphMode.QUADRANT,
-    still: bool = False,
-) -> str:
-    """One run in a theme, as an animated SVG, or a moment of it."""
-    given = {"seed": seed, "server.port": 0, "screen.theme": theme, "screen.fps": 20}
+def draw(look: Still, seed: int, pace: float, *, still: bool = False) -> str:
+    """One run, as an animated SVG, or a moment of it."""
+    given = {"seed": seed, "server.port": 0, "screen.theme": look.theme, "screen.fps": 20}
     overrides = {name: Override(f"--{name}", value) for name, value in given.items()}
-    configuration, plan = plan_run(load(find_set("mission"), overrides))
+    configuration, plan = load(find_set(look.set), overrides), None
+    if configuration.mission is not None:
+        configuration, plan = plan_run(configuration)
     server = Server(configuration, plan=plan)
     server.record(pace)
     server.start()
     try:
         with tempfile.TemporaryDirectory() as folder:
-            choice = TerminalChoice(ColorDepth.TRUECOLOR, glyphs)
+            choice = TerminalChoice(ColorDepth.TRUECOLOR, look.glyphs)
             app = SimmerApp(server, choice, Path(folder) / "history.txt")
-            seen = asyncio.run(pictures(app, server, size))
+            seen = asyncio.run(pictures(app, server, look.size, look.program))
             ground = app.current_theme.background or "#000000"
     finally:
         server.stop()
-    return animation(seen[int(POSTER * len(seen)) :][:1] if still else seen, size, ground)
+    moment = min(int(look.moment * len(seen)), len(seen) - 1)
+    return animation(seen[moment:][:1] if still else seen, look.size, ground)
 
 
 def draw_replay(seed: int, size: tuple[int, int]) -> str:
@@ -261,8 +281,8 @@ def draw_replay(seed: int, size: tuple[int, int]) -> str:
 
 def draw_stills(folder: Path, seed: int) -> None:
     """The pictures of docs/screen.md."""
-    for name, (size, theme, glyphs) in STILLS.items():
-        write(folder / f"{name}.svg", draw(theme, seed, STILL_PACE, size, glyphs=glyphs, still=True))
+    for name, look in STILLS.items():
+        write(folder / f"{name}.svg", draw(look, seed, look.pace, still=True))
     write(folder / "replay.svg", draw_replay(seed, (120, 36)))
 
 
@@ -284,7 +304,7 @@ def main() -> None:
         return
     columns, rows = map(int, options.size.split("x"))
     for theme in ("dark", "light"):
-        text = draw(theme, options.seed, options.pace, (columns, rows))
+        text = draw(Still((columns, rows), theme), options.seed, options.pace)
         write(options.folder / f"mission-{theme}.svg", text)
 
 

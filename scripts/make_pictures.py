@@ -41,7 +41,7 @@ def picture(program: Path, folder: Path) -> str:
     command += [*OPTIONS.get(number, []), "--log", str(log), "--run", f'"{sys.executable}" "{program}"']
     subprocess.run(command, check=True, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     figure = replace(maze_figure(build_report(log)), title=f"Step {number}")
-    return svg.figure_svg(figure) + "\n"
+    return svg.figure_svg(svg.whole_figure(figure)) + "\n"
 
 
 def main() -> int:

@@ -1,9 +1,10 @@
-"""Make the reference pages of the documentation, docs/reference, from the code.
+"""Make the reference pages of the documentation, docs/reference, from the code, and fill in the numbers of
+the other pages (page_numbers.py).
 
     python scripts/make_reference.py
 
-Run it after a change of options, settings, columns, orders, keys or messages; a test fails when it is
-necessary.
+Run it after a change of options, settings, columns, orders, keys, messages or numbers that pages state; a
+test fails when it is necessary.
 """
 
 from __future__ import annotations
@@ -20,6 +21,9 @@ from itertools import product
 from pathlib import Path
 
 sys.path.append(str(Path(__file__).resolve().parent.parent))  # a clone's root; an installed one is first
+sys.path.insert(0, str(Path(__file__).resolve().parent))  # where the scripts are, also for a test
+from page_numbers import numbered_pages
+
 from simmer_tui.calibrate import result_page
 from simmer_tui.cli import log_commands, machine_commands
 from simmer_tui.cli.command_line import EXIT_CODES, EXIT_CODES_OF_RUNS, default_text
@@ -73,7 +77,7 @@ def pages() -> dict[str, str]:
         "files.md": files(),
         "screen.md": screen(),
         "answers.md": answers(),
-        "messages.md": messages(),
+        **messages(),
     }
     return {name: f"{NOTE}\n{text.rstrip()}\n" for name, text in made.items()}
 
@@ -192,6 +196,7 @@ def files() -> str:
             table(("row", "meaning"), robot_csv.ROWS.items()),
             "## sensors.csv\n",
             "One row for each sensor. The robot's frame: x ahead, y to the left, z up, from its centre.\n",
+            "![Frames of maze and robot](../frame.svg)\n",
             table(("type", "what it measures", "unit"), kinds),
             "The first ten columns must be there. A blank cell of another column means its default, in "
             "brackets here. Formulas are in [Sensors and drives](../sensors.md).\n",
@@ -318,15 +323,16 @@ def answers() -> str:
         "null, a number without bounds too. Sentences are under `text`, by the key of what they are about, "
         "and a program's last output under `output`. CSV files have the same keys as columns.\n",
     ]
+    shown: dict[tuple[str, str], str] = {}
     for name, tables in ANSWERS.items():
-        parts.append(f"## simmer-tui {name}\n")
+        rows = []
         for each in tables:
-            kind = "a record" if each.record else "a row each"
-            parts.append(f"`{each.key}`, {kind}: {each.title}\n")
-            rows = (
-                (", ".join(map(_code, column.keys)), column.title) for column in each.columns if column.keys
-            )
-            parts.append(table(("keys", "on the screen"), rows))
+            title = f"{each.title} (record)" if each.record else each.title
+            keys = " ".join(_code(key) for column in each.columns for key in column.keys)
+            # Several commands answer with the same table.
+            place = shown.setdefault((each.key, keys), name)
+            rows.append((_code(each.key), title, keys if place == name else f"as of `{place}`"))
+        parts += [f"## simmer-tui {name}\n", table(("table", "title", "keys"), rows)]
     return "\n".join(parts)
 
 
@@ -349,27 +355,38 @@ ANSWERS: dict[str, tuple[DataTable, ...]] = {
 # -- messages --------------------------------------------------------------------------------------
 
 
-def messages() -> str:
-    """Messages of errors, found in the code, each with `...` for what differs."""
-    parts = [
-        "# Error messages\n",
-        "All messages, with `...` in place of values. One of a set begins with its place, "
-        "`file:line:column`; `simmer-tui check` lists all of them at once. "
-        "Search the page for a part of what you read.\n",
-    ]
+def messages() -> dict[str, str]:
+    """The pages with the messages of errors, found in the code, each with `...` for what differs."""
     rooms: dict[str, dict[str, None]] = {}
     for path in sorted((ROOT / "simmer_tui").rglob("*.py")):
         place = path.relative_to(ROOT / "simmer_tui").with_suffix("").as_posix()
         part = next((name for name in _PARTS if f"{place}/".startswith(f"{name}/")), "")
         for text in _messages_of(path):
-            rooms.setdefault(_PARTS.get(part, "Elsewhere"), {})[text] = None
-    for title in (*_PARTS.values(), "Elsewhere"):
-        if title in rooms:
-            texts = sorted(rooms.pop(title), key=lambda text: text.strip(". \"'").lower())
+            rooms.setdefault(_PARTS.get(part, _ELSEWHERE), {})[text] = None
+    made = {}
+    for name, (heading, about, titles) in _MESSAGE_PAGES.items():
+        parts = [f"# {heading}\n", f"{about}\n"]
+        for title in titles:
+            texts = sorted(_unlike(rooms.pop(title)), key=_letters)
             parts += [f"## {title}\n", "\n".join(f"- {_escaped(text)}" for text in texts), ""]
-    return "\n".join(parts)
+        made[name] = "\n".join(parts)
+    assert not rooms, "a part without a page"
+    return made
 
 
+def _unlike(texts: Iterable[str]) -> Iterable[str]:
+    """Texts, of those that differ in values and signs only the longest."""
+    longest: dict[str, str] = {}
+    for text in sorted(texts, key=lambda text: (-len(text), text)):
+        longest.setdefault(_letters(text), text)
+    return longest.values()
+
+
+def _letters(text: str) -> str:
+    return " ".join(re.findall(r"\w+", text.lower()))
+
+
+_ELSEWHERE = "Elsewhere"
 _PARTS = {
     "config/importer": "Import",
     "config": "The files of a set, and options",
@@ -389,6 +406,47 @@ _PARTS = {
     "cli": "The command line",
 }
 """Names of the parts of the package for people; the first that fits a file is its part."""
+_MESSAGE_PAGES = {
+    "messages.md": (
+        "Error messages",
+        "Messages with `...` in place of values. A message says what to do next; search these pages for a "
+        "part of it to see what it is about.\n\n"
+        + table(
+            ("it begins with, or you did", "its messages"),
+            (
+                ("a command, a connection, a program", "this page"),
+                (
+                    "`file:line:column`, `--config`, `import`; `simmer-tui check` lists all at once",
+                    "[sets](messages-sets.md)",
+                ),
+                (
+                    "`simmer-tui report`, `replay`, `trials`, `grade`, `calibrate` and other commands",
+                    "[commands](messages-commands.md)",
+                ),
+            ),
+        ),
+        (
+            "The client library",
+            "Ports, connections and the serial port",
+            "The program of --run",
+            "Where robot and block stand, and what a robot lacks",
+            "Missions",
+            "Orders in the console",
+            _ELSEWHERE,
+        ),
+    ),
+    "messages-sets.md": (
+        "Error messages of sets",
+        "As in [error messages](messages.md). Each begins with its place, `file:line:column`.",
+        ("The files of a set, and options", "A team's own language: dialect.toml", "Import"),
+    ),
+    "messages-commands.md": (
+        "Error messages of commands",
+        "As in [error messages](messages.md).",
+        ("The command line", "Run logs", "Reports", "Trials", "Grading", "Calibration"),
+    ),
+}
+"""Heading, introduction and parts of each page."""
 
 
 _CALL = re.compile("|".join(rf"{call}\(" for call in (*_PROBLEM_CALLS, _ERRORS)))
@@ -515,6 +573,8 @@ def main() -> int:
     """Write the pages; returns the exit code."""
     PAGES.mkdir(parents=True, exist_ok=True)
     CAUSES.write_text(causes(), encoding="utf-8", newline="\n")
+    for path, text in numbered_pages():
+        path.write_text(text, encoding="utf-8", newline="\n")
     for name, text in pages().items():
         (PAGES / name).write_text(text, encoding="utf-8", newline="\n")
         print(f"Wrote {(PAGES / name).relative_to(ROOT)}")

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from solve_ground import CELL, Ground, centre
 
-from simmer_tui.sim import Block, SensorSpec, Simulator
+from simmer_tui.sim import Block, RangeSpec, Simulator
 
 FloatArray = NDArray[np.float64]
 
@@ -182,7 +182,9 @@ class BlockFinder:
     ) -> None:
         self._simulator = simulator
         self._high, low = sensors
-        self._sensor: SensorSpec = simulator.sensor(low)
+        sensor = simulator.sensor(low)
+        assert isinstance(sensor, RangeSpec)
+        self._sensor = sensor
         self._block = Block(0.0, 0.0, size)
         steps = np.arange(self.STEP / 2, CELL, self.STEP)
         in_cell = np.array([(x, y) for x in steps for y in steps])

@@ -33,10 +33,22 @@ from simmer_tui.sim import (
     DriveSpec,
     MazeSpec,
     RobotSpec,
-    SensorSpec,
     SimulationSpec,
 )
-from simmer_tui.sim.sensors import Compass, Gyro, LineSensor, Odometer, TimeOfFlight, Ultrasonic
+from simmer_tui.sim.sensors import (
+    Compass,
+    CompassSpec,
+    Gyro,
+    GyroSpec,
+    LineSensor,
+    LineSpec,
+    Odometer,
+    OdometerSpec,
+    RangeSpec,
+    TimeOfFlight,
+    Ultrasonic,
+    UltrasonicSpec,
+)
 from tests.stepped_clock import Clock
 from tests.windows_stubs import imports_posix, posix_functions
 
@@ -173,25 +185,25 @@ def course_spec() -> SimulationSpec:
         ("u5", 3, 0, 2, 0),
     ]
     sensors = [
-        SensorSpec(
+        UltrasonicSpec(
             kind=Ultrasonic, number=i + 1, code=code, x=x, y=y, z=z, rotation=rotation, field_of_view=5
         )
         for i, (code, x, y, z, rotation) in enumerate(ultra)
     ]
     sensors += [
-        SensorSpec(
+        LineSpec(
             kind=LineSensor, number=i + 1, code=f"i{i + 1}", x=x, y=y, z=1, field_of_view=40, threshold=0.8
         )
         for i, (x, y) in enumerate(((2, 0), (0, 2), (-2, 0), (0, -2)))
     ]
     sensors += [
-        SensorSpec(kind=Odometer, number=i + 1, code=f"o{i + 1}", x=x, y=y, z=1, rotation=rotation)
+        OdometerSpec(kind=Odometer, number=i + 1, code=f"o{i + 1}", x=x, y=y, z=1, rotation=rotation)
         for i, (x, y, rotation) in enumerate(((3, 0, 90), (-3, 0, 90), (0, 3, 0), (0, -3, 0)))
     ]
     sensors += [
-        SensorSpec(kind=Compass, number=1, code="c1", z=6),
-        SensorSpec(kind=Gyro, number=1, code="g1", z=4),
-        SensorSpec(kind=TimeOfFlight, number=1, code="t1", x=3, z=4, field_of_view=25, max_range=47),
+        CompassSpec(kind=Compass, number=1, code="c1", z=6),
+        GyroSpec(kind=Gyro, number=1, code="g1", z=4),
+        RangeSpec(kind=TimeOfFlight, number=1, code="t1", x=3, z=4, field_of_view=25, max_range=47),
     ]
     codes = {DriveKind.UP: "w1", DriveKind.DOWN: "s1", DriveKind.LEFT: "a1", DriveKind.RIGHT: "d1"}
     drives = [DriveSpec(kind=kind, code=code) for kind, code in codes.items()]

@@ -16,6 +16,9 @@ STILLS = {
     "large": "radar",
     "light": "events",
     "ascii": "(OO)",
+    "wander": "u1",
+    "heat": "likely",
+    "solve": "mission",
     "replay": "timeline",
 }
 SVG = "{http://www.w3.org/2000/svg}"

@@ -26,7 +26,7 @@ from simmer_tui.cli.log_commands import build_report
 
 ROOT = Path(__file__).parents[1]
 COURSE = ROOT / "scripts" / "course"
-TEXT = (ROOT / "docs" / "course.md").read_text("utf-8")
+TEXT = "\n".join((ROOT / "docs" / name).read_text("utf-8") for name in ("course.md", "course-extras.md"))
 RATED = re.findall(r"^simmer-tui trials (.*--require .*)$", TEXT, re.M)
 ANY_PORTS = ("--port", "0", "--reply-port", "0", "--belief-port", "0")
 MOST_RUNS = 20

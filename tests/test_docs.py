@@ -6,6 +6,7 @@ run as they stand but for what a test cannot have: no screen, free ports, a seed
 
 from __future__ import annotations
 
+import base64
 import functools
 import importlib.util
 import os
@@ -34,6 +35,7 @@ from simmer_tui.report.verdict import Outcome
 from simmer_tui.sim.sensors import KINDS
 from simmer_tui.sketch.compiler import find_compiler
 from simmer_tui.version import REPOSITORY, requirement
+from tests.web.browser_tab import tab
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -146,10 +148,27 @@ def made_reference() -> dict[str, str]:
     return pages
 
 
+def test_the_picture_of_the_frames_is_of_the_default_set() -> None:
+    made = script("make_frame_picture")
+    assert made.PICTURE.read_text("utf-8") == made.picture(), "run python scripts/make_frame_picture.py"
+
+
+MOST_WORDS = {"messages.md": 2500, "answers.md": 1500}
+"""Words of a page of the reference; other pages outside of it have at most 1500."""
+
+
+@pytest.mark.parametrize("path", PAGES, ids=lambda path: path.name)
+def test_a_page_is_short_enough_to_be_read(path: Path) -> None:
+    """A page without limit is of `reference/` or `developing/`."""
+    limit = MOST_WORDS.get(path.name, 1500 if path in WRITTEN else None)
+    words = re.findall(r"\S*\w\S*", re.sub(r"<!--.*?-->", "", path.read_text("utf-8")))
+    assert limit is None or len(words) <= limit
+
+
 def test_messages_of_the_reference_have_the_constants_and_words_of_the_code(
     made_reference: dict[str, str],
 ) -> None:
-    messages = made_reference["messages.md"]
+    messages = "".join(text for name, text in made_reference.items() if name.startswith("messages"))
     for message in (
         "has no Main.m and no config.py: name the file to import",
         "name the config.py of simmer-python",
@@ -161,6 +180,18 @@ def test_messages_of_the_reference_have_the_constants_and_words_of_the_code(
 def test_the_reference_is_as_the_code_has_it(made_reference: dict[str, str]) -> None:
     there = {path.name: path.read_text("utf-8") for path in (DOCS / "reference").glob("*.md")}
     assert there == made_reference, "run python scripts/make_reference.py"
+
+
+def test_pages_state_the_numbers_of_the_code() -> None:
+    pages = script("page_numbers")
+    for path, text in pages.numbered_pages():
+        assert path.read_text("utf-8") == text, f"{path.name}: run python scripts/make_reference.py"
+    old = "Two<!--=run.facts.COVERED!w-->, 7<!--=4*run.facts.SLIGHT:.2f-->, `x y`<!--=trials.folder.TABLE-->"
+    new = pages.with_numbers(old, "a page")
+    assert re.sub("<!--.*?-->", "", new) == "Three, 4.00, `trials.csv`"
+    for marker in ("run.facts.NOSUCH", "run.nowhere.X", "settings.nosuch", "run.facts.SLIGHT:q"):
+        with pytest.raises(ValueError, match=r"a page: 7<!--="):
+            pages.with_numbers(f"7<!--={marker}-->", "a page")
 
 
 def test_a_column_that_kinds_of_sensors_allow_differently_says_so() -> None:
@@ -230,7 +261,7 @@ def test_pages_list_every_profile_port_kind_of_sensor_and_answer() -> None:
     pages = {path.name: path.read_text("utf-8") for path in WRITTEN}
     for sort in (DRIVE, SENSOR, LINK):
         assert [name for name in profile_names(sort) if f"`{name}`" not in pages["mission.md"]] == []
-    explained = pages["sensors.md"] + pages["mission.md"]
+    explained = pages["sensors.md"] + pages["lidar.md"] + pages["mission.md"]
     assert [name for name in KINDS if f"`{name}`" not in explained] == []
     with_json = {
         name
@@ -281,7 +312,7 @@ def test_pages_list_the_outcomes_and_all_causes() -> None:
 
 
 def test_each_step_of_the_course_is_short_and_has_a_picture() -> None:
-    text = (DOCS / "course.md").read_text("utf-8")
+    text = "".join((DOCS / name).read_text("utf-8") for name in ("course.md", "course-extras.md"))
     assert len(STEPS) == 9
     for step in STEPS:
         name = step.name.partition("_")[0]
@@ -382,11 +413,13 @@ def run_block(language: str, text: str, place: Path) -> None:
         done(["simmer-tui", "--no-ui", "--run", program], place)
 
 
-@pytest.mark.slow
-def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The site, built without a warning."""
+    built = tmp_path_factory.mktemp("site")
     environment = {**os.environ, "NO_MKDOCS_2_WARNING": "1"}
     ended = subprocess.run(
-        [sys.executable, "-m", "mkdocs", "build", "--strict", "-q", "-d", str(tmp_path / "site")],
+        [sys.executable, "-m", "mkdocs", "build", "--strict", "-q", "-d", str(built)],
         cwd=ROOT,
         env=environment,
         capture_output=True,
@@ -394,9 +427,66 @@ def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
         check=False,
     )
     assert ended.returncode == 0, ended.stdout + ended.stderr
-    course = (tmp_path / "site" / "course" / "index.html").read_text("utf-8")
+    return built
+
+
+@pytest.mark.slow
+def test_links_of_the_site_to_files_outside_of_it_lead_to_the_repository(site: Path) -> None:
+    course = (site / "course" / "index.html").read_text("utf-8")
     assert "/blob/main/scripts/course/step1_first_command.py" in course
-    assert "fonts.googleapis" not in course
+
+
+# The least contrast of texts to what is behind them (WCAG 2), with the text. A canvas turns colours to bytes.
+CONTRAST = """(() => {
+  const canvas = document.createElement("canvas").getContext("2d", { willReadFrequently: true });
+  const bytes = (colour) => {
+    canvas.clearRect(0, 0, 1, 1);
+    canvas.fillStyle = colour;
+    canvas.fillRect(0, 0, 1, 1);
+    return [...canvas.getImageData(0, 0, 1, 1).data];
+  };
+  const over = (front, back) => [0, 1, 2].map((i) => back[i] + (front[i] - back[i]) * front[3] / 255);
+  const linear = (part) => (part <= 10.31 ? part / 3294.6 : ((part / 255 + 0.055) / 1.055) ** 2.4);
+  const luminance = ([r, g, b]) => 0.2126 * linear(r) + 0.7152 * linear(g) + 0.0722 * linear(b);
+  let least = [99, ""];
+  const walk = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  for (let node = walk.nextNode(); node; node = walk.nextNode()) {
+    const of = node.parentElement;
+    if (!node.data.trim() || of.closest("script, style, svg, noscript")) continue;
+    if (!of.checkVisibility({ opacityProperty: true, visibilityProperty: true })) continue;
+    const behind = [];
+    for (let each = of; each; each = each.parentElement)
+      behind.unshift(bytes(getComputedStyle(each).backgroundColor));
+    const ground = behind.reduce((back, front) => over(front, back), [255, 255, 255]);
+    const both = [luminance(ground), luminance(over(bytes(getComputedStyle(of).color), ground))];
+    const ratio = (Math.max(...both) + 0.05) / (Math.min(...both) + 0.05);
+    if (ratio < least[0]) least = [ratio, node.data.trim()];
+  }
+  return least;
+})()"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("dark", [True, False])
+def test_pages_of_the_site_can_be_read_and_fetch_nothing_from_elsewhere(dark: bool, site: Path) -> None:
+    with tab() as browser:
+        for name in ("course", "cheat-sheet", "reference/messages"):
+            browser.open((site / name / "index.html").as_uri(), dark=dark)
+            browser.wait("document.readyState === 'complete'")
+            scheme = browser.run("document.body.dataset.mdColorScheme")
+            assert scheme == ("slate" if dark else "default")
+            ratio, text = browser.run(CONTRAST)
+            assert ratio >= 4.5, (name, text)
+        assert [each for each in browser.requests if not each.startswith(("file:", "data:"))] == []
+
+
+@pytest.mark.slow
+def test_the_cheat_sheet_fits_a_sheet_of_paper(site: Path) -> None:
+    with tab() as browser:
+        browser.open((site / "cheat-sheet" / "index.html").as_uri())
+        browser.wait("document.readyState === 'complete'")
+        paper = browser.call("Page.printToPDF", paperWidth=8.27, paperHeight=11.69, preferCSSPageSize=True)
+        assert len(re.findall(rb"/Type\s*/Page\b", base64.b64decode(paper["data"]))) == 1
 
 
 @pytest.mark.slow

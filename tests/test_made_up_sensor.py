@@ -173,7 +173,7 @@ def test_the_least_error_that_matters_of_a_unit_of_its_own_follows_from_its_read
     none = np.empty(0)
 
     def least(kind: type[Sensor]) -> float:
-        return SensorSample(sensor_of(SensorSpec(kind=kind, number=1, code="x1")), none, none, none).least
+        return SensorSample(sensor_of(kind.spec_type(kind=kind, number=1, code="x1")), none, none, none).least
 
     assert least(Photocell) == pytest.approx(0.05)
     assert [least(kind) for kind in (Ultrasonic, Compass)] == [1.0, 2.0]

@@ -14,10 +14,10 @@ from simmer_tui.version import __version__
 MEGA_FLASH = 256 * 1024
 """Bytes of program memory of an Arduino Mega (ATmega2560), which the tables share with the program."""
 # avr-gcc refuses an object above 32,767 bytes: its sizes are signed numbers of two bytes.
-_PART = 32_000
+LARGEST_ARRAY = 32_000
 _NO_ECHO = 255
 """The byte for a reading that is infinite."""
-_UNIT = 0.5
+BYTE_UNIT = 0.5
 """Inches a count of a byte, which reaches 127 in; longer readings use a multiple of it. The error of an
 HC-SR04 is as large at 25 in (2 %)."""
 _A_LINE = 32
@@ -69,9 +69,9 @@ def header_bytes(atlas: Atlas) -> bytes:
     units = [_unit(atlas, sensor) for sensor in range(len(atlas.codes))]
     counts = np.rint(atlas.ranges / np.array(units, np.float32))
     table = np.where(np.isfinite(counts), counts, _NO_ECHO).astype(np.uint8)
-    unit = f"{_UNIT:.1f}f"
+    unit = f"{BYTE_UNIT:.1f}f"
     for sensor, each in enumerate(units):
-        if each != _UNIT:
+        if each != BYTE_UNIT:
             unit = f"(sensor) == {sensor} ? {each:.1f}f : {unit}"
     # A code with other characters is not a C name: its sensor is named by its number.
     names = [
@@ -106,23 +106,25 @@ def _unit(atlas: Atlas, sensor: int) -> float:
             f"{atlas.codes[sensor]} reads {finite.min():g} at a pose, and a .h file holds no number below 0"
         )
         raise AtlasError(f"{what}: leave it out of --sensors, or take another format")
-    unit = _UNIT
+    unit = BYTE_UNIT
     while np.rint(finite.max(initial=0.0) / unit) >= _NO_ECHO:
         unit *= 2
     return unit
 
 
 def _tables(name: str, data: NDArray[np.uint8]) -> str:
-    """Arrays of at most `_PART` bytes, and the function that reads one byte of them."""
+    """Arrays of at most `LARGEST_ARRAY` bytes, and the function that reads one byte of them."""
     text, access = [], []
-    parts = range(0, len(data), _PART)
+    parts = range(0, len(data), LARGEST_ARRAY)
     for number, begin in enumerate(parts):
-        part = data[begin : begin + _PART]
+        part = data[begin : begin + LARGEST_ARRAY]
         rows = (part[at : at + _A_LINE].tolist() for at in range(0, len(part), _A_LINE))
         lines = ",\n".join(",".join(map(str, row)) for row in rows)
         text.append(f"static const uint8_t {name}_{number}[{len(part)}] ATLAS_TABLE = {{\n{lines}}};\n")
         read = f"return ATLAS_BYTE({name}_{number}, at);"
         last = number == len(parts) - 1
-        access.append(f"  {read}" if last else f"  if (at < {_PART}u) {read}\n  at -= {_PART}u;")
+        access.append(
+            f"  {read}" if last else f"  if (at < {LARGEST_ARRAY}u) {read}\n  at -= {LARGEST_ARRAY}u;"
+        )
     body = "\n".join(access)
     return "".join(text) + f"static inline uint8_t {name}_byte(uint32_t at) {{\n{body}\n}}\n"

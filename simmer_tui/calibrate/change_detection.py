@@ -194,7 +194,7 @@ def _pseudo_inverse(information: FloatArray) -> FloatArray:
     return np.asarray(both * np.linalg.pinv(both * information, hermitian=True))
 
 
-_LEAST = 5
+LEAST_ROBOTS = 5
 """Robots from which strength is estimated: with four the interval of one bias reaches from 0.6 to
 3.7 times it."""
 _NAMES = ("translations", "rotations")
@@ -206,9 +206,9 @@ def strengths(robots: Sequence[Knowledge]) -> tuple[ParameterEstimate, ...]:
     Raises:
         CalibrationError: for fewer than five robots, or if they have no bias in common that was identified.
     """
-    if len(robots) < _LEAST:
+    if len(robots) < LEAST_ROBOTS:
         raise CalibrationError(
-            f"strength is estimated from {_LEAST} calibrated sets on; these are {len(robots)}"
+            f"strength is estimated from {LEAST_ROBOTS} calibrated sets on; these are {len(robots)}"
         )
     common = [name for name in robots[0].parameters if all(name in each.parameters for each in robots)]
     found = []

@@ -50,10 +50,6 @@ class EffectKind:
     least: float
     """Least size that is reported: the resolution of a ruler and a protractor."""
 
-    def sized(self, size: str) -> str:
-        """The phrase with a size."""
-        return self.phrase.format(size=size)
-
 
 # Shares: 2 % is 0.08 in of a movement of 4 in.
 DRIVE_DRIFT = EffectKind("drift", "a loss of strength of {size} over the log", "", 0.02)

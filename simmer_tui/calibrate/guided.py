@@ -35,11 +35,11 @@ from simmer_tui.sim.specs import Axes, DriveSpec, SensorSpec, SimulationSpec
 PLACED = (0.25, 0.25, 2.0)
 """Standard deviations of the pose in which a person places the robot on request, inches and degrees."""
 # `where_to_put` asks for a quarter of an inch and 2 degrees.
-_MOST = 150
+MOST_GUIDED = 150
 """Movements after which a session ends: a quarter of an hour at 6 s a movement, with its readings."""
 LOOKS = 3
 """Readings of each range sensor and compass at every stop: their median is robust to one outlier."""
-FITS_AT = (20, 45, 70, 90, 105, 120, 135, _MOST)
+FITS_AT = (20, 45, 70, 90, 105, 120, 135, MOST_GUIDED)
 """Movements after which parameters are estimated: a fit takes seconds, in which the robot waits."""
 # 20 are the spin and most of the square. Sessions that reach `WANTED` end between 70 and 150.
 WANTED = {"main": 0.01, "angle": 0.3, "range": 0.03}
@@ -78,7 +78,7 @@ class SessionPlanner:
 
     configuration: Configuration
     random: np.random.Generator
-    most: int = _MOST
+    most: int = MOST_GUIDED
     """Movements after which it ends."""
     count: int = 0
     """Movements made."""

@@ -139,7 +139,7 @@ class PoseFilter:
                 squares = np.abs(part * spec.gain * counter.lever) * REFERENCES
             variance = (spec.error**2) * float(squares.sum()) / self.spec.num_segments
             variance += counter.least_error**2
-            variance += spec.random_walk**2 * seconds
+            variance += counter.random_walk**2 * seconds
             found.append(_Counted(counter, spec.gain * counter.lever, change, variance))
         return found
 

@@ -20,7 +20,7 @@ from simmer_tui.calibrate.posterior import Iterate
 from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.specs import SensorKind
 
-_HELD_BACK = 0.25
+HELD_BACK = 0.25
 """Share of the movements, at the end, that is held back: enough for medians of five movements ahead, while
 the rest still identifies the same parameters."""
 _LEAST = 5
@@ -66,11 +66,11 @@ def held_back(fit: Fit) -> HeldBack | None:
         None if none is.
     """
     chains = zip(fit.run.first_stops(), fit.run.chains, strict=True)
-    long = [(first, len(c.movements)) for first, c in chains if len(c.movements) * _HELD_BACK >= _LEAST]
+    long = [(first, len(c.movements)) for first, c in chains if len(c.movements) * HELD_BACK >= _LEAST]
     if not long:
         return None
     first, length = long[-1]
-    count = int(length * _HELD_BACK)
+    count = int(length * HELD_BACK)
     run = fit.run.before_stop(first + length)
     last = run.stops - 1 - count
     learned = refit(fit, run.before_stop(last))

@@ -335,11 +335,10 @@ class Model:
         change = readings.values[second] - readings.values[first]
         residual = sensor.wrapped(change - spec.gain * total - spec.drift * seconds)
         random = (spec.gain * spec.error) ** 2 * squares / self.run.spec.num_segments
-        walk = spec.random_walk**2 * seconds
+        walk = sensor.random_walk**2 * seconds
         # Two readings, each with its error and its rounding: a variance of a twelfth of the step squared.
         floor = sensor.least_error**2 + 2 * spec.absolute_error**2 + spec.resolution**2 / 6
-        if spec.ticks_per_inch:
-            floor += (spec.gain / spec.ticks_per_inch) ** 2 / 6
+        floor += (spec.gain * sensor.tick) ** 2 / 6
         variance = random + walk + floor
         columns = self.columns[index]
         entries += self._linear_entries(columns, total, seconds)

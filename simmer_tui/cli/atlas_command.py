@@ -39,7 +39,7 @@ _FORMATS: dict[str, Callable[[Atlas], bytes]] = {
     "csv": csv_bytes,
     "h": header_bytes,
 }
-_MANY = 2_000_000
+MANY_POSES = 2_000_000
 """Poses computed without a question: for six sensors they take 10 s of processor time and 0.2 GB."""
 
 
@@ -57,7 +57,7 @@ def _options(parser: OneLineParser) -> None:
     parser.add_argument(
         "--format", choices=_FORMATS, help="npz: numpy, mat: MATLAB, h: C (default: by OUT's ending)"
     )
-    add_flag(parser, "--yes", f"compute more than {_MANY:,} poses")
+    add_flag(parser, "--yes", f"compute more than {MANY_POSES:,} poses")
     add_trust_option(parser)
     add_setting_options(parser)
 
@@ -71,8 +71,8 @@ def run_atlas(options: argparse.Namespace) -> int:
     simulator = Simulator(load(find_set(options.config), overrides_from(options)).simulation)
     codes = atlas_codes(simulator, options.sensors.split(",") if options.sensors is not None else ())
     grid = PoseGrid.over(simulator.maze, options.step, options.headings)
-    if grid.poses > _MANY and not options.yes:
-        what = f"the grid has {grid.poses:,} poses, more than {_MANY:,}"
+    if grid.poses > MANY_POSES and not options.yes:
+        what = f"the grid has {grid.poses:,} poses, more than {MANY_POSES:,}"
         raise AtlasError(f"{what}: take a larger --step, fewer --headings, or add --yes")
     atlas = _computed(simulator, grid, codes)
     data = _FORMATS[form](atlas)

@@ -372,8 +372,11 @@ class OneLineParser(argparse.ArgumentParser):
         given = unknown[0].partition("=")[0]
         # A dash of a document or of an editor, in place of one hyphen or two.
         typed = re.sub(r"^-{1,2}", "--", keyboard_text(given)) if not given.isascii() else given
-        is_option = typed.startswith("-")
         options = [name for action in self._actions for name in action.option_strings]
+        # An option as Windows' own programs have them.
+        if typed.startswith("/") and f"--{typed[1:]}" in options:
+            typed = f"--{typed[1:]}"
+        is_option = typed.startswith("-")
         hint = did_you_mean(typed, options if is_option else self._words)
         takes_program = "--run" in options
         # An option like one of ours is that one, mistyped; a program's file may resemble a command.

@@ -39,7 +39,7 @@ from simmer_tui.trials.cluster import check_package
 from simmer_tui.trials.sequential import CAP_RULE, MARGIN, RATE_RULE, REQUIRED_RATE, shown_test
 from simmer_tui.trials.trial import TrialResult
 
-_GRADES, _JUNIT, _GRADESCOPE, _SITE = "grades.csv", "junit.xml", "gradescope", "site"
+GRADES_TABLE, JUNIT_FILE, _GRADESCOPE, _SITE = "grades.csv", "junit.xml", "gradescope", "site"
 _PREFIX = "grade_"
 
 
@@ -231,7 +231,7 @@ def _run_all(folder: GradeFolder, options: argparse.Namespace) -> None:
 
 def _write(folder: GradeFolder, found: list[TeamResult], isolation: str) -> None:
     """Write the files of the answer. Raises GradeError."""
-    files = {_GRADES: table_csv(grades_table(folder, found)), _JUNIT: junit_xml(folder, found)}
+    files = {GRADES_TABLE: table_csv(grades_table(folder, found)), JUNIT_FILE: junit_xml(folder, found)}
     for each in found:
         if each.status is TeamStatus.UNDER_WAY:
             continue  # Gradescope would show 0 points and "failed"
@@ -242,7 +242,7 @@ def _write(folder: GradeFolder, found: list[TeamResult], isolation: str) -> None
         shutil.rmtree(folder.path / name, ignore_errors=True)
     for name, text in files.items():
         folder.store.write(name, text)
-    written = f"{_GRADES}, {_JUNIT}, {_GRADESCOPE}/ and {_SITE}/{INDEX}"
+    written = f"{GRADES_TABLE}, {JUNIT_FILE}, {_GRADESCOPE}/ and {_SITE}/{INDEX}"
     say(f"simmer-tui grade: wrote {typed_path(folder.path)}/{written}")
 
 

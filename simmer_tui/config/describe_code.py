@@ -4,8 +4,8 @@ import math
 from collections.abc import Iterator
 
 from simmer_tui.sim.angles import half_turn, side_name
-from simmer_tui.sim.columns import FIELD_OF_VIEW, CsvColumn
-from simmer_tui.sim.command import MISSION_QUERY, WORD, counted, cut
+from simmer_tui.sim.columns import CsvColumn
+from simmer_tui.sim.command import MISSION_QUERY, WORD, cut
 from simmer_tui.sim.rules import did_you_mean
 from simmer_tui.sim.specs import DriveSpec, GripperSpec, SensorSpec, SimulationSpec, VelocitySpec
 from simmer_tui.sim.velocity_commands import WAIT, velocity_shape
@@ -69,7 +69,7 @@ def _sensor_lines(sensor: SensorSpec) -> list[str]:
     if kind.has("rotation"):
         verb = "Rolls" if kind.counts else "Looks"
         lines.append(f"{verb:<6} {_turned(sensor.rotation)}{_view(sensor)}")
-    elif kind.has("field_of_view"):
+    elif sensor.view_words:
         lines.append(f"Looks  straight down{_view(sensor)}")
     given = "  (it takes no value)"
     if kind.is_scan:
@@ -99,24 +99,13 @@ def _direction(angle: float) -> str:
 
 
 def _view(sensor: SensorSpec) -> str:
-    parts = []
-    if sensor.kind.has(FIELD_OF_VIEW.field):
-        parts.append(f"{sensor.field_of_view:g} deg wide")
-    if sensor.kind.is_range:
-        parts.append(counted(sensor.rays, "ray"))
-    elif sensor.kind.has(FIELD_OF_VIEW.field):
-        radius = sensor.z * math.tan(math.radians(sensor.field_of_view / 2))
-        parts.append(f"a disc {round(2 * radius, 2):g} in across")
-    return "".join(f", {part}" for part in parts)
+    return "".join(f", {part}" for part in sensor.view_words)
 
 
 def _answer(sensor: SensorSpec) -> str:
     """The meaning of a reply: its unit, its limits, or yes and no."""
     if sensor.is_yes_or_no:
-        if sensor.kind.has("threshold"):
-            color = "white" if sensor.detects_white else "black"
-            return f"1 where at least {sensor.threshold:g} of the disc is {color}, else 0"
-        return "1 for yes, 0 for no"
+        return "1 for yes, 0 for no" if sensor.yes_words is None else f"1 {sensor.yes_words[1]}, else 0"
     unit = {"in": "inches", "deg": "degrees", "": "a number"}.get(sensor.unit, sensor.unit)
     limits = ""
     if sensor.min_range:

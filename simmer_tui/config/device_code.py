@@ -27,7 +27,6 @@ from simmer_tui.sim.sensors.recorded_kinds import (
     recorded_class,
     recorded_kind,
 )
-from simmer_tui.sim.specs import SensorSpec
 
 
 def kinds_of(file: DeviceFile) -> tuple[type[Sensor], ...]:
@@ -142,7 +141,7 @@ def _faults(kind: type[Sensor]) -> Iterator[str]:
         yield f"{kind.__name__} scans as a lidar does; a reading of a device is one number"
     if not is_kind_name(kind.name):
         yield f"the name of {kind.__name__} must be 1 to {LONGEST_KIND} letters a to z"
-    for name in ("meaning", "unit"):
+    for name in ("meaning", "unit", "short_name"):
         if not is_label(getattr(kind, name, None)):
             yield f"{kind.__name__} needs {name} = a line of text"
     for name in ("is_range", "is_yes_or_no", "counts"):
@@ -155,9 +154,9 @@ def _faults(kind: type[Sensor]) -> Iterator[str]:
 
 
 def _column_faults(kind: type[Sensor]) -> Iterator[str]:
-    row = kind.spec_type
-    if not isinstance(row, type) or not issubclass(row, SensorSpec):
-        yield f"spec_type of {kind.__name__} must be a class derived from SensorSpec"
+    row, base = kind.spec_type, next(each.spec_type for each in kind.__mro__[1:] if issubclass(each, Sensor))
+    if not isinstance(row, type) or not issubclass(row, base):
+        yield f"spec_type of {kind.__name__} must be a class derived from {base.__name__}"
         return
     columns = getattr(kind, "columns", None)
     if not isinstance(columns, tuple) or not all(isinstance(each, CsvColumn) for each in columns):
@@ -175,7 +174,7 @@ def _column_faults(kind: type[Sensor]) -> Iterator[str]:
     try:
         row(kind=kind, number=1, code="?")
     except TypeError:
-        yield f"the fields that {row.__name__} adds to SensorSpec need defaults"
+        yield f"the fields that {row.__name__} adds to {base.__name__} need defaults"
 
 
 def _elsewhere(kind: type[Sensor], module: ModuleType) -> Iterator[str]:

@@ -2,7 +2,7 @@
 
 import struct
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any, ParamSpec, TypeGuard, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 from simmer_tui.config.dialect_toml import LONGEST_TIME, REPLY_KEYS
 from simmer_tui.config.toml_file import TomlFile
@@ -13,7 +13,7 @@ from simmer_tui.dialect.frames import TYPE, FrameKind, Framing
 from simmer_tui.dialect.kinds import ANY_TYPE, NUMBER_TYPE, StaticType, ValueKind
 from simmer_tui.dialect.templates import BinaryReply, Field, TextReply, check_pack, parsed_reply
 from simmer_tui.sim.command import counted
-from simmer_tui.sim.rules import did_you_mean
+from simmer_tui.sim.rules import did_you_mean, is_number, is_whole
 
 # 50 times the cells of the greatest maze.
 _MOST_FRAMES = 1000
@@ -29,16 +29,6 @@ _T = TypeVar("_T")
 def without_gaps(parts: Iterable[_T | None]) -> tuple[_T, ...]:
     """The parts without None, which represents one that could not be read."""
     return tuple(each for each in parts if each is not None)
-
-
-def is_whole(value: object) -> TypeGuard[int]:
-    """True for a whole number."""
-    return isinstance(value, int) and not isinstance(value, bool)
-
-
-def is_number(value: object) -> TypeGuard[float]:
-    """True for a number of any kind."""
-    return isinstance(value, float) or is_whole(value)
 
 
 class RuleParts:

@@ -8,7 +8,7 @@ from typing import Any, TypeGuard
 
 from msgspec.structs import replace
 
-from simmer_tui.config.dialect_parts import READING, Names, RuleParts, is_number, is_whole, without_gaps
+from simmer_tui.config.dialect_parts import READING, Names, RuleParts, without_gaps
 from simmer_tui.config.dialect_toml import (
     COMMAND_KEYS,
     FRAME,
@@ -52,7 +52,7 @@ from simmer_tui.dialect.patterns import NAME, Pattern
 from simmer_tui.dialect.templates import check_pack, pack_codes
 from simmer_tui.errors import Problem
 from simmer_tui.sim.command import cut, parse_value
-from simmer_tui.sim.rules import did_you_mean
+from simmer_tui.sim.rules import did_you_mean, is_number, is_whole
 from simmer_tui.sim.specs import VelocityKind
 
 # The rules of the public teams have at most 40 commands each.

@@ -47,11 +47,12 @@ def meanings(kinds: SensorKinds = KINDS) -> dict[str, str]:
 
 def _with_defaults(column: CsvColumn, kinds: SensorKinds) -> str:
     """The help of a column, and what a blank cell means to kinds with another default than most."""
-    usual = _defaults(SensorSpec).get(column.field)
+    fields_of = (_defaults(kind.spec_type) for kind in kinds.values())
+    usual = next((each[column.field] for each in fields_of if column.field in each), None)
     shown = []
     for kind in kinds.values():
         for own in (each for each in kind.columns if each.name == column.name):
-            blank = _defaults(kind.spec_type).get(own.field) if own.default is None else own.default
+            blank = _blank(kind, own)
             if usual not in (None, blank):
                 shown.append(
                     f"{kind.name}: {blank:g}" if isinstance(blank, float) else f"{kind.name}: {blank}"
@@ -60,6 +61,11 @@ def _with_defaults(column: CsvColumn, kinds: SensorKinds) -> str:
         return column.help
     begin = f"{column.help[:-1]}; " if column.help.endswith(")") else f"{column.help} ("
     return f"{begin}{', '.join(shown)})"
+
+
+def _blank(kind: type[SensorKind], column: CsvColumn) -> object:
+    """The value that a blank cell means to a kind."""
+    return _defaults(kind.spec_type).get(column.field) if column.default is None else column.default
 
 
 def _defaults(spec_type: type[SensorSpec]) -> dict[str, Any]:
@@ -157,8 +163,10 @@ def _spec(
     kind: type[SensorKind], number: int, row: TableRow, values: dict[str, Any], longest: float
 ) -> SensorSpec:
     """The sensor of a row without mistakes; values that contradict each other are a problem."""
-    defaults = {column.field: column.default for column in kind.columns if column.default is not None}
-    spec = kind.spec_type(kind=kind, number=number, **(defaults | values))
+    made = {column.field: column.default for column in kind.columns if column.default is not None} | values
+    # A base column of other kinds has a number that this kind has no field for.
+    own = _defaults(kind.spec_type).keys()
+    spec = kind.spec_type(kind=kind, number=number, **{name: made[name] for name in made if name in own})
     contradiction = kind.contradiction(spec)
     if contradiction is not None:
         columns, what = contradiction

@@ -13,7 +13,7 @@ from simmer_tui.config.settings import Setting, all_settings, value_of
 from simmer_tui.dialect.inverse import InverseRules
 from simmer_tui.dialect.messages import dictionary
 from simmer_tui.document.formats import PLACE, POSE, TEXT
-from simmer_tui.document.model import DataColumn, DataTable, Document, data_table
+from simmer_tui.document.model import ABSENT, DataColumn, DataTable, Document, data_table
 from simmer_tui.errors import Problem
 from simmer_tui.sim import columns
 from simmer_tui.sim.columns import column_name
@@ -66,7 +66,11 @@ _ROBOT = data_table(
 _BLOCK = data_table(
     "block", "The block", DataColumn("centre", PLACE), *_columns("size_in solid"), record=True
 )
-_SENSORS = data_table("sensors", "Sensors", *_columns("id code kind enabled unit", _SENSOR_VALUES))
+_SENSORS = data_table(
+    "sensors",
+    "Sensors, each with the values of its kind",
+    *_columns("id code kind enabled unit", _SENSOR_VALUES),
+)
 _DEVICES = data_table(
     "devices",
     "Device files of the set's own; one that was not run was only parsed",
@@ -155,15 +159,16 @@ def set_document(configuration: Configuration, sketch_problems: Sequence[Problem
 
 
 def _sensors_table(sensors: Sequence[SensorSpec]) -> DataTable:
-    """The table of sensors, with the columns of the set's own devices after the others."""
+    """The table of sensors, with the columns of the set's own devices after the others. A row has values
+    under the columns of its kind."""
     keys = {key for column in _SENSORS.columns for key in column.keys}
     own = {column.field: column for sensor in sensors for column in sensor.kind.columns}
     further = [column for column in own.values() if _key(column.field, column.unit) not in keys]
+    names = [value.field for value in (*_SENSOR_VALUES, *further)]
     rows = [
         (
             *(each.id, each.code, each.kind.name, each.enabled, each.unit),
-            *_values(each, _SENSOR_VALUES),
-            *map(_plain, _values(each, further)),
+            *(_plain(getattr(each, name)) if each.kind.has(name) else ABSENT for name in names),
         )
         for each in sensors
     ]
@@ -176,9 +181,5 @@ def _plain(value: object) -> object:
 
 
 def _values(spec: object, values: Iterable[Value]) -> list[object]:
-    """Values of a sensor, a drive or the gripper; None for one that its kind does not have."""
-    # A sensor may lack a column of another kind; only `error.x` and similar fields have a dot.
-    return [
-        attrgetter(value.field)(spec) if hasattr(spec, value.field.partition(".")[0]) else None
-        for value in values
-    ]
+    """Values of a drive or the gripper."""
+    return [attrgetter(value.field)(spec) for value in values]

@@ -20,7 +20,7 @@ from simmer_tui.dialect.inverse import InverseRules
 from simmer_tui.dialect.messages import dictionary
 from simmer_tui.errors import printable
 from simmer_tui.sim.angles import ARROWS, PLAIN_ARROWS
-from simmer_tui.sim.columns import BASE, FIELD_OF_VIEW, THRESHOLD
+from simmer_tui.sim.columns import BASE, THRESHOLD
 from simmer_tui.sim.command import cut
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.specs import (
@@ -175,12 +175,11 @@ def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def _sensor_row(sensor: SensorSpec) -> tuple[str, ...]:
-    has_view = sensor.kind.has(FIELD_OF_VIEW.field)
     return (
         sensor.code,
         sensor.id,
         *(f"{each:g}" for each in (sensor.x, sensor.y, sensor.z, sensor.rotation, sensor.error)),
-        f"{sensor.field_of_view:g}" if has_view else "",
+        "" if sensor.beam is None else f"{sensor.beam:g}",
         ", ".join(_sensor_notes(sensor)),
     )
 

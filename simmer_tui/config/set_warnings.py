@@ -6,10 +6,10 @@ from simmer_tui.config.loader import Configuration
 from simmer_tui.config.settings import BITS_OF_A_BYTE, USUAL_BAUD
 from simmer_tui.sim.distance_errors import stretches_per_second
 from simmer_tui.sim.maze import looks_inverted
-from simmer_tui.sim.sensors import Lidar
+from simmer_tui.sim.sensors import LidarSpec
 
 # SLAMTEC's data sheet of the RPLIDAR A1M8: 8000 samples a second.
-_MOST_SAMPLES = 8000
+MOST_RAYS_A_SECOND = 8000
 """Rays a second above which a lidar exceeds those of the public teams."""
 # Programs of packet dialects call recv(1024) once: 140 rays of 7 characters.
 MOST_IN_A_PACKET = 150
@@ -53,13 +53,13 @@ def _lidars(configuration: Configuration) -> Iterator[str]:
     settings = configuration.settings
     server = settings.server
     for sensor in configuration.simulation.sensors:
-        if not (sensor.enabled and issubclass(sensor.kind, Lidar)):
+        if not (sensor.enabled and isinstance(sensor, LidarSpec)):
             continue
-        samples = sensor.rays * getattr(sensor, "scan_rate", 0.0)
-        if samples > _MOST_SAMPLES:
+        samples = sensor.rays * sensor.scan_rate
+        if samples > MOST_RAYS_A_SECOND:
             yield (
                 f"{sensor.id} takes {samples:g} ranges a second (Rays times Scan Rate); lidars of the public "
-                f"teams take at most {_MOST_SAMPLES}"
+                f"teams take at most {MOST_RAYS_A_SECOND}"
             )
         if sensor.rays > MOST_IN_A_PACKET and "packets" in server.listeners:
             yield (

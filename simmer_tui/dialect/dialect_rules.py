@@ -14,6 +14,7 @@ from simmer_tui.dialect.frames import TYPE, Frame, Framing
 from simmer_tui.dialect.patterns import Pattern
 from simmer_tui.dialect.templates import BinaryReply, TextReply, pack_codes, packable
 from simmer_tui.errors import ExpressionError
+from simmer_tui.sim.sensors import LidarSpec
 from simmer_tui.sim.specs import DriveSpec, GripperSpec, SensorSpec, VelocityKind, VelocitySpec
 from simmer_tui.sim.velocity_commands import WAIT
 
@@ -225,9 +226,9 @@ class Parts(Struct, frozen=True, dict=True):
         return frozenset(each.code for each in self.sensors if each.enabled and each.is_yes_or_no)
 
     @cached_property
-    def lidars(self) -> dict[str, SensorSpec]:
+    def lidars(self) -> dict[str, LidarSpec]:
         """The sensors whose reading is a list of numbers, by code."""
-        return {each.code: each for each in self.sensors if each.enabled and each.kind.is_scan}
+        return {each.code: each for each in self.sensors if each.enabled and isinstance(each, LidarSpec)}
 
     @cached_property
     def behind(self) -> dict[str, tuple[str, ...]]:

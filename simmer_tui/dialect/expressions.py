@@ -23,7 +23,7 @@ FieldValues = Mapping[str, FieldValue]
 CONSTANTS: Mapping[str, float] = {"cm": 2.54, "mm": 25.4, "m": 0.0254}
 """Factors from inches to other units of length."""
 # Far more than needed: no rule of the public teams has more than 90 characters.
-_LONGEST = 1000
+LONGEST_EXPRESSION = 1000
 """Characters of an expression."""
 # Evaluation takes about a microsecond a part, and no expression may take more than a millisecond.
 MOST_NODES = 200
@@ -147,7 +147,7 @@ FUNCTIONS: Mapping[str, tuple[Callable[..., FieldValue], int, int]] = {
 # Measured: a ray takes 0.09 ms, and a scan of 360 rays 0.35 ms.
 SENSING: Mapping[str, tuple[int, int]] = {"ray": (1, 1), "scan": (3, 4), "named": (1, 4)}
 """Functions that read the robot's sensors, with the number of their arguments and their cost, in rays."""
-_MOST_SENSING = 4
+MOST_SENSING = 4
 # One a degree. Lidars of the public teams have 360 to 1,450 rays a turn, in frames of few: more take longer
 # than an expression may.
 MOST_RAYS = 360
@@ -188,8 +188,8 @@ class Expression:
         self.source = source.strip()
         if not self.source:
             raise ValueError("is empty; write a number, a name or a calculation")
-        if len(self.source) > _LONGEST:
-            raise ValueError(f"has {len(self.source)} characters; {_LONGEST} are allowed")
+        if len(self.source) > LONGEST_EXPRESSION:
+            raise ValueError(f"has {len(self.source)} characters; {LONGEST_EXPRESSION} are allowed")
         try:
             self.tree = ast.parse(self.source, mode="eval").body
             """The parsed source."""
@@ -203,7 +203,7 @@ class Expression:
         for node in ast.walk(self.tree):
             _check(node)
         called = _called(self.tree)
-        if sum(SENSING[name][1] for name in called) > _MOST_SENSING:
+        if sum(SENSING[name][1] for name in called) > MOST_SENSING:
             raise ValueError(f"asks the robot {len(called)} times; one scan() or four ray() are allowed")
         self.names = frozenset(_names(self.tree))
         """The names it uses, without those of functions and constants."""

@@ -101,7 +101,7 @@ def _part(part: DocumentPart) -> str:
         case SectionHeading():
             return _element(f"h{part.level}", html_text(part.text))
         case Figure():
-            return _element("div", svg.figure_svg(part), part.kind)
+            return _figure(part)
         case Folded():
             title = html_text(part.title)
             content = _body(part.parts).replace(_element("h2", title), "", 1)  # once is enough
@@ -134,6 +134,18 @@ def _answer(part: VerdictBox | KeyFigures | ShareBar) -> str:
             bar = "".join(f"<i class='{tone.value}' style='flex: {count}'></i>" for count, _, tone in there)
             told = "".join(_prose(Chip(f"{tone.sign} {count} {text}", tone)) for count, text, tone in there)
             return f"<div class='bar'>{bar}</div><p class='bar-words'>{told}</p>"
+
+
+def _figure(part: Figure) -> str:
+    """A picture and its legend. Its shape bounds its width where its height is bounded."""
+    shape = f"--shape: {part.width / part.height:.3f}"
+    drawn = f"<div class='{f'picture {part.kind}'.strip()}' style='{shape}'>{svg.figure_svg(part)}</div>"
+    marks = "".join(
+        f"<li><svg viewBox='0 -8 {mark.width:g} 16' style='width: {mark.width:g}px' aria-hidden='true'>"
+        f"{mark.drawing}</svg> {html_text(mark.words)}</li>"
+        for mark in part.legend
+    )
+    return drawn + (_element("ul", marks, "legend") if marks else "")
 
 
 def _bullets(part: Bullets) -> str:

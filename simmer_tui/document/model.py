@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from enum import StrEnum
-from typing import Any
+from enum import Enum, StrEnum
+from typing import Any, Final
 
 from simmer_tui.document.formats import TEXT, Format, TextLink
 
@@ -23,6 +23,15 @@ class Tone(StrEnum):
         """Sign beside words of this tone."""
         return _SIGNS[self]
 
+
+class Absent(Enum):
+    """The type of `ABSENT`."""
+
+    ABSENT = ""
+
+
+ABSENT: Final = Absent.ABSENT
+"""The value of a row under a column that does not apply to it; None is a value that is not known."""
 
 _SIGNS = {Tone.GOOD: "✓", Tone.BAD: "✗", Tone.MIXED: "◐", Tone.PLAIN: "■"}
 
@@ -104,11 +113,12 @@ class DataTable:
             yield [words(cell) for cell in row]
 
     def objects(self) -> Iterator[dict[str, object]]:
-        """Rows as programs read them."""
+        """Rows as programs read them; a value that is `ABSENT` has no key."""
         for row in self.rows:
             yield {
                 key: plain
                 for column, value in zip(self.columns, row, strict=True)
+                if value is not ABSENT
                 for key, plain in zip(column.keys, column.format.plain(value), strict=True)
             }
 
@@ -213,10 +223,20 @@ class SectionHeading:
 
 
 @dataclass(frozen=True, slots=True)
+class LegendMark:
+    """A mark of a legend: its words, and SVG within `width` x 10 points around (0, 0) to (`width`, 0)."""
+
+    words: str
+    drawing: str
+    width: float = 20.0
+
+
+@dataclass(frozen=True, slots=True)
 class Figure:
     """A picture: SVG in points, which scales to the width it is given. A terminal does not show it.
 
-    `kind` is its class on the page, by which a script finds it.
+    `kind` is its class on the page, by which a script finds it. The `legend` stands below; on a page it does
+    not scale with the picture.
     """
 
     title: str
@@ -224,6 +244,7 @@ class Figure:
     height: float
     content: str
     kind: str = ""
+    legend: tuple[LegendMark, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

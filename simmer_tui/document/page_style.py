@@ -1,5 +1,11 @@
 """The looks of pages: in the light or the dark, on a wide screen, on a phone and on paper."""
 
+from __future__ import annotations
+
+import math
+
+from simmer_tui.document.svg import PICTURE_WIDTH
+
 # The colours of text, each with a contrast of at least 4.5 : 1 to its background (WCAG 2).
 _LIGHT = (
     "color-scheme: light; --page: #ffffff; --ink: #161b22; --faint: #46515e; --line: #d0d6de; "
@@ -69,7 +75,13 @@ p, li, pre, h1, h2, figcaption { overflow-wrap: break-word; }
 p.run { color: var(--faint); font-size: 14px; margin: 0 0 10px; }
 a, summary { color: var(--link); }
 code, pre { font-family: "DejaVu Sans Mono", Consolas, Menlo, monospace; font-size: .86em; }
-svg { width: 100%; height: auto; display: block; break-inside: avoid; }
+.picture > svg { width: 100%; height: auto; display: block; break-inside: avoid; overflow: visible; }
+.maze, .map { container: picture / inline-size; margin: 0 auto 10px; }
+.graph, .strips { overflow-x: auto; } .graph > svg, .strips > svg { min-width: 960px; }  /* texts of 11 px */
+ul.legend { display: flex; flex-wrap: wrap; gap: 2px 18px; list-style: none; padding: 0; margin: 0 0 8px;
+  font-size: 13px; color: var(--faint); }
+.legend li { display: flex; align-items: center; gap: 6px; margin: 0; }
+.legend svg { height: 16px; flex: none; }
 ul { margin: .3em 0; padding-left: 1.2em; } li { margin: .25em 0; }
 .verdict + .card { margin-top: 10px; }
 .verdict { display: flex; gap: 14px; align-items: center; padding: 10px 16px; border-radius: 6px;
@@ -115,7 +127,6 @@ p.note { color: var(--faint); font-size: 14px; margin: .3em 0; max-width: 60em; 
 }
 @media screen and (max-width: 700px) {
   body { padding: 12px; }
-  .graph, .strips { overflow-x: auto; } .graph svg, .strips svg { min-width: 640px; }  /* else 4 px text */
   .verdict { padding: 8px 10px; } .verdict h1 { font-size: 22px; } .verdict p { font-size: 16px; }
   .verdict .sign { font-size: 32px; width: 32px; }
   .figures { gap: 8px; } .figures div { padding: 6px 8px; } .figures strong { font-size: 19px; }
@@ -132,6 +143,15 @@ p.note { color: var(--faint); font-size: 14px; margin: .3em 0; max-width: 60em; 
   details::details-content { content-visibility: visible; block-size: auto; }  /* paper is not opened */
   h2, summary { break-after: avoid; } @page { margin: 14mm; } * { print-color-adjust: exact; } }
 """
+# A picture of 960 points is drawn at any width, and its texts are to have 12 to 13 CSS pixels in all of them.
+# CSS cannot divide by a width, so each tenth of growth has a rule of its own. Narrower than 200 is no screen.
+_TEXT, _NARROWEST, _GROWTH = 12.0, 200.0, 1.1
+_STEPS = math.ceil(math.log(PICTURE_WIDTH * _TEXT / 11.0 / _NARROWEST) / math.log(_GROWTH))
+STYLE += "".join(
+    f"@container picture (min-width: {width:.0f}px) "
+    f"{{ text {{ font-size: {_TEXT * PICTURE_WIDTH / width:.1f}px; }} }}\n"
+    for width in (_NARROWEST * _GROWTH**step for step in range(_STEPS))
+)
 SORTING = """<script>
 "use strict";
 for (const table of document.querySelectorAll("table.sortable")) {

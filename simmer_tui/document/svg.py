@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import html
 from collections.abc import Iterable
+from dataclasses import replace
 
-from simmer_tui.document.model import Figure
+from simmer_tui.document.model import Figure, LegendMark
 from simmer_tui.errors import printable
 
 PICTURE_WIDTH = 960.0
@@ -17,8 +18,9 @@ CONTACT = "#ab4366"
 BELIEF = "#4c0083"
 ROBOT_LINE, BODY = "#112729", "#bfe8c8"
 BLOCK_FILL, BLOCK_LINE = "#aa6619", "#6a3d0a"
-# From the beginning to the end: ever lighter, so that it reads in grey too.
-_RAMP = ((48, 24, 120), (31, 105, 200), (10, 150, 140), (110, 175, 20), (245, 165, 0))
+# From the beginning to the end: ever lighter, so that it reads in grey too. Each has 3 : 1 to the floor, on
+# paper as it is, and in the dark as `page_style` brightens it.
+_RAMP = ((70, 50, 160), (31, 105, 200), (10, 140, 130), (84, 140, 10), (190, 110, 0))
 SHADES = 48
 """Colours of a path, each a group in the file: more would make the file larger only."""
 
@@ -66,8 +68,18 @@ def curve(pairs: Iterable[tuple[float, float]]) -> str:
     return " ".join(f"{x:.1f},{y:.1f}" for x, y in pairs)
 
 
+def whole_figure(figure: Figure) -> Figure:
+    """The figure with its legend drawn in it."""
+    if not figure.legend:
+        return figure
+    drawn, rows = _legend(_LEGEND_LEFT, figure.height + _LEGEND_ROW / 2, figure.legend)
+    height = figure.height + rows * _LEGEND_ROW
+    return replace(figure, height=height, content=figure.content + drawn, legend=())
+
+
 def figure_svg(figure: Figure, shown: float | None = None) -> str:
-    """A figure on white, which scales to the width it is given; by itself it is `shown` points wide."""
+    """A figure on white without its legend, which scales to the width it is given; by itself it is `shown`
+    points wide."""
     width, height = figure.width, figure.height
     shown = width if shown is None else shown
     role = "group" if "<a " in figure.content else "img"  # screen readers leave out the links of an image
@@ -81,8 +93,8 @@ def figure_svg(figure: Figure, shown: float | None = None) -> str:
 
 
 def document(figure: Figure, shown: float | None = None) -> str:
-    """The same as a file of its own."""
-    return f"<?xml version='1.0' encoding='UTF-8'?>\n{figure_svg(figure, shown)}\n"
+    """The same with its legend, as a file of its own."""
+    return f"<?xml version='1.0' encoding='UTF-8'?>\n{figure_svg(whole_figure(figure), shown)}\n"
 
 
 def translated(x: float, y: float, content: str) -> str:
@@ -90,17 +102,21 @@ def translated(x: float, y: float, content: str) -> str:
     return element("g", content, transform=f"translate({coordinate(x)} {coordinate(y)})")
 
 
-def legend(x: float, y: float, marks: Iterable[tuple[str, str]]) -> str:
-    """A legend of marks, in a row from x on. Each is a pair of words and a mark, drawn within 20 x 10 points
-    around (0, 0) to (20, 0). Marks without room within the picture are left out."""
-    parts = []
+# Room to the left of a legend, and height of one of its rows, points.
+_LEGEND_LEFT, _LEGEND_ROW = 34.0, 26.0
+
+
+def _legend(left: float, y: float, marks: Iterable[LegendMark]) -> tuple[str, int]:
+    """A legend in rows from `left` on, and the number of its rows."""
+    parts, x, rows = [], left, 1
     # A letter of 11 points is about 5.6 points wide on average; SVG cannot measure text.
-    for words, mark in marks:
-        if x + 30 + 5.6 * len(words) > PICTURE_WIDTH:
-            break
-        parts.append(translated(x, y, mark) + text(x + 26, y + 4, words))
-        x += 46 + 5.6 * len(words)
-    return "".join(parts)
+    for mark in marks:
+        wide = mark.width + 10 + 5.6 * len(mark.words)
+        if x > left and x + wide > PICTURE_WIDTH:
+            x, y, rows = left, y + _LEGEND_ROW, rows + 1
+        parts.append(translated(x, y, mark.drawing) + text(x + mark.width + 6, y + 4, mark.words))
+        x += wide + 16
+    return "".join(parts), rows
 
 
 def dash(color: str, width: float = 2.0, **attributes: object) -> str:

@@ -127,7 +127,7 @@ def _better(sensor: SensorSpec, model: SensorSpec) -> Iterable[str]:
     """Properties in which a sensor is better than one of the course's, or different."""
     yield from _differences(sensor, model, sensor.kind.columns, limited=sensor.kind.is_range)
     most = max(model.error, 1.0 - model.error)
-    if _errs_by_opposite(sensor) and sensor.error > most + _ROUNDING:
+    if sensor.kind.errs_by_opposite and sensor.error > most + _ROUNDING:
         yield f"its error is above {most:g}: the opposite of its answers would nearly always be right"
 
 
@@ -165,12 +165,6 @@ _BROKEN: Mapping[CourseRule, Callable[[float, float], str]] = MappingProxyType(
     }
 )
 """By rule, the word for a forbidden relation of a team's value to the course's; empty if it is allowed."""
-
-
-def _errs_by_opposite(sensor: SensorSpec) -> bool:
-    """True if its error is the rate of opposite answers (that of a line sensor is an error of the measured
-    value)."""
-    return sensor.kind.is_yes_or_no and not sensor.kind.has("threshold")
 
 
 def _drives(course: Iterable[DriveSpec], team: Iterable[DriveSpec]) -> Iterable[Problem]:

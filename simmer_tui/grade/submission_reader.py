@@ -27,9 +27,9 @@ if sys.platform == "win32":
 else:
     from multiprocessing.connection import Connection as End
 
-_CPU = 5
+READER_CPU = 5
 """Seconds of processor time for one file or set. The largest honest set takes 0.1 s."""
-_MEMORY = 500_000_000
+READER_MEMORY = 500_000_000
 """Bytes of memory beyond those of the child when it begins. Judged: a hundred times an honest set."""
 _READ_TIMEOUT = 60.0
 """Seconds (real) for one file or set, with the child's start, on an overloaded machine."""
@@ -62,7 +62,7 @@ class SubmissionReader:
         if answer is None:
             self.close()
             raise GradeError(
-                f"take more than {_CPU} s of processor time or {_MEMORY / 1e6:.0f} MB to read: "
+                f"take more than {READER_CPU} s of processor time or {READER_MEMORY / 1e6:.0f} MB to read: "
                 "make them smaller"
             )
         if isinstance(answer, GradeError):
@@ -119,13 +119,13 @@ def _limit_size() -> None:
         sys.platform == "linux" and platform_has.LINUX
     ):  # elsewhere the size is not known, or the limit is not enforced
         pages = int(Path("/proc/self/statm").read_bytes().split()[0])
-        most = pages * os.sysconf("SC_PAGE_SIZE") + _MEMORY
+        most = pages * os.sysconf("SC_PAGE_SIZE") + READER_MEMORY
         resource.setrlimit(resource.RLIMIT_AS, (most, most))
 
 
 def _limit_time() -> None:
-    """Set the limit of processor time to `_CPU` seconds from now on: RLIMIT_CPU counts from the child's
+    """Set the limit of processor time to `READER_CPU` seconds from now on: RLIMIT_CPU counts from the child's
     start."""
     if sys.platform != "win32" and platform_has.POSIX:
         _, most = resource.getrlimit(resource.RLIMIT_CPU)
-        resource.setrlimit(resource.RLIMIT_CPU, (int(time.process_time()) + 1 + _CPU, most))
+        resource.setrlimit(resource.RLIMIT_CPU, (int(time.process_time()) + 1 + READER_CPU, most))

@@ -166,7 +166,7 @@ def tells_descendants() -> bool:
     return Path(f"/proc/{os.getpid()}/task/{os.getpid()}/children").exists()
 
 
-_EVERY = 0.1
+USAGE_PERIOD = 0.1
 """Seconds between two checks. Judged: a program needs longer to fill 500 MB, and more checks take more
 time."""
 
@@ -194,7 +194,7 @@ class Supervisor:
         self.usage.close()
 
     def _watch(self) -> None:
-        while not self._is_over.wait(_EVERY):
+        while not self._is_over.wait(USAGE_PERIOD):
             reason = self._reason()
             if reason:
                 self.end(reason)

@@ -22,7 +22,7 @@ from simmer_tui.sim.command import MISSION_QUERY, Command
 from simmer_tui.sim.records import CommandResult
 
 # Judged: far more than a program sends ahead, and little memory.
-MOST_COMMANDS, _MOST_BYTES = 1000, 64 * 1024
+MOST_COMMANDS, MOST_WAITING_BYTES = 1000, 64 * 1024
 """Commands of a sender that may wait for their answer, and bytes of them. Further ones are busy."""
 # Some megabytes of memory: a sender that far ahead of its replies will never read them.
 MOST_REFUSED = 16 * 1024
@@ -186,14 +186,15 @@ class BackendSwitch:
         urgent = self._urgent_part(message) if robot is None else robot.urgent_part(message)
         passed = urgent.commands if urgent is not None else ()
         refused = [None if each in passed else engine.refuse(each) for each in message.commands]
+        if urgent is None:  # no more is kept of those that come by the thousand
+            self._answer_here(session, answered, budget, tuple(filter(None, refused)))
+            return
 
         def merge(results: Sequence[CommandResult], data: bytes | None) -> None:
             done = iter(results)
             answered([next(done) if each is None else each for each in refused], data)
 
-        if urgent is None:
-            self._answer_here(session, merge, budget, ())
-        elif robot is None:
+        if robot is None:
             _count(engine.submit(session, passed, merge), urgent, budget)
         else:
             self._pass_on(robot, urgent, session, merge, budget)
@@ -225,6 +226,8 @@ class CommandBudget:
         """True if a further message may wait."""
         self.refused = 0
         """Messages answered busy, and queries, whose replies have not had their turn yet."""
+        # Made once: each of thousands of messages would have its own.
+        self._on_refusal_given = self._refusal_given
 
     @property
     def is_used(self) -> bool:
@@ -244,12 +247,12 @@ class CommandBudget:
     def _count(self, commands: int, size: int) -> None:
         self._commands += commands
         self._bytes += size
-        self.has_room = self._commands < MOST_COMMANDS and self._bytes < _MOST_BYTES
+        self.has_room = self._commands < MOST_COMMANDS and self._bytes < MOST_WAITING_BYTES
 
     def take_refused(self) -> Callable[[], None]:
         """Count a message that is answered busy, or a query. Returns the call that stops counting it."""
         self.refused += 1
-        return self._refusal_given
+        return self._on_refusal_given
 
     def _refusal_given(self) -> None:
         self.refused -= 1
@@ -259,6 +262,10 @@ class CommandBudget:
         now = self._loop.time()
         if now >= self._again:
             self._again = now + _AGAIN
-            what = f"{MOST_COMMANDS} commands" if self._commands >= MOST_COMMANDS else f"{_MOST_BYTES} bytes"
+            what = (
+                f"{MOST_COMMANDS} commands"
+                if self._commands >= MOST_COMMANDS
+                else f"{MOST_WAITING_BYTES} bytes"
+            )
             text = f"client {self._sender}: {what} wait already; further ones are answered busy"
             self._tell(Notice(NoticeKind.FAULT, f"{text}. Read each reply before the next command"))

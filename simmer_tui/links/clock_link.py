@@ -162,7 +162,7 @@ class ClockLink:
         self.clock.note()
 
     def join(self, process: _Process, token: str) -> None:
-        """Take note of a process that has begun, by the token that its parent gave it."""
+        """Note a process that has begun, by the token that its parent gave it."""
         parent = token.partition(".")[0]
         process.wait.parent = next((each.wait for each in self._processes if str(each.pid) == parent), None)
         self._joined.add(token)

@@ -97,7 +97,7 @@ class SimulatedHost:
         self._rules = rules
         self._write = write
         self.source = "client"
-        """Whose commands the movements are."""
+        """Source of the commands of the movements."""
         self._moves = self._new_session()
         self._readers: dict[str, Session] = {}
 
@@ -246,7 +246,7 @@ class DialectLink:
     # -- endpoints -----------------------------------------------------------------------------
 
     def reached(self) -> None:
-        """Take note that a program with the hook has begun: it will find the port."""
+        """Note that a program with the hook has begun: it will find the port."""
         self._reached = True
 
     def _watch(self, event: Event) -> None:

@@ -102,7 +102,7 @@ class DialectRobot(MonitoredRobot):
     # -- commands of others ----------------------------------------------------------------------------
 
     def submit(self, message: Message, session: Session, answered: Answered) -> None:
-        """Have commands done by inverse rules."""
+        """Do commands by inverse rules."""
         results: dict[int, CommandResult] = {}
         count = len(message.commands)
 

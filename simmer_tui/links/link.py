@@ -15,7 +15,7 @@ from simmer_tui.config.settings import ServerSettings, value_of
 from simmer_tui.links.access import AccessCheck
 from simmer_tui.links.backend import BackendSwitch, Message
 from simmer_tui.links.driver_lock import DriverLock
-from simmer_tui.links.ports import Acceptor, Listener, PortRequest
+from simmer_tui.links.ports import Acceptor, Crowd, Listener, PortRequest
 from simmer_tui.links.processes import ProcessLookup
 from simmer_tui.links.pty_port import PtyDevice
 from simmer_tui.robot.engine import Engine
@@ -67,9 +67,15 @@ class LinkContext(Struct, frozen=True):
         # simmer-python answers drives at once: "auto" means accepted in packets, done in the binary dialects.
         return self.reply == "done" if in_packets else self.reply != "accepted"
 
-    def accept(self, port: DialectPort, welcome: Callable[[socket.socket, str], None]) -> Acceptor:
-        """Accept connections on a port from now on: admitted ones go to `welcome(socket, peer)`."""
-        return Acceptor(self.listeners[port.purpose], welcome, self.access)
+    def accept(
+        self,
+        port: DialectPort,
+        welcome: Callable[[socket.socket, str], None],
+        crowd: Crowd | None = None,
+    ) -> Acceptor:
+        """Accept connections on a port from now on: admitted ones go to `welcome(socket, peer)`. With a
+        `crowd` many may come at once."""
+        return Acceptor(self.listeners[port.purpose], welcome, self.access, crowd)
 
 
 def open_links(context: LinkContext) -> Iterator[Link]:

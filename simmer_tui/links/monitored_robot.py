@@ -157,7 +157,7 @@ class MonitoredRobot(RealRobot):
         self._note_sent(data)
 
     def _note_sent(self, data: bytes) -> None:
-        """Have the twin receive the bytes that the robot is sent."""
+        """Pass the twin the bytes that the robot is sent."""
         with self.engine.moment():
             self._device.received(data)
 
@@ -197,7 +197,7 @@ class MonitoredRobot(RealRobot):
         self._drop(reason)
 
     def _note_message(self, rule: MessageRule, values: Mapping[str, FieldValue]) -> None:
-        """Have the twin begin a message's command; its replies are expected from now on."""
+        """Begin a message's command on the twin; its replies are expected from now on."""
         self._drop_readings()
         if not rule.stops:
             self._reader.asked(rule, values)

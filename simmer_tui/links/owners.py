@@ -207,7 +207,7 @@ def attributes(data: bytes) -> Iterator[tuple[int, bytes]]:
 
 
 def _drop_ends(listening: socket.socket) -> None:
-    """Have the system drop the ends of connections to a socket."""
+    """Make the system drop the ends of connections to a socket."""
     address, steps = _WITHOUT_ENDS.buffer_info()
     listening.setsockopt(socket.SOL_SOCKET, _ATTACH_FILTER, struct.pack("HP", steps, address))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import math
 import socket
 from collections import deque
@@ -15,8 +16,9 @@ from simmer_tui.links.connection_doctor import ConnectionDoctor
 from simmer_tui.links.driver_lock import DriverLock
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.packet_presence import PacketDriver, Presence
-from simmer_tui.links.packet_replies import EMPTY_DELAY, LONGEST_WAIT, ReplyPort
+from simmer_tui.links.packet_replies import EMPTY_DELAY, LONGEST_WAIT, REPORT_DELAY, ReplyPort
 from simmer_tui.links.peer import MOST_CONNECTIONS, Peer, ReadBudget, host_of
+from simmer_tui.links.ports import Crowd
 from simmer_tui.links.protocol.diagnosis import is_http
 from simmer_tui.links.protocol.packets import (
     Mailbox,
@@ -42,13 +44,16 @@ SILENT_AFTER = 1.0
 # Judged: a robot left alone for ten minutes; forgotten connections must not fill the port.
 IDLE_LIMIT = 600.0
 """Seconds after which a connection that sends nothing more is closed."""
+_TOO_MANY = f"{MOST_CONNECTIONS} connections at once are the most"
 
 
 class _Sender(Peer):
     """A connection on the request port."""
 
-    def __init__(self, sock: socket.socket, peer: str, link: PacketLink) -> None:
+    def __init__(self, sock: socket.socket, peer: str, link: PacketLink, *, is_expected: bool) -> None:
+        """`is_expected` is true if a request is expected at once."""
         super().__init__(sock, peer, link.budget)
+        self._is_expected = is_expected
         self._link = link
         self._reader = RequestReader(link.context.settings.grace)
         self._command_budget = link.budget_of(sock, peer)
@@ -56,6 +61,7 @@ class _Sender(Peer):
         self._session = link.engine.session(answer_at_end=at_end, lane="packets")
         self._silence = LoopTimer(lambda: self._submit(self._reader.silence()), self._loop)
         self._direct_reply = LoopTimer(self._reply_here, self._loop)
+        self._on_answered = self._answered  # made once, for thousands of requests
         self._open_requests = self._open_commands = 0
         self._ended = False
         self._unfetched: deque[tuple[float, Reply]] = deque()
@@ -75,6 +81,8 @@ class _Sender(Peer):
     def receiving(self) -> bool:
         """True if a request is just coming in, or is expected at once."""
         # A new connection is about to send: clients connect for one message.
+        if not self.spoken and not self._is_expected:
+            return False
         idle = self._loop.time() - self.last_received
         return self._reader.unfinished and idle < LONGEST_WAIT if self.spoken else idle < EMPTY_DELAY
 
@@ -87,6 +95,8 @@ class _Sender(Peer):
         if not self.spoken:
             self._link.doctor.packet_came(data)
             self.is_probe = is_http(data.decode("latin-1"))
+            if not self._is_expected:
+                self._link.presence.seek(self.sock, self.peer)
         self.last_received, self.spoken = self._loop.time(), True
         self._link.received(self)
         self._submit(self._reader.receive(data))
@@ -121,7 +131,7 @@ class _Sender(Peer):
                 self._open_commands += len(request.commands)
                 form = self._link.forms[request.dialect]
                 message = Message(request.data, request.commands, form)
-                answered = partial(self._answered, request, form.format)
+                answered = partial(self._on_answered, request, form.format)
                 self._link.context.backend.submit(message, self._session, answered, self._command_budget)
         if self._command_budget.is_exceeded and not self.lost:
             self._drop()
@@ -235,21 +245,26 @@ class PacketLink:
         self._budgets: dict[tuple[str, int | None], CommandBudget] = {}
         self._lock = context.driver_lock or DriverLock()
         self._refusals = RefusalNotices(context.engine.tell)
-        self._presence = Presence(context, self.mailbox, self._is_connected, self._client_left)
-        self._requests = context.accept(PACKETS, self._welcome)
+        self.presence = Presence(context, self.mailbox, self._is_connected, self._client_left)
+        self._crowded_out = 0
+        self._report = LoopTimer(self._report_crowded_out, asyncio.get_running_loop())
+        crowd = Crowd(MOST_CONNECTIONS, self._note_crowded_out)
+        self._requests = context.accept(PACKETS, self._welcome, crowd)
         self.replies = ReplyPort(
-            context, self.mailbox, self._presence, self.budget, self._is_receiving, lambda: self.busy
+            context, self.mailbox, self.presence, self.budget, self._is_receiving, lambda: self.busy
         )
 
     @property
     def has_clients(self) -> bool:
         """True if a connection for requests is open, or a request unanswered."""
-        return bool(self.senders) or bool(self._arriving) or self.unanswered > 0
+        is_behind = self._requests.is_behind or bool(self._arriving)
+        return bool(self.senders) or is_behind or self.unanswered > 0
 
     def close(self) -> None:
         """Stop listening and end all connections."""
         self._requests.close()
-        self._presence.close()
+        self._report.cancel()
+        self.presence.close()
         for sock in self._arriving:
             sock.close()
         self._arriving.clear()
@@ -260,8 +275,8 @@ class PacketLink:
 
     @property
     def busy(self) -> bool:
-        """True if a request is being received or answered."""
-        return self.unanswered > 0 or self._is_receiving()
+        """True if a request is being received or answered, or may wait in the system."""
+        return self.unanswered > 0 or self._requests.is_behind or self._is_receiving()
 
     def _is_receiving(self) -> bool:
         return bool(self._arriving) or any(sender.receiving for sender in self.senders)
@@ -270,17 +285,20 @@ class PacketLink:
         if len(self.senders) + len(self._arriving) >= MOST_CONNECTIONS:
             self._make_room()
         self._arriving[sock] = peer
-        self._lock.acquire_by_process(self, sock, peer, partial(self._decided, sock, peer))
+        decided = partial(self._decided, sock, peer, not self._requests.in_crowd)
+        self._lock.acquire_by_process(self, sock, peer, decided)
 
-    def _decided(self, sock: socket.socket, peer: str, refused: str) -> None:
+    def _decided(self, sock: socket.socket, peer: str, is_expected: bool, refused: str) -> None:
         if self._arriving.pop(sock, None) is None:  # the link has been closed
             return
         if refused:
             self._requests.refuse(sock, peer)
             self._refusals.tell(f"client {peer} turned away: {refused}", refused)
             return
-        self._presence.connected(sock, peer)
-        self.senders[_Sender(sock, peer, self)] = None
+        self.presence.connected(peer)
+        if is_expected:  # it may be closed the next moment
+            self.presence.seek(sock, peer)
+        self.senders[_Sender(sock, peer, self, is_expected=is_expected)] = None
 
     def _make_room(self) -> None:
         """Close the connection that has been silent longest: most likely its program has forgotten it.
@@ -300,13 +318,26 @@ class PacketLink:
         chosen = chosen or busy or unread
         if chosen is None:  # all are arriving
             return
-        text = f"client {chosen.peer} closed: {MOST_CONNECTIONS} connections at once are the most"
-        self.engine.tell_fault(text)
+        self._note_crowded_out(chosen.peer)
         del self.senders[chosen]
         chosen.abort()
 
+    def _note_crowded_out(self, peer: str) -> None:
+        """Report a connection that was closed for a newer one; further ones are counted for a second."""
+        if self._report.due == math.inf:
+            self.engine.tell_fault(f"client {peer} closed: {_TOO_MANY}")
+            self._report.set_in(REPORT_DELAY)
+        else:
+            self._crowded_out += 1
+
+    def _report_crowded_out(self) -> None:
+        if self._crowded_out:
+            self.engine.tell_fault(f"{self._crowded_out} more connections closed: {_TOO_MANY}")
+            self._crowded_out = 0
+            self._report.set_in(REPORT_DELAY)
+
     def received(self, sender: _Sender) -> None:
-        """Take note that something has come on a connection."""
+        """Note that something has come on a connection."""
         if sender in self.senders:
             del self.senders[sender]
             self.senders[sender] = None
@@ -314,21 +345,21 @@ class PacketLink:
     def sender_lost(self, sender: _Sender) -> None:
         """A connection on the request port has ended."""
         self.senders.pop(sender, None)
-        self._presence.disconnected(sender.peer)
+        self.presence.disconnected(sender.peer)
         self._release_lock()
 
     def note_request(self, sender: _Sender, request: Request) -> PacketDriver:
         """Take a complete request. Returns the owner of the velocities that it sets."""
-        driver = self._presence.asked(sender.peer, counts=not sender.is_probe)
+        driver = self.presence.asked(sender.peer, counts=not sender.is_probe)
         if not request.commands:
             self.engine.tell_fault(f"client {sender.peer}: an empty request, [], gets no reply")
         self.unanswered += len(request.commands)
         return driver
 
     def note_answered(self, count: int) -> None:
-        """Take note that a request of so many commands has been answered."""
+        """Note that a request of so many commands has been answered."""
         self.unanswered -= count
-        self._presence.watch_velocity()
+        self.presence.watch_velocity()
 
     def budget_of(self, sock: socket.socket, peer: str) -> CommandBudget:
         """The budget of waiting commands shared by all connections of a user from one address."""
@@ -354,5 +385,5 @@ class PacketLink:
             self.context.probe_left()
 
     def _release_lock(self) -> None:
-        if not (self._presence.any or self.senders or self._arriving):
+        if not (self.presence.any or self.senders or self._arriving):
             self._lock.release(self)

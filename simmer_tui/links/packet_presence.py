@@ -1,4 +1,17 @@
-"""The clients of the connection-per-message dialects: the program behind each address, and its presence."""
+"""The clients of the connection-per-message dialects: the program behind each address, and its presence.
+
+Replies wait in the `Mailbox` for the address that asked, at most ten minutes. That needs nothing of this
+module. These cases do:
+
+- A program begins. The replies for the one before are dropped then. A packet has no connection that lasts, so
+  only the process of a request, or a long silence, shows that it is another program.
+- A program leaves. Watchers are told and the right to drive is released, and a velocity must not outlast its
+  program. Nothing ends but the process. Where that is not known, `idle` seconds of silence count.
+- A program is halted in a debugger. It is silent for longer than `idle`, but lives and will read its reply.
+- A velocity was set by a connection that was closed at once. Its process cannot be found any more: a Python
+  client closes 0.04 ms after it has connected, before the server has accepted. On a busy machine 5 of 60
+  were found. A later read of the same address, or the program of `--run`, tells who it was.
+"""
 
 from __future__ import annotations
 
@@ -96,14 +109,17 @@ class Presence:
         """True if a client is present."""
         return bool(self._clients)
 
-    def connected(self, sock: socket.socket, peer: str) -> None:
-        """Take a connection for requests. Its process is looked for now, since it may be closed the next
-        moment."""
-        address, now = host_of(peer), self._loop.time()
-        client = self._clients.get(address)
-        sender = self._senders[peer] = PacketDriver(address, now)
-        if self._processes is None:
+    def connected(self, peer: str) -> None:
+        """Take a connection for requests."""
+        self._senders[peer] = PacketDriver(host_of(peer), self._loop.time())
+
+    def seek(self, sock: socket.socket, peer: str) -> None:
+        """Look for the process of a connection, as long as it is open."""
+        sender, now = self._senders.get(peer), self._loop.time()
+        if self._processes is None or sender is None:
             return
+        address = sender.address
+        client = self._clients.get(address)
         # By the program's clock no other program drives, and a search in real time would make runs differ.
         if self.context.clock is not None:
             sender.process = self._of_run(address)
@@ -146,7 +162,7 @@ class Presence:
         return sender
 
     def _identify(self, sender: PacketDriver) -> None:
-        """Take note of the process of a request, as far as it was seen."""
+        """Note the process of a request, as far as it was seen."""
         client = self._clients.get(sender.address)
         if client is None:
             return

@@ -21,9 +21,10 @@ from simmer_tui.robot.sessions import LoopTimer
 # 64 KiB in all: a client that floods the reply port gets a reset instead.
 DRAINED, DRAINS = 4096, 16
 """Bytes dropped at once of those that a client sends to the reply port, and how often."""
-# Judged: one line a second, however many replies are dropped.
-_REPORT_DELAY = 1.0
-"""Seconds for which unread replies are counted before they are reported."""
+# Judged: one line a second, however many there are.
+REPORT_DELAY = 1.0
+"""Seconds for which unread replies, and connections that are closed, are counted before they are
+reported."""
 # simmer-python's clients read in a tight loop: without a limit they would use a whole processor.
 EMPTY_DELAY = 1 / 60
 """Seconds that a read without a reply takes; it limits how often a client can try."""
@@ -187,7 +188,7 @@ class ReplyPort:
         dropped = self.mailbox.put(reply, host_of(peer), self._loop.time())
         if dropped:
             if not self._dropped:
-                self._report.set_in(_REPORT_DELAY)
+                self._report.set_in(REPORT_DELAY)
             self._dropped += dropped
         if self._expiry.due == math.inf and self.mailbox:
             self._expiry.set_at(self.mailbox.oldest + LONGEST_KEPT)

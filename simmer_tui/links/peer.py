@@ -95,6 +95,8 @@ class Peer:
     def __init__(self, sock: socket.socket, name: str, budget: ReadBudget) -> None:
         """Begin to read. Bytes are taken from `budget`."""
         self.sock = sock
+        # Not the socket: for a new one the selector writes its text, with two calls of the system, twice.
+        self._descriptor = sock.fileno()
         self.peer = name
         self.lost = False
         self.ended_with_error = False
@@ -134,9 +136,9 @@ class Peer:
     def _set_reading(self) -> None:
         wanted = not (self._held or self._closing or self._finished or self._eof)
         if wanted and not self._reading:
-            self._loop.add_reader(self.sock, self.read)
+            self._loop.add_reader(self._descriptor, self.read)
         elif self._reading and not wanted:
-            self._loop.remove_reader(self.sock)
+            self._loop.remove_reader(self._descriptor)
         self._reading = wanted
 
     def _catch_up(self) -> None:
@@ -204,7 +206,7 @@ class Peer:
             if sent == len(data):
                 return True
             data = data[sent:]
-            self._loop.add_writer(self.sock, self._flush)
+            self._loop.add_writer(self._descriptor, self._flush)
         self._unsent += data
         return len(self._unsent) <= UNREAD_LIMIT
 
@@ -217,7 +219,7 @@ class Peer:
             self._finish(error)
             return
         if not self._unsent:
-            self._loop.remove_writer(self.sock)
+            self._loop.remove_writer(self._descriptor)
             if self._closing:
                 self._finish(None)
 
@@ -247,7 +249,7 @@ class Peer:
         self.ended_with_error = error is not None
         self._set_reading()
         if self._unsent:
-            self._loop.remove_writer(self.sock)
+            self._loop.remove_writer(self._descriptor)
             self._unsent.clear()
         self._deadline.cancel()
         self._loop.call_soon(self._end, error)  # not in the middle of a write or close

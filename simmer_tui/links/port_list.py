@@ -113,7 +113,7 @@ def open_port(name: str, baud: int, *, moves_dtr: bool = True) -> Any:
 
 
 def _keep_dtr(descriptor: int) -> None:
-    """Have a terminal's lines stay as they are when it is closed."""
+    """Keep a terminal's lines as they are when it is closed."""
     if sys.platform != "win32":
         import termios
 

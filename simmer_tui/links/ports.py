@@ -7,8 +7,10 @@ import contextlib
 import errno
 import socket
 import sys
-from collections.abc import Callable, Sequence
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import islice
 
 from msgspec import Struct
 
@@ -138,7 +140,14 @@ ACCEPT_PAUSE = 1.0
 # Judged: few enough not to delay the command under way noticeably.
 ACCEPTED = 16
 """Connections accepted in one turn of the event loop, so that a flood leaves time for others."""
-
+# With those of two ports that are served they are below the 1024 descriptors that a process has by default.
+# 64 take about a millisecond.
+_CROWD, _TAKEN = 384, 64
+"""Connections that are kept until they are let in, where a crowd is expected, and how many are taken from the
+system in one turn of the event loop."""
+# A close takes 10 to 30 us, and a round trip of another client is several turns.
+_CLOSED, _CLOSED_IF_FULL = 8, 48
+"""Connections of a crowd closed in one turn of the event loop; the second if more wait in the system."""
 
 GONE_AFTER = 60
 """Seconds after which a connection ends whose other machine is gone (a laptop closed).
@@ -157,11 +166,38 @@ _LIMITS: list[tuple[int | None, int]] = [
 
 
 def end_with_machine(sock: socket.socket) -> None:
-    """Have the system end a connection within a minute after the other machine is gone, if it can."""
+    """Make the system end a connection within a minute after the other machine is gone, if it can."""
     for option, value in _LIMITS:
         if option is not None:
             with contextlib.suppress(OSError):  # Python has the name, but an older system does not support it
                 sock.setsockopt(socket.IPPROTO_TCP, option, value)
+
+
+_Incoming = tuple[socket.socket, tuple[str, int]]
+"""An accepted connection, with the address and port of its other end."""
+
+
+class Crowd(Struct, frozen=True):
+    """The silent connections of a port to which many may come at once. `most_silent` of them are kept, and
+    `closed` is called with the peer of each further one, after it was closed."""
+
+    most_silent: int
+    closed: Callable[[str], None]
+
+
+def _peer(there: tuple[str, int]) -> str:
+    return f"{there[0]}:{there[1]}"
+
+
+def _has_spoken(sock: socket.socket) -> bool:
+    """True if anything has come on a connection, if only its end."""
+    try:
+        sock.recv(1, socket.MSG_PEEK)
+    except BlockingIOError:
+        return False
+    except OSError:
+        return True
+    return True
 
 
 @dataclass(eq=False)
@@ -170,19 +206,36 @@ class Acceptor:
 
     It has its own accept loop, not asyncio's server. A link may need to know of a connection before the next
     byte of another is read (`accept_waiting`). Needs a running event loop. Without `access` everybody may
-    connect.
+    connect. With a `crowd` many connections may come at once. Those that have sent something are let in
+    first; of the others the newest ones are kept.
     """
 
     listener: Listener
     welcome: Callable[[socket.socket, str], None]
     access: AccessCheck | None = None
+    crowd: Crowd | None = None
 
     def __post_init__(self) -> None:
         self._loop = asyncio.get_running_loop()
         self._checking: dict[TokenCheck, None] = {}
         self._refused_peers: set[Peer] = set()
         self._budget = ReadBudget(PIECE)
+        self._spoken: deque[_Incoming] = deque()
+        self._silent: deque[_Incoming] = deque()
+        """Connections of a crowd that wait here: those that have sent something, and the others."""
+        self._letting_in: asyncio.Handle | None = None
+        self._kept = 0
+        """Count of silent connections of this crowd that were let in."""
+        self._is_full = False
+        """True if more of a crowd may wait in the system."""
+        self.in_crowd = False
+        """True while a connection is let in that sent nothing though many others came."""
         self.resume()
+
+    @property
+    def is_behind(self) -> bool:
+        """True if connections of a crowd are not let in yet."""
+        return self._is_full or bool(self._spoken or self._silent)
 
     def accept_waiting(self) -> None:
         """Accept all waiting connections now."""
@@ -207,6 +260,10 @@ class Acceptor:
             check.cancel()
             check.sock.close()
         self._checking.clear()
+        if self._letting_in is not None:
+            self._letting_in.cancel()
+        for sock, _ in (*self._spoken, *self._silent):
+            sock.close()
         for peer in tuple(self._refused_peers):
             peer.abort()
 
@@ -225,7 +282,27 @@ class Acceptor:
             self._loop.add_reader(sock, self._accept, sock)
 
     def _accept(self, listening: socket.socket, most: int = ACCEPTED) -> None:
-        for _ in range(most):
+        if self.crowd is None:
+            for sock, there in islice(self._incoming(listening), most):
+                self._let_in(sock, there)
+            return
+        room = min(_TAKEN, _CROWD - len(self._spoken) - len(self._silent))
+        come = list(islice(self._incoming(listening), room))
+        self._is_full = len(come) == room
+        if len(come) <= ACCEPTED and not self._is_full:
+            self.in_crowd = self._letting_in is not None
+            for sock, there in come:
+                self._let_in(sock, there)
+            self.in_crowd = False
+            return
+        for incoming in come:
+            (self._spoken if _has_spoken(incoming[0]) else self._silent).append(incoming)
+        if self._letting_in is None:
+            self._let_crowd_in(self.crowd)
+
+    def _incoming(self, listening: socket.socket) -> Iterator[_Incoming]:
+        """The connections that wait in the system."""
+        while True:
             try:
                 sock, address = listening.accept()
             except ConnectionAbortedError:
@@ -237,15 +314,39 @@ class Acceptor:
                 self._loop.call_later(ACCEPT_PAUSE, self._listen, listening)
                 return
             sock.setblocking(False)
-            with contextlib.suppress(OSError):  # it has closed already, which the read will show
-                # Replies are a few bytes: Nagle's algorithm would delay them.
-                sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-            end_with_machine(sock)
-            self._let_in(sock, address[:2])
+            yield sock, address[:2]
+
+    def _let_crowd_in(self, crowd: Crowd) -> None:
+        """Let in some of a crowd. Connections that are served have their turns meanwhile."""
+        self._letting_in = None
+        spoken, silent = self._spoken, self._silent
+        for _ in range(min(ACCEPTED, len(spoken))):
+            self._let_in(*spoken.popleft())
+        if silent:  # one a turn, as it takes 0.1 ms
+            self.in_crowd = True
+            self._let_in(*silent.popleft())
+            self.in_crowd = False
+            self._kept += 1
+        closed = _CLOSED_IF_FULL if self._is_full else _CLOSED
+        for _ in range(min(closed, len(silent), self._kept + len(silent) - crowd.most_silent)):
+            sock, there = oldest = silent.popleft()
+            if _has_spoken(sock):  # meanwhile
+                spoken.append(oldest)
+                continue
+            sock.close()
+            crowd.closed(_peer(there))
+        if spoken or silent:
+            self._letting_in = self._loop.call_soon(self._let_crowd_in, crowd)
+        else:
+            self._kept = 0
 
     def _let_in(self, sock: socket.socket, there: tuple[str, int]) -> None:
-        peer = f"{there[0]}:{there[1]}"
+        with contextlib.suppress(OSError):  # it has closed already, which the read will show
+            # Replies are a few bytes: Nagle's algorithm would delay them.
+            sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        end_with_machine(sock)
+        peer = _peer(there)
         if self.access is None:
             self.welcome(sock, peer)
             return

@@ -31,6 +31,8 @@ _WORK, _PAUSE = 0.0003, 0.0001
 # A client that has 500 connections is found by any of them: more in one pass only make it longer.
 _AT_ONCE = 256
 """Connections looked for in one pass."""
+_SOCKET = "socket:["
+"""Begin of the target of /proc/PID/fd/N for a socket; its inode and a bracket follow."""
 
 
 class StatField(IntEnum):
@@ -88,7 +90,7 @@ class ProcessLookup:
         self._is_searching = False
 
     def note_run(self, pid: int) -> None:
-        """Take note of the program that the run has started."""
+        """Note the program that the run has started."""
         self.of_run = _process(pid)
 
     def _far(self, sock: socket.socket, peer: str) -> RemoteSocket | None:
@@ -247,7 +249,6 @@ def _search(inodes: Collection[int], known: Iterable[Process]) -> dict[int, Proc
 def _sockets_of(pid: int, inodes: Collection[int], *, is_polite: bool = False) -> set[int]:
     """The given sockets that a process has; none if the process may not be read. With `is_polite` it pauses
     for other threads."""
-    names = {f"socket:[{inode}]": inode for inode in inodes}
     held = set()
     folder = f"/proc/{pid}/fd"
     pause_at = time.thread_time() + _WORK
@@ -257,8 +258,8 @@ def _sockets_of(pid: int, inodes: Collection[int], *, is_polite: bool = False) -
                 time.sleep(_PAUSE)
                 pause_at = time.thread_time() + _WORK
             with contextlib.suppress(OSError):  # closed meanwhile
-                inode = names.get(os.readlink(f"{folder}/{descriptor}"))  # noqa: PTH115 - as above
-                if inode is not None:
+                target = os.readlink(f"{folder}/{descriptor}")  # noqa: PTH115 - as above
+                if target.startswith(_SOCKET) and (inode := int(target[len(_SOCKET) : -1])) in inodes:
                     held.add(inode)
     return held
 

@@ -251,7 +251,7 @@ class PtyPort:
             self._robot.written(self, data)
 
     def _enter(self) -> None:
-        """Take note that a program has opened the port."""
+        """Note that a program has opened the port."""
         if self._open:
             return
         self._open = True
@@ -269,7 +269,7 @@ class PtyPort:
         self._look_later()
 
     def _leave(self) -> None:
-        """Take note that the program has closed the port."""
+        """Note that the program has closed the port."""
         if not self._open:
             return
         waiting = len(self._unread) + sum(len(data) for _, _, data in self._coming) - self._passed
@@ -296,7 +296,7 @@ class PtyPort:
     # -- to the program --------------------------------------------------------------------------
 
     def deliver(self, begin: float, byte: float, data: bytes) -> None:
-        """Have bytes of the robot arrive at the program at their times."""
+        """Deliver the robot's bytes to the program, each at its due time."""
         if not self._open:
             return
         self._coming.append((begin, byte, data))

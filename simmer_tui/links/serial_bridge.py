@@ -324,7 +324,7 @@ class SerialBridge(RealRobot):
         return trajectory.duration if trajectory is not None else 0.0
 
     def _simulate(self, exchange: _Exchange) -> None:
-        """Have the twin do the same commands."""
+        """Do the same commands on the twin."""
         if exchange.is_stop:
             self.engine.stop_motion("a stop for the robot")
         exchange.simulated = [self.engine.mirror(command) for command in exchange.commands]

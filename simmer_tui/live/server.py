@@ -363,7 +363,7 @@ class Server:
             return bool(selector.select(0))
 
     def use_robot(self, port: str) -> None:
-        """Have clients drive the real robot on a serial port from now on. Any thread may call it."""
+        """Let clients drive the real robot on a serial port from now on. Any thread may call it."""
         self.call(self._use_robot, port)
 
     def sent_nothing(self, code: int) -> bool:
@@ -377,7 +377,7 @@ class Server:
             self.clock.settle_output = settle
 
     def use_simulator(self) -> None:
-        """Have clients drive the simulated robot from now on. Any thread may call it."""
+        """Let clients drive the simulated robot from now on. Any thread may call it."""
         self.call(self._use_simulator)
 
     def _use_robot(self, port: str) -> None:
@@ -580,13 +580,13 @@ class Server:
         return None if self._verdict is None else self._verdict.verdict
 
     def expect_program(self) -> None:
-        """The run has a program of its own from now on: its end counts, not that of its connections. Any
-        thread may call it."""
+        """Note that the run has a program of its own from now on: its end counts, not that of its
+        connections. Any thread may call it."""
         if self._verdict is not None:
             self.call(self._verdict.expect_program)
 
     def note_program(self, pid: int) -> None:
-        """Take note of the process of the run's own program; after `start`. Any thread may call it."""
+        """Note the process of the run's own program; after `start`. Any thread may call it."""
         self.call(self._processes.note_run, pid)
 
     def record(self, pace: float = 0.0) -> None:
@@ -711,6 +711,7 @@ class Server:
         self._backend.use(boards)
         if self.clock is not None:
             self.clock.boards = boards.run_clock_to
+            self.clock.when_real = lambda: self._tick(TICK)
         else:
             self._tick(TICK)
 

@@ -15,7 +15,13 @@ from typing import TYPE_CHECKING
 from simmer_tui import platform_has
 from simmer_tui.errors import ProgramError, reason_of
 from simmer_tui.program.kept_process import Keeper, KeptProcess
-from simmer_tui.program.program_command import console_variables, start_advice, with_hook, words_of
+from simmer_tui.program.program_command import (
+    console_variables,
+    missing_program,
+    start_advice,
+    with_hook,
+    words_of,
+)
 from simmer_tui.program.program_output import OutputReader, OutputRoute, ProgramOutput
 
 if TYPE_CHECKING:
@@ -99,6 +105,8 @@ class Program(RunningProgram):
         has one `keeper` for them all. One that runs one at a time, and starts no other processes, `adopts`
         processes that a program leaves behind (Linux).
         """
+        if folder is None and (missing := missing_program(command)):
+            raise ProgramError(f"--run {command!r}: {missing}")
         unbuffered: dict[str, str] = {}
         if not platform_has.POSIX and on_line is None and (os.isatty(1) or os.isatty(2)):
             from simmer_tui.program.job_process import console_code_page

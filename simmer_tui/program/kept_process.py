@@ -187,7 +187,7 @@ class Adoption:
         self._is_on = _adopt(is_on=True)
 
     def begin(self, program: int) -> None:
-        """Take note of the program's process ID and start time."""
+        """Note the program's process ID and start time."""
         with contextlib.suppress(OSError):  # no /proc: `living` will find nothing there either
             self._program, self._since = program, int(stat_of(program)[StatField.STARTED])
 

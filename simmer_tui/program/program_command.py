@@ -168,13 +168,22 @@ def missing_program(command: str) -> str:
 
         if which(name) or Path(name).exists():
             return ""
-        return f"there is no program {cut(name, WORD)}{did_you_mean(name, _USUAL)}"
+        others = [usual for usual in _USUAL if usual != name]
+        return f"there is no program {cut(name, WORD)}{did_you_mean(name, others)}"
     if not name or Path(name).exists():
         return ""
-    near = file_nearby(name)
+    near = _with_slashes(command) or file_nearby(name)
     hint = f"; did you mean {typed_path(near)}?" if near else ""
     folder = "" if Path(name).is_absolute() else f" in {Path.cwd()}"
     return f"there is no file {name}{folder}{hint}"
+
+
+def _with_slashes(command: str) -> Path | None:
+    """The file that a command means with a path of Windows, whose backslashes other shells take away."""
+    if not platform_has.POSIX or "\\" not in command:
+        return None
+    words = _words(command.replace("\\", "/"))
+    return next((Path(word) for word in words if "/" in word and Path(word).is_file()), None)
 
 
 def start_advice(command: str) -> str:

@@ -270,8 +270,8 @@ class _Canvas:
         ]
         for reading in seen:
             sensor = self._sensors[reading.code]
-            if math.isfinite(reading.true) and sensor.field_of_view:
-                half = min(sensor.field_of_view, 180.0) / 2
+            if math.isfinite(reading.true) and sensor.beam:
+                half = min(sensor.beam, 180.0) / 2
                 ends = [self._end_of(reading, reading.true, turn * half) for turn in (-1, -0.5, 0, 0.5, 1)]
                 draw.polygon([self._end_of(reading, 0.0), *ends], fill=_CONE)
         for reading in seen:

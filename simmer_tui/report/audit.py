@@ -91,7 +91,7 @@ def _nominal_sensor_tests(
     if row is None or not len(rows) or structs.replace(row, number=own.number) == own:
         return []
     device = _device(own.code, "reading", nominal)
-    if (other := _swapped_with(own, row, nominal.spec)) is not None:
+    if (other := _swapped_with(own, row, history.spec, nominal.spec)) is not None:
         what = change_text(own, FindingKind.SWAPPED, 1.0, other)
         return [device.claim(0.0, FindingKind.SWAPPED, 1.0, what, len(rows), other=other)]
     if (turned := _turned(own, row)) is not None:
@@ -99,7 +99,8 @@ def _nominal_sensor_tests(
         what = change_text(own, turned, value)
         return [device.claim(0.0, turned, value, what, len(rows), unit=unit)]
     tests = [*_mounted(history, rows, own, row, nominal), *_slower(rows, own, row, nominal)]
-    placed = {name: getattr(own, name) for name in (*_MOUNTING, *_IN_TRUTH)}
+    taken = (*_MOUNTING, *_IN_TRUTH)
+    placed = {name: getattr(own, name) for name in own.__struct_fields__ if name in taken}
     # Another kind of sensor under this code measures something else altogether.
     if row.kind is own.kind and structs.replace(row, **placed, number=own.number) != own:
         sample = sample_of(history, rows, structs.replace(row, **placed))
@@ -171,12 +172,18 @@ def _moves_alike(own: DriveSpec, row: DriveSpec, spec: SimulationSpec, nominal: 
 # -- by the rows alone -------------------------------------------------------------------------------
 
 
-def _swapped_with(own: SensorSpec, row: SensorSpec, nominal: SimulationSpec) -> str | None:
+def _swapped_with(
+    own: SensorSpec, row: SensorSpec, spec: SimulationSpec, nominal: SimulationSpec
+) -> str | None:
     """The code of the nominal sensor with which this one is swapped; None if it is the right one."""
     if _mounting(own) == _mounting(row) and own.kind is row.kind:
         return None
+    now = {each.code: _mounting(each) for each in spec.sensors}
     for each in nominal.sensors:
-        if each.code != own.code and each.kind is own.kind and _mounting(each) == _mounting(own):
+        # A sensor that is where another still is has moved; it was not swapped.
+        if each.code == own.code or each.kind is not own.kind or now.get(each.code) == _mounting(each):
+            continue
+        if _mounting(each) == _mounting(own):
             return each.code
     return None
 
@@ -187,9 +194,7 @@ def _turned(own: SensorSpec, row: SensorSpec) -> FindingKind | None:
         return None
     if own.gain == 0.0 != row.gain:
         return FindingKind.STUCK
-    if own.gain * row.gain < 0.0 or (
-        own.kind.has("detects_white") and own.detects_white != row.detects_white
-    ):
+    if own.gain * row.gain < 0.0 or own.is_inverted != row.is_inverted:
         return FindingKind.SIGN
     return None
 

@@ -9,12 +9,17 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from msgspec.structs import astuple
 
 from simmer_tui.report.belief_audit import SURE, BeliefMotion
 from simmer_tui.report.finding import FEWEST, Disagreement, kept_disagreements
+from simmer_tui.report.sensor_sample import by_sensor, poses_of, world_without_block
+from simmer_tui.report.why import shown_range
 from simmer_tui.run.attempt import Attempt
-from simmer_tui.run.facts import SLIGHT, SLIGHT_TURN, UNSURE, UNSURE_TURN
+from simmer_tui.run.facts import COVERED, SLIGHT, SLIGHT_TURN, UNSURE, UNSURE_TURN, carried_over
+from simmer_tui.run.history_rows import BeliefRow
 from simmer_tui.run.phrases import times_text
+from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.angles import cos_sin_array, half_turn
 from simmer_tui.sim.arrays import FloatArray
@@ -34,6 +39,12 @@ _ASSUMED = 1.0
 """Spread, inches, of a first belief that no reading can have led to. Judged."""
 _STOOD = 0.05
 """Inches below which a displacement is shown as 0."""
+_MOSTLY = 0.5
+"""Share of the error of the first wrong belief that movements before it explain. Judged."""
+_ASIDE = 45.0
+"""Degrees between two ways from which they lead to different sides."""
+_RANGES = 200
+"""Most ranges that are compared with a believed place; each costs a ray."""
 _LEAST = 2.0
 """Least constant offset, inches, that matters: a sixth of a cell."""
 _ON_GRID = 1.0
@@ -150,6 +161,9 @@ class BeliefFacts:
     def parted(self) -> str:
         """A sentence, with a space before it, on the commands with which belief and truth parted: those of
         one code alone, else the one before the first lost belief. Empty where nothing stands out."""
+        lost = self._seen.beliefs[1]
+        if lost is not None and len(self.rows) and lost.order == self.rows["order"][0]:
+            return self._first_parting
         errors = self._parted_by_code
         means = {code: float(np.median(off)) for code, off in errors.items() if len(off) >= _TWICE}
         worst = max(means, key=lambda code: means[code], default="")
@@ -157,7 +171,7 @@ class BeliefFacts:
         if worst and others and means[worst] > max(SLIGHT, _APART * max(others)):
             count = counted(len(errors[worst]), "movement")
             return (
-                f" Belief and truth parted with {worst}: by {means[worst]:.1f} in in each of {count}, "
+                f" Belief and truth parted with {worst}: by a median of {means[worst]:.1f} in in {count}, "
                 f"with other commands by {max(others):.1f} in."
             )
         return self._first_parting
@@ -174,6 +188,9 @@ class BeliefFacts:
         since = max(seen.placed, history.began)
         if 0 < place < len(self.rows):
             row = self.rows[place - 1]
+            # A belief that was not sure jumps where its readings lead it.
+            if row["spread"] > SURE:
+                return ""
             since = int(row["order"])
             true, believed = (
                 Pose(*(float(row[f"{kind}{axis}"]) for axis in ("x", "y", "heading")))
@@ -188,25 +205,25 @@ class BeliefFacts:
         grew = np.hypot(
             lost.x - believed.x - lost.true_x + true.x, lost.y - believed.y - lost.true_y + true.y
         )
-        came = Counter(
-            history.code_names[code] + (f"-{asked:g}" if np.isfinite(asked) else "")
-            for code, asked in zip(moves["code"].tolist(), moves["asked"].tolist(), strict=True)
-        )
-        if grew < SLIGHT or len(came) > _MOST_NAMED:
+        # Of a belief that has jumped, or grown wrong in many steps, no movement tells.
+        arrived = listed_movements(history, moves) if len(moves) else "no movement"
+        if not arrived or grew < max(SLIGHT, _MOSTLY * lost.distance):
             return ""
-        names = [name if count == 1 else f"{name} {times_text(count)}" for name, count in came.items()]
-        arrived = f"{' and '.join(names)} arrived" if names else "no movement arrived"
-        if len(came) == 1:
-            ((name, count),) = came.items()
-            arrived = f"{name} arrived" if count == 1 else f"{name} arrived {times_text(count)}"
-        robot, own = _way(true, lost.true), _way(believed, lost.believed)
-        if robot == own:
+        robot, own = way_of(true, lost.true), way_of(believed, lost.believed)
+        if robot.text == own.text:
             return ""
         if place == 0:
-            moved = f"the robot was {robot} from its start, the belief {own} from it"
-            return f" Before its first belief {arrived}; {moved}."
+            # A program that had read ranges, or that moved elsewhere than it was told to, did not count on
+            # its movements alone.
+            aside = len(moves) and (
+                robot.far < SLIGHT or abs(half_turn(robot.bearing - own.bearing)) > _ASIDE
+            )
+            if aside or has_read_range(seen, lost.order):
+                return ""
+            moved = f"the robot was {robot.text} from its start, the belief {own.text} from it"
+            return f" Before its first belief it was sent {arrived}; {moved}."
         when = f"{float(self.rows[place - 1]['elapsed']):.1f} s and {lost.elapsed:.1f} s"
-        return f" Between {when} {arrived}; the robot moved {robot}, the belief {own}."
+        return f" Between {when} it was sent {arrived}; the robot moved {robot.text}, the belief {own.text}."
 
     @property
     def _parted_by_code(self) -> dict[str, list[float]]:
@@ -257,8 +274,72 @@ class BeliefFacts:
         return [seen.placed, lost.order - 1] if before >= FEWEST["set"] else [seen.placed]
 
 
-def _way(first: Pose, second: Pose) -> str:
-    """A displacement in the robot's frame at its beginning, in words: `12.0 in to the left`."""
+def has_read_range(seen: Attempt, order: int) -> bool:
+    """True if a range was read before an event."""
+    readings, codes = seen.within(seen.history.readings), seen.history.sensor_codes
+    ranges = {each.code for each in seen.spec.sensors if each.kind.is_range}
+    return any(codes[number] in ranges for number in np.unique(readings["sensor"][readings["order"] < order]))
+
+
+def listed_movements(history: RunHistory, moves: Columns) -> str:
+    """Movements in their order, with their values, in words; empty for none, or for too many to name."""
+    came = Counter(
+        history.code_names[code] + (f"-{asked:.6g}" if np.isfinite(asked) else "")
+        for code, asked in zip(moves["code"].tolist(), moves["asked"].tolist(), strict=True)
+    )
+    if len(came) > _MOST_NAMED:
+        return ""
+    return " and ".join(name if count == 1 else f"{name} {times_text(count)}" for name, count in came.items())
+
+
+def ranges_text(seen: Attempt, lost: BeliefRow) -> str:
+    """A sentence, with a space before it, on the ranges of the last movements before a wrong belief: whether
+    they fit the place that was believed, in this maze. Empty where that is not clear."""
+    history, spec = seen.history, seen.spec
+    rows = seen.within(history.readings, seen.placed)
+    rows = rows[(rows["order"] < lost.order) & (rows["gone"] >= lost.gone - CELL_SIZE)][-_RANGES:]
+    world = world_without_block(spec)
+    near: list[bool] = []
+    off: list[tuple[float, str, float, float]] = []
+    for sensor, mine in by_sensor(history, rows):
+        made = modelled_sensor(sensor)
+        if not sensor.kind.is_range or not isinstance(made, ObservingSensor) or not len(mine):
+            continue
+        poses = [Pose(*each) for each in poses_of(mine).tolist()]
+        there = np.array([astuple(carried_over(lost.true, lost.believed, each)) for each in poses])
+        expected, values = made.expected(world, there, 0.0), mine["value"].astype(np.float64)
+        allowed = np.maximum(SLIGHT, COVERED * sensor.error * np.abs(mine["true"]))
+        right = np.abs(mine["error"]) <= allowed
+        with np.errstate(invalid="ignore"):
+            fits = (np.abs(values - expected) <= 2.0 * allowed) | (values == expected)
+        near += fits[right].tolist()
+        for place in np.flatnonzero(right & ~fits):
+            at = float(mine["elapsed"][place])
+            off.append((at, sensor.code, float(values[place]), float(expected[place])))
+    if len(near) < FEWEST["nominal"]:
+        return ""
+    if all(near):
+        return f" Its last {counted(len(near), 'range')} fit that place as well."
+    if 2 * sum(near) > len(near):
+        return ""
+    at, code, value, other = max(off)
+    return (
+        f" Its readings were right and do not fit there: {code} read {shown_range(value)} at {at:.1f} s, "
+        f"and from there it would have read {shown_range(other)}."
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """A displacement in the robot's frame at its beginning: inches, degrees to the left, and in words."""
+
+    far: float
+    bearing: float
+    text: str
+
+
+def way_of(first: Pose, second: Pose) -> Way:
+    """A displacement in the robot's frame at its beginning: `12.0 in to the left`."""
     x, y = second.x - first.x, second.y - first.y
     far, bearing = math.hypot(x, y), half_turn(math.degrees(math.atan2(y, x)) - first.heading)
     turn = half_turn(second.heading - first.heading)
@@ -266,11 +347,11 @@ def _way(first: Pose, second: Pose) -> str:
         f" and {abs(turn):.0f} deg to the {'left' if turn > 0.0 else 'right'}" if abs(turn) >= 1.0 else ""
     )
     if far < _STOOD:
-        return f"0 in{turned}"
+        return Way(far, bearing, f"0 in{turned}")
     if abs(bearing) <= 45.0:
         side = "ahead"
     elif abs(bearing) >= 135.0:
         side = "back"
     else:
         side = "to the left" if bearing > 0.0 else "to the right"
-    return f"{far:.1f} in {side}{turned}"
+    return Way(far, bearing, f"{far:.1f} in {side}{turned}")

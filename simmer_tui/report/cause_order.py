@@ -8,23 +8,24 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from simmer_tui.report.causes import Cause, Kind, MomentKind, Sureness
-from simmer_tui.report.contact_evidence import BLIND, BLIND_TURN, ContactEvidence, belief_text, movements_text
+from simmer_tui.report.contact_evidence import ContactEvidence, DriveErrors, belief_text, movements_text
 from simmer_tui.report.finding import FEWEST, Finding
 from simmer_tui.report.run_evidence import RunEvidence
 from simmer_tui.report.typical_runs import most_different
-from simmer_tui.report.why import shown_range
+from simmer_tui.report.why import looks_there, shown_range
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.facts import SLIGHT, displacement, missed_zone
-from simmer_tui.run.history_rows import BeliefRow, RefusalRow
+from simmer_tui.run.history_rows import BeliefRow, GripRow, RefusalRow
 from simmer_tui.run.phrases import (
     body_text,
     capitalized,
     exit_text,
+    grip_ending,
     miss_text,
     obstacle_place,
     outside_text,
@@ -48,19 +49,32 @@ _NO_REPLY = re.compile(r"no reply to '([^']+)'")
 LINK_ENDED = ("Connection", "BrokenPipe")
 LINK_WAITED = ("Timeout", "socket.timeout", "asyncio.TimeoutError")
 """Beginnings of errors with which a program tells that its link ended, or gave no reply."""
+CONNECT_ADVICE = "connect to the address in SIMMER_HOST and SIMMER_PORT, and send a first command."
+_NO_LINK = "closed the connection"
+"""Words of the client of this project, and of others, for a connection that ended."""
+LINK_ADVICE = "which command got no reply, and who closed the connection; simmer-tui doctor checks the ports."
 _WAITED = 2.0
 """Real seconds without a command until the program's end from which it waited for something. Judged."""
 # Most programs send both signs: a heading is corrected to either side.
 _TURNS = 20
 """Turns to one side alone from which that is told."""
-_STOPS = 3
-"""Movements that end at the block from which it was no chance, before any goal. Judged."""
 _FAR = CELL_SIZE
 """Distance to the block, inches, from which a grip was no miss but another place."""
 _SAME_MISS = 0.5
 """Inches within which misses are one and the same. Judged."""
 _MAP_ADVICE = "Look whether your program's map has {wall}, and compare each movement with the distance to it."
 """Advice where a right belief led into a wall."""
+_NO_SENSOR_THERE = "No sensor looks to that side: turn until one does, or check the way in your map."
+_OUTLIER_ADVICE = "Read {code} three times and take the middle value, before each movement."
+_NO_ECHO_ADVICE = "Take a reading of {code} with nothing in range for no proof of a free way."
+_CORRECT = "Measure after each movement, and correct for the drive's error."
+_SPARE = {
+    "reading": "Read {code} less often.",
+    "the link": "Send several commands in one message: each message waits for the link.",
+    "driving": "Drive further with each movement, on a shorter way.",
+    "waiting": "Send the next command as soon as the reply has come.",
+}
+"""Advice by what most of the time went to."""
 _NAMED = 4
 """Findings named in a sentence; the table of devices has all."""
 
@@ -68,8 +82,8 @@ _NAMED = 4
 @dataclass(frozen=True, slots=True)
 class Fact:
     """A fact that decided a run: a sentence, its moment (elapsed seconds) with its line and place, by default
-    the run's end, and the codes of the devices that it is about. `advice` replaces that of its rule.
-    `has_behind` is true if wrong devices or beliefs may explain it."""
+    the run's end, and the codes of the devices that it is about. `advice` and `moment` replace those of its
+    rule. `has_behind` is true if wrong devices or beliefs may explain it."""
 
     text: str
     at: Timed | None = None
@@ -77,6 +91,7 @@ class Fact:
     place: tuple[float, float] | None = None
     culprits: tuple[str, ...] = ()
     advice: str | None = None
+    moment: MomentKind | None = None
     has_behind: bool = False
     sure: Sureness = Sureness.CERTAIN
 
@@ -110,9 +125,13 @@ def advice_on(kind: Kind) -> str:
 
 def _made(run: RunEvidence, rule: CauseRule, fact: Fact) -> Cause:
     seen, text, culprits = run.seen, fact.text, fact.culprits
+    advice = rule.advice if fact.advice is None else fact.advice
     if fact.has_behind or rule is NO_RULE:
         declared, marked = _declared(run, culprits)
         behind, codes = _behind(run)
+        if marked and rule.kind is not Kind.TOO_SLOW:
+            named = " and ".join(marked)
+            advice = f"Give your program the numbers of this set for {named}, or correct for them."
         text = " ".join(filter(None, (text, declared, behind)))
         culprits = tuple(dict.fromkeys((*culprits, *marked, *codes)))
     met = run.contact if run.has_contact else None
@@ -120,9 +139,9 @@ def _made(run: RunEvidence, rule: CauseRule, fact: Fact) -> Cause:
         text = f"{text} The block lay at {place_text(*run.stray_block)}, outside the loading zone."
     if rule.kind in _ABOUT_TURNS:
         text += _one_sided(run)
-    evidence: tuple[str, ...] = (belief_text(seen.beliefs[0]), _goals(seen))
+    evidence: tuple[str, ...] = (run.health_text, belief_text(seen.beliefs[0]), _goals(seen))
     if met is not None:
-        evidence = met.sentences
+        evidence = (run.health_text, *met.sentences)
     elif seen.is_silent:
         evidence = (f"Last output: {run.last_words}." if run.last_words else "",)
     # A reason may end with a question; a sentence ends with one mark.
@@ -136,11 +155,11 @@ def _made(run: RunEvidence, rule: CauseRule, fact: Fact) -> Cause:
         elapsed=elapsed,
         line=getattr(at, "line", seen.line),
         place=fact.place or (seen.pose.x, seen.pose.y),
-        moment=rule.moment,
+        moment=fact.moment or rule.moment,
         tried=met.tried if met is not None else (),
         sure=fact.sure,
         culprits=culprits,
-        advice=rule.advice if fact.advice is None else fact.advice,
+        advice=advice,
     )
 
 
@@ -153,7 +172,7 @@ def _behind(run: RunEvidence) -> tuple[str, tuple[str, ...]]:
     text, codes = run.belief.text, run.belief.culprits
     if codes or not run.corrections:
         return text, codes
-    told = "; or ".join(each.text for each in run.corrections)
+    told = ", and ".join(each.text for each in run.corrections)
     of = tuple(dict.fromkeys(code for each in run.corrections for code in each.of))
     return f"{text} {told}.".strip(), of
 
@@ -164,7 +183,7 @@ def _declared(run: RunEvidence, known: Sequence[str]) -> tuple[str, tuple[str, .
         return "", ()
     told = {code: text for code, text in run.declared.items() if code not in known}
     codes = tuple(told)[:_NAMED]
-    return " ".join(f"{code} {told[code]}, as its set says." for code in codes), codes
+    return " ".join(f"By this robot's set, {code} {told[code]}." for code in codes), codes
 
 
 # -- commands ----------------------------------------------------------------------------------------------
@@ -189,25 +208,24 @@ def _wire(run: RunEvidence) -> Fact | None:
 def _refused(run: RunEvidence) -> Fact | None:
     seen, found = run.seen, run.mostly_refused
     if found is not None:
-        codes, count, of, since, last = found
-        command, reason = cut(last.result.command.shown, WORD), _reason(last)
+        codes, count, of, since, first = found
         begin = f"{count} of {of} commands to drive were refused from {since:.1f} s on"
-        return Fact(f"{begin}. The last was {command}: {reason}.", last, culprits=tuple(codes))
+        return _refused_by(run, f"{begin}, such as {{}}.", first, codes)
     refused, of = run.refused_share
     if 2 * refused > of and seen.refusals:
-        first = seen.refusals[0]
-        command, reason = cut(first.result.command.shown, WORD), _reason(first)
-        return Fact(
-            f"{refused} of {counted(of, 'command')} were refused. The first was {command}: {reason}.", first
-        )
+        begin = f"{refused} of {counted(of, 'command')} were refused"
+        return _refused_by(run, f"{begin}, such as {{}}.", seen.refusals[0])
     undone = _undone(run, run.undone) if run.undone and seen.task is not None else None
-    if undone is not None:
-        return undone
     row = None if run.has_contact else run.refused_action
-    if row is None or seen.task is None:
-        return None
-    reason, code = _reason(row), row.result.command.code
-    return Fact(f"{cut(row.result.command.shown, WORD)} was refused: {reason}.", row, culprits=(code,))
+    if undone is not None or row is None or seen.task is None:
+        return undone
+    return _refused_by(run, "Its last command was refused, {}.", row, (row.result.command.code,))
+
+
+def _refused_by(run: RunEvidence, text: str, row: RefusalRow, codes: Sequence[str] = ()) -> Fact:
+    """A fact about refused commands, with one of them in the braces of its text."""
+    one = f"{cut(row.result.command.shown, WORD)} at {row.elapsed:.1f} s: {_reason(row)}"
+    return Fact(f"{text.format(one)}{run.origin_of(row)}", row, culprits=tuple(codes))
 
 
 def _reason(row: RefusalRow) -> str:
@@ -237,7 +255,7 @@ def _undone(run: RunEvidence, rows: Sequence[RefusalRow]) -> Fact | None:
         text = f"{len(rows)} commands were refused and never carried out. The first: {one}"
     else:
         text = f"{shown} was refused{often}, first at {first.elapsed:.1f} s: {reason}." if often else one
-    return Fact(f"{text}{then}", first, culprits=(command.code,))
+    return Fact(f"{text}{run.origin_of(first)}{then}", first, culprits=(command.code,))
 
 
 def _crashed(run: RunEvidence) -> Fact | None:
@@ -245,8 +263,8 @@ def _crashed(run: RunEvidence) -> Fact | None:
     if program is None or not program.crashed or program.stopped or run.has_contact:
         return None
     led = _moved(run) or _stalled(run)
-    before = "" if led is None else led.text
-    text = f"{capitalized(program_end_text(program))}.{waited_text(run)} {before}".rstrip()
+    before = "" if led is None else f" {led.text}"
+    text = f"{capitalized(program_end_text(program))}.{waited_text(run)}{before}"
     return Fact(text, culprits=() if led is None else led.culprits, has_behind=led is None)
 
 
@@ -294,8 +312,7 @@ def _silence(run: RunEvidence) -> Fact | None:
         text = "The program sent no command at all."
         if run.exit_code:
             text = f"{capitalized(exit_text(run.exit_code))} before it sent a command."
-        advice = "Connect to the address in SIMMER_HOST and SIMMER_PORT, and send a first command."
-        return Fact(text, since=seen.elapsed, advice=advice)
+        return Fact(text, since=seen.elapsed, advice=f"{capitalized(CONNECT_ADVICE)}")
     end = "the real time limit" if run.cut_off else "the time limit"
     return Fact(f"No command came after {quiet.since:.1f} s. The run was ended at {end}.", since=quiet.since)
 
@@ -308,24 +325,12 @@ def _unread(run: RunEvidence) -> Fact | None:
     if run.has_contact:
         if met is None or not met.is_blind:
             return None
-        codes = () if met.looks is None else met.looks.codes
-        last = None if met.belief is not None or met.looks is None else met.looks.last
-        ago = f"{met.met.row.gone_before - last.gone:.0f} in of path" if last is not None else ""
-        who = met.looking(codes[0], "at the wall") if met.belief is None and codes else "No range sensor"
-        verb = "was not read" if codes and met.belief is None else "was read"
-        since = f" for {ago}" if ago else f" for more than {BLIND:g} in or {BLIND_TURN:g} deg of path"
-        if met.belief is None and last is None:
-            since = ""
-        text = _with_belief(run, f"{who} {verb}{since}; then {_sent(run)}. {_contact(run)}")
-        advice = f"Read {codes[0] if codes else 'a range sensor'} before each movement."
-        if met.lost is not None:
-            advice = advice_on(Kind.LOST)
-        elif met.knew:
-            advice = _MAP_ADVICE.format(wall=obstacle_place(met.met.contact, run.seen.spec))
-        return Fact(
-            text, met.met.row, since=met.sent, place=met.met.contact.point, advice=advice, has_behind=True
+        codes = [] if met.looks is None or not looks_there(met.looks) else met.looks.codes
+        advice = (
+            f"Read {codes[0]} before you send {met.met.ended.command.code}." if codes else _NO_SENSOR_THERE
         )
-    unseen = run.unseen_block
+        return _at_contact(run, met, f"{_sent(run)}. {met.unread_text}", advice=advice)
+    unseen = None if run.seen.closed else run.unseen_block
     if unseen is None or run.seen.stuck is not None or run.lost is not None:
         return None
     # A robot that had stopped making progress before saw the block by chance.
@@ -345,6 +350,7 @@ def _unread(run: RunEvidence) -> Fact | None:
         since=unseen.since,
         culprits=unseen.codes,
         advice=f"Read {first} before you drive to the block.",
+        moment=MomentKind.SIGHT,
     )
 
 
@@ -352,19 +358,24 @@ def _known_wall(run: RunEvidence) -> Fact | None:
     met = run.contact
     if not run.has_contact or met is None:
         return None
-    row, point = met.met.row, met.met.contact.point
     shown = met.ignored
     # A wrong sensor shows the program something else than its set says.
     if shown is not None and all(each.of != shown.code for each in run.findings):
-        read = f"{shown.code} read {shown_range(shown.value)} at {shown.elapsed:.1f} s"
-        text = _with_belief(run, f"{read}; then {_sent(run)}. {_contact(run)}")
+        read = f"{shown.code} read {shown_range(shown.value)} at {shown.elapsed:.1f} s; then {_sent(run)}"
         advice = f"Compare each movement with {shown.code} before you send it."
-        return Fact(text, row, since=met.sent, place=point, advice=advice, has_behind=True)
-    if not met.is_into_known or met.belief is None:
+        return _at_contact(run, met, _with_belief(met, read), advice=advice)
+    if not met.is_into_known:
         return None
-    text = f"Its belief was right, off by {met.belief.error_text}; {_free(run)}"
     advice = _MAP_ADVICE.format(wall=obstacle_place(met.met.contact, run.seen.spec))
-    return Fact(text, row, since=met.sent, place=point, has_behind=True, advice=advice)
+    unread = f". {met.unread_text}" if met.is_blind else ""
+    return _at_contact(run, met, f"{_with_belief(met, _sent(run))}{unread}", advice=advice)
+
+
+def _at_contact(run: RunEvidence, met: ContactEvidence, text: str, *, advice: str | None = None) -> Fact:
+    """A fact about the command that led to a contact."""
+    place = met.met.contact.point
+    text = f"{text}. {_contact(run)}"
+    return Fact(text, met.met.row, since=met.sent, place=place, has_behind=True, advice=advice)
 
 
 def _sensor_wrong(run: RunEvidence) -> Fact | None:
@@ -372,29 +383,29 @@ def _sensor_wrong(run: RunEvidence) -> Fact | None:
     if found and run.seen.task is not None:
         return _devices(run, found)
     met = run.contact if run.has_contact else None
-    last = None if met is None or met.is_blind else met.misread
-    if met is None or last is None:
-        return None if met is None else _no_echo(run, met)
-    there = f"the wall was {shown_range(last.true)} away"
-    read = f"{last.code} read {shown_range(last.value)} at {last.time:.1f} s, and {there}"
+    if met is None:
+        return None
+    last, advice = None if met.is_blind else met.misread, _OUTLIER_ADVICE
+    if last is not None and math.isinf(last.value):
+        advice = _NO_ECHO_ADVICE
+    if last is None:
+        later = met.ignored
+        if met.knew or met.no_echo is None or (later is not None and later.elapsed >= met.no_echo.time):
+            return None
+        last, advice = met.no_echo, _NO_ECHO_ADVICE
+    true = f", the true distance was {shown_range(last.true)}" if math.isfinite(last.true) else ""
+    read = f"{last.code} read {shown_range(last.value)} at {last.time:.1f} s{true}"
+    at_sight = met.facing is last
     return Fact(
-        f"{read}. {_contact(run)}",
-        met.met.row,
+        f"{read}; then {_sent(run)}. {_contact(run)}",
+        None if at_sight else met.met.row,
         since=last.time,
         place=met.met.contact.point,
         culprits=(last.code,),
+        advice=advice.format(code=last.code),
+        moment=MomentKind.SIGHT if at_sight else None,
+        has_behind=True,
     )
-
-
-def _no_echo(run: RunEvidence, met: ContactEvidence) -> Fact | None:
-    """A sensor had no echo from the wall that it looked at."""
-    last = met.no_echo
-    later = met.ignored
-    if last is None or met.knew or (later is not None and later.elapsed >= last.time):
-        return None
-    text = f"{last.code} read nothing in range at {last.time:.1f} s; then {_sent(run)}. {_contact(run)}"
-    place = met.met.contact.point
-    return Fact(text, met.met.row, since=last.time, place=place, culprits=(last.code,), sure=Sureness.LIKELY)
 
 
 def _drive_wrong(run: RunEvidence) -> Fact | None:
@@ -403,15 +414,17 @@ def _drive_wrong(run: RunEvidence) -> Fact | None:
         return _devices(run, found)
     met = run.contact if run.has_contact else None
     errors = None if met is None or met.is_blind else met.drive_errors
-    if met is None or errors is None:
+    if met is None or errors is None or not errors.large:
         return None
-    text = (
-        f"Without drive errors in {movements_text(errors)}, nothing would have been touched. {_contact(run)}"
-    )
     sure = Sureness.CERTAIN if errors.certain else Sureness.LIKELY
-    return Fact(
-        text, met.met.row, since=met.sent, place=met.met.contact.point, culprits=errors.codes, sure=sure
-    )
+    text = f"{_sent(run)}. {_contact(run)} {_without(errors)}"
+    place = met.met.contact.point
+    return Fact(text, met.met.row, met.sent, place, errors.codes, moment=MomentKind.COMMAND, sure=sure)
+
+
+def _without(errors: DriveErrors) -> str:
+    codes, moves = " and ".join(errors.codes), movements_text(errors)
+    return f"Without the errors of {codes} in {moves}, nothing would have been touched."
 
 
 def _devices(run: RunEvidence, found: Sequence[Finding]) -> Fact:
@@ -448,63 +461,56 @@ def _first_use(seen: Attempt, code: str) -> float:
 
 
 def _missed_grip(run: RunEvidence) -> Fact | None:
-    seen = run.seen
-    if seen.task is None or run.has_contact:
+    seen, gripper = run.seen, run.seen.spec.gripper
+    if seen.task is None or run.has_contact or gripper is None:
         return None
     if seen.misses and not seen.taken:
-        done = seen.misses[-1]
-        missed = done.grip.missed
-        often = f" {times_text(len(seen.misses))}" if len(seen.misses) > 1 else ""
-        last = (
-            ""
-            if missed is None
-            else f": {miss_text(missed)}"
-            if not often
-            else f". The last time, {miss_text(missed)}"
-        )
-        far = ""
-        moved = seen.history.movements.before(done.order)
-        if moved is not None and missed is not None and math.hypot(*missed) > _FAR:
-            off = math.hypot(moved.x - done.grip.block.x, moved.y - done.grip.block.y)
-            where = place_text(moved.x, moved.y)
-            far = (
-                f" The robot was at {where}, {off:.0f} in from the block, and had driven {moved.gone:.1f} in."
-            )
-        all_missed = [each.grip.missed for each in seen.misses if each.grip.missed is not None]
-        if len(all_missed) >= FEWEST["nominal"]:
-            spread = np.ptp(np.array(all_missed), axis=0)
-            last = f"{last}, each time within {spread.max():.2f} in" if spread.max() <= _SAME_MISS else last
-        text = f"The gripper closed on nothing{often}{last}.{far}{_was_lost(run, done.order)}"
-        place = (done.grip.block.x, done.grip.block.y)
-        return Fact(text, done, place=place, has_behind=True)
-    gripper = seen.spec.gripper
-    if gripper is None:
+        return _closed_on_nothing(run, seen.misses[-1], gripper.code)
+    unused = run.unused_grip
+    if unused is None:
         return None
-    # A program that stays may be about to close it; one that reads the load sensor believes it closed.
-    passed = seen.stuck is None and (seen.left_block or seen.asked_after_grip)
-    # A robot on its way elsewhere may pass over the block by chance.
-    if seen.graspable and not seen.asked_after_grip:
-        until = seen.graspable[-1].order
-        passed = passed and (len(seen.graspable) >= _STOPS or any(goal.order <= until for goal in run.goals))
-    if not seen.taken and not seen.closed and seen.graspable and passed:
-        first, times = seen.graspable[0], counted(len(seen.graspable), "movement")
-        what, advice = (
-            f"closed: {times} ended with the block between its jaws",
-            f"Send {gripper.code}-1 there.",
-        )
-    elif seen.holding and seen.arrivals:
-        first, what, advice = (
-            seen.arrivals[0],
-            "opened: the block was in the drop zone",
-            f"Send {gripper.code}-0 there.",
-        )
-    else:
-        return None
+    first, what, value = unused
     text = f"The gripper was never {what}, first at {first.elapsed:.1f} s."
     dwell = seen.dwell
     if dwell is not None and dwell.readings >= HUNDRED:
         text += f" From {dwell.since:.1f} s on it only read: {dwell.code} {times_text(dwell.often)}."
+    advice = f"Send {gripper.code}-{value} there."
     return Fact(text, first, place=(first.x, first.y), culprits=(gripper.code,), advice=advice)
+
+
+def _closed_on_nothing(run: RunEvidence, done: GripRow, code: str) -> Fact:
+    seen, missed = run.seen, done.grip.missed
+    often = f" {times_text(len(seen.misses))}" if len(seen.misses) > 1 else ""
+    place = (done.grip.block.x, done.grip.block.y)
+    since = run.closed_before(done)
+    if since is not None and missed is not None and not any(missed):
+        text = (
+            f"The gripper was closed already: {code}-1 had come at {since.elapsed:.1f} s, "
+            f"and no {code}-0 since."
+        )
+        return Fact(text, done, place=place, advice=f"Send {code}-0 before you drive to the block.")
+    last = "" if missed is None else f": {miss_text(missed)}"
+    if often and last:
+        last = f". The last time, {last[2:]}"
+    all_missed = [each.grip.missed for each in seen.misses if each.grip.missed is not None]
+    if last and len(all_missed) >= FEWEST["nominal"]:
+        spread = np.ptp(np.array(all_missed), axis=0)
+        last = f"{last}, each time within {spread.max():.2f} in" if spread.max() <= _SAME_MISS else last
+    text = f"The gripper closed on nothing{often}{last}."
+    moved = seen.history.movements.before(done.order)
+    if moved is not None and missed is not None and math.hypot(*missed) > _FAR:
+        off = math.hypot(moved.x - place[0], moved.y - place[1])
+        where = place_text(moved.x, moved.y)
+        text += f" The robot was at {where}, {off:.0f} in from the block, and had driven {moved.gone:.1f} in."
+    unseen, advice = run.unseen_block, None
+    if unseen is not None:
+        names, read = " and ".join(unseen.codes), "not read"
+        if unseen.readings:
+            read = f"read {times_text(unseen.readings)}"
+        text += f" {names} alone sees the block, and was {read} on the way to it."
+        advice = f"Read {unseen.codes[0]} before you close the gripper."
+    codes = () if unseen is None else unseen.codes
+    return Fact(text, done, place=place, has_behind=True, culprits=codes, advice=advice)
 
 
 def _dropped(run: RunEvidence) -> Fact | None:
@@ -518,26 +524,16 @@ def _dropped(run: RunEvidence) -> Fact | None:
         off = outside_text(missed_zone(zone, block.x, block.y))
         cell = f"{off} the cell around {place_text(zone.x, zone.y)}"
         text = f"It set the block down outside the drop zone: at {where}, {cell}."
-    return Fact(f"{text}{_was_lost(run, done.order)}", done, place=(block.x, block.y), has_behind=True)
+    if seen.takes >= FEWEST["nominal"]:
+        text += f" It had taken it {times_text(seen.takes)}, and let it go each time."
+    return Fact(text, done, place=(block.x, block.y), has_behind=True)
 
 
-def _was_lost(run: RunEvidence, order: int) -> str:
-    lost = run.seen.belief_before(order)[1]
-    return "" if lost is None else f" It was lost: {wrong_text(lost)}.{run.belief.parted}"
-
-
-def _with_belief(run: RunEvidence, text: str) -> str:
-    """Sentences on a contact, with the last belief before it: one that was right leaves the map or the plan,
-    one that was wrong comes before all else."""
-    met = run.contact
-    if met is None or met.belief is None:
+def _with_belief(met: ContactEvidence, text: str) -> str:
+    """A sentence on a contact, behind a belief that was right: that leaves the map or the plan."""
+    if not met.knew or met.belief is None or met.belief.distance > SLIGHT:
         return text
-    begin = text[0].lower() + text[1:]
-    if met.knew and met.belief.distance <= SLIGHT:
-        return f"Its belief was right, off by {met.belief.error_text}; {begin}"
-    if met.lost is not None:
-        return f"Its belief was off by {met.belief.error_text}; {begin}{run.belief.parted}"
-    return text
+    return f"Its belief was right, off by {met.belief.error_text}; {text[0].lower()}{text[1:]}"
 
 
 # -- beliefs and paths -------------------------------------------------------------------------------------
@@ -548,24 +544,49 @@ def _lost(run: RunEvidence) -> Fact | None:
     if met is not None:
         if not met.is_elsewhere or met.belief is None:
             return None
+        unread = f" {met.unread_text}." if met.is_blind else ""
+        then = f"{unread} Then {_sent(run)}. {_contact(run)}"
         if met.lost is not None:
-            text = f"{_never(run)}: {wrong_text(met.lost)}. {_contact(run)}{run.belief.parted}"
-            return Fact(text, met.lost, has_behind=True)
+            return _lost_since(run, met.lost, then)
         off = met.belief
         spread = "" if math.isnan(off.spread) else f", with a spread of {off.spread:.1f} in"
-        text = f"It drove on with a belief off by {off.error_text}{spread}. {_contact(run)}"
-        return Fact(text, off, has_behind=True)
-    belief, lost = seen.beliefs
+        return Fact(f"It drove on with a belief off by {off.error_text}{spread}.{then}", off, has_behind=True)
+    grip, least = run.last_grip, CELL_SIZE if run.unused_grip else 0.0
+    (belief, lost), then = seen.beliefs, f" {_end(run)}."
+    if grip is not None:
+        # A miss that is larger than the error of the belief has another reason.
+        belief, lost = seen.belief_before(grip.order)
+        least, then = run.missed_by / 2.0, f" Then it {grip_ending(grip.grip)}."
     if seen.task is None or belief is None:
         return None
-    if lost is not None:
-        return Fact(
-            f"{_never(run)}: {wrong_text(lost)}. {_end(run)}.{run.belief.parted}", lost, has_behind=True
-        )
-    if _stalled(run) is None and (belief.unsure or run.localized is None):
+    if lost is not None and belief.distance >= least:
+        return _lost_since(run, lost, then)
+    if grip is not None or least or _stalled(run) is not None:
+        return None
+    if belief.unsure or run.localized is None:
         ever = "never found out" if run.localized is None else "no longer knew"
-        return Fact(f"It {ever} where it was. {_end(run)}.", belief, has_behind=True)
+        last = f"its last belief was off by {belief.error_text}"
+        if not math.isnan(belief.spread):
+            last += f", with a spread of {belief.spread:.1f} in"
+        return Fact(f"It {ever} where it was: {last}.{then}", belief, has_behind=True)
     return None
+
+
+def _lost_since(run: RunEvidence, lost: BeliefRow, then: str) -> Fact:
+    """A belief that was wrong, and what came of it."""
+    never = "It never found its place" if run.localized is None else "It was lost"
+    parted, fit, advice = run.belief.parted, run.fit_text(lost), None
+    if parted:
+        advice = "Compare what your program adds to its belief for a movement with the command that it sends."
+    elif not run.looked_before(lost):
+        parted = " It had read no range before that."
+        advice = "Do not assume the start: read all sensors, and search for the place that they fit."
+    elif fit:
+        advice = (
+            "Compare the ranges with those that your program's map gives there, before you trust a place."
+        )
+    text = f"{never}: {wrong_text(lost)}.{then}{parted}{fit}"
+    return Fact(text, lost, has_behind=True, advice=advice)
 
 
 def _too_close(run: RunEvidence) -> Fact | None:
@@ -573,20 +594,19 @@ def _too_close(run: RunEvidence) -> Fact | None:
     if met is None or _stalled(run) is not None:
         return None
     contact, row = met.met.contact, met.met.row
-    advice = None
+    text, advice = _sent(run), None
     if contact.held_block:
-        wall = obstacle_place(contact, run.seen.spec)
-        text = f"{capitalized(body_text(contact))} hit {wall} during {row.shown}."
+        advice = advice_on(Kind.TOO_CLOSE)
     elif met.leads_into:
         seen = [each.reading for each in row.seen if each.reading.sensor.kind.is_range]
         silent = " and ".join(each.sensor.code for each in seen if math.isinf(each.value))
-        before = f" Before it {silent} read nothing in range." if silent else ""
-        text = _with_belief(run, f"{_free(run)}{before}")
+        text = f"{silent} read nothing in range; then {text}" if silent else text
         advice = advice_on(Kind.KNOWN_WALL)
-    else:
-        text = f"{row.shown} passed {obstacle_place(contact, run.seen.spec)} too close. {_contact(run)}"
-        text += _was_lost(run, row.order)
-    return Fact(text, row, since=met.sent, place=contact.point, has_behind=True, advice=advice)
+    fact = _at_contact(run, met, _with_belief(met, text), advice=advice)
+    errors = None if met.is_blind else met.drive_errors
+    if errors is None:
+        return fact
+    return replace(fact, text=f"{fact.text} {_without(errors)}", culprits=errors.codes, advice=_CORRECT)
 
 
 def _nowhere(run: RunEvidence) -> Fact | None:
@@ -620,6 +640,8 @@ def _stalled(run: RunEvidence) -> Fact | None:
         turned = f", {stalled.turned:.0f} deg" if stalled.turned >= 1.0 else ""
         moved = f"{stalled.movements} movements ({stalled.driven:.0f} in{turned})"
         text = f"From {stalled.since:.1f} s on, {moved} reached no goal and no new place"
+        often = run.movements_by_code(stalled.since)
+        text = f"{text}: {often}" if often and not in_vain else text
         culprits: tuple[str, ...] = ()
         if in_vain:
             text, culprits = f"{text}: {count} of them asked for 0 ({', '.join(drives)})", tuple(drives)
@@ -681,7 +703,8 @@ def _slow(run: RunEvidence) -> Fact | None:
     if most == "reading":
         often = f"{often}, {spent.took[code] / 1000.0:.1f} s"
     read = f" It read sensors {times_text(spent.readings.total())} ({code} {often})." if code else ""
-    return Fact(f"Most of its time went to {most} ({listed}).{read}", has_behind=True)
+    text = f"Most of its time went to {most} ({listed}).{read}"
+    return Fact(text, has_behind=True, advice=_SPARE[most].format(code=code))
 
 
 def _ended(run: RunEvidence) -> Fact | None:
@@ -691,9 +714,15 @@ def _ended(run: RunEvidence) -> Fact | None:
     if seen.task is None and not run.exit_code:
         return None
     words = f" Its last output: {run.last_words}." if run.last_words else ""
-    text = f"{capitalized(exit_text(run.exit_code))} before it was done.{words}{waited_text(run)}"
-    text = " ".join(filter(None, (text, _stand(run), _goals(seen))))
-    return Fact(text.rstrip(), has_behind=True)
+    limit = "" if seen.task is None else f" after {seen.seconds:.1f} of {seen.task.time_limit:g} s"
+    text = f"{capitalized(exit_text(run.exit_code))}{limit}, before it was done.{words}{waited_text(run)}"
+    text = " ".join(filter(None, (text, _stand(run), _goals(seen), run.all_movements)))
+    advice = None
+    if waited_text(run) or _NO_LINK in run.last_words:
+        advice = f"Look at the link: {LINK_ADVICE}"
+    elif run.last_words:
+        advice = f"Look in your program at what leads to '{cut(run.last_words, WORD)}'."
+    return Fact(text.rstrip(), has_behind=True, advice=advice)
 
 
 # -- text --------------------------------------------------------------------------------------------------
@@ -746,6 +775,9 @@ def waited_text(run: RunEvidence) -> str:
     asked = _NO_REPLY.search(said)
     if last is not None and run.program is not None and run.program.error.startswith(LINK_ENDED):
         return f" Its connection ended after its last command to arrive, {last[0]}, at {last[1]:.1f} s."
+    error = "" if run.program is None else run.program.error.partition(":")[0]
+    if error and "Timeout" not in error and run.last_reading:
+        return f" Its last reading was {run.last_reading}."
     if last is None or not (last[2] >= _WAITED or (asked and last[2] >= _WAITED / 2)):
         return ""
     name, at, quiet = last
@@ -763,15 +795,23 @@ def waited_text(run: RunEvidence) -> str:
     return text
 
 
-def _never(run: RunEvidence) -> str:
-    return "It never found its place" if run.localized is None else "It was lost"
-
-
 def _contact(run: RunEvidence) -> str:
+    """The contact: its time, its place, and how far of the command the way was free."""
     met = run.contact
     if met is None:
         return ""
-    return f"Contact at {met.met.row.elapsed:.2f} s, after {met.met.row.went:.1f} in.{_twice(run)}"
+    row, contact = met.met.row, met.met.contact
+    went = f"after {row.went:.1f} in"
+    if met.asked is not None and not contact.held_block:
+        went = f"after {row.went:.1f} of {abs(met.asked):.4g} in"
+    if abs(row.turned) >= 2.0:
+        went += f" and {abs(row.turned):.0f} deg"
+    place = obstacle_place(contact, run.seen.spec)
+    far = CELL_SIZE * math.hypot(run.seen.spec.maze.columns, run.seen.spec.maze.rows)
+    if met.asked is not None and abs(met.asked) > far:
+        went += f"; no way in this maze is longer than {far:.0f} in"
+    block = " of the held block" if contact.held_block else ""
+    return f"Contact{block} at {row.elapsed:.2f} s with {place}, {went}.{_twice(run)}"
 
 
 def _sent(run: RunEvidence) -> str:
@@ -782,18 +822,6 @@ def _sent(run: RunEvidence) -> str:
     again = run.repeated
     often = f" {times_text(again[1])} in a row" if again is not None and again[2] else ""
     return f"{met.met.row.shown} was sent{often}"
-
-
-def _free(run: RunEvidence) -> str:
-    """The deciding command beside the free way that it had, and the obstacle."""
-    met = run.contact
-    if met is None:
-        return ""
-    place, row = obstacle_place(met.met.contact, run.seen.spec), met.met.row
-    return (
-        f"{_sent(run)}; the way was free for {row.went:.1f} in. "
-        f"Contact at {row.elapsed:.2f} s with {place}.{_twice(run)}"
-    )
 
 
 def _twice(run: RunEvidence) -> str:
@@ -836,7 +864,7 @@ ORDER: tuple[CauseRule, ...] = (
         MomentKind.FAULT,
         "most commands were refused; or some movements never carried out",
         "what followed",
-        "Print the reply to the refused command: its reason says what to change.",
+        "Look at each reply in your program: NaN says that the command was refused.",
     ),
     CauseRule(
         Kind.CRASHED,
@@ -865,7 +893,7 @@ ORDER: tuple[CauseRule, ...] = (
         Kind.SENSOR_WRONG,
         _sensor_wrong,
         MomentKind.DEVICE,
-        "a sensor differs from its set; or the last reading of the wall was wrong",
+        "a sensor differs from its set; or its last reading of the wall was too long",
         "what followed",
         "Calibrate the sensor, or give the program the numbers of this set.",
     ),
@@ -873,16 +901,17 @@ ORDER: tuple[CauseRule, ...] = (
         Kind.DRIVE_WRONG,
         _drive_wrong,
         MomentKind.DEVICE,
-        "a drive differs from its set; or without drive errors nothing would have been touched",
+        "a drive differs from its set; or without its errors nothing would have been touched",
         "what followed",
-        "Measure after each movement, and correct for the drive's error.",
+        _CORRECT,
     ),
     CauseRule(
-        Kind.UNREAD,
-        _unread,
-        MomentKind.SIGHT,
-        "no range was read on the last 4 in or 45 deg; or the one that sees the block hardly was",
-        "wrong readings",
+        Kind.LOST,
+        _lost,
+        MomentKind.LOST,
+        "the belief was wrong or unsure at the contact, at the grip or at the end",
+        "the path",
+        "Turn on the spot and read all sensors until the belief is sure, before you drive on.",
     ),
     CauseRule(
         Kind.KNOWN_WALL,
@@ -891,6 +920,13 @@ ORDER: tuple[CauseRule, ...] = (
         "a right reading or belief showed the wall, and the command led an inch or more into it",
         "wrong readings, drive errors",
         "Compare each movement with the distance to the wall before you send it.",
+    ),
+    CauseRule(
+        Kind.UNREAD,
+        _unread,
+        MomentKind.COMMAND,
+        "no range was read on the last 4 in or 45 deg; or the one that sees the block hardly was",
+        "wrong readings",
     ),
     CauseRule(
         Kind.MISSED_GRIP,
@@ -907,14 +943,6 @@ ORDER: tuple[CauseRule, ...] = (
         "the block was set down outside the drop zone",
         "a wrong belief",
         "Check the block's place, not the robot's, before you open the gripper.",
-    ),
-    CauseRule(
-        Kind.LOST,
-        _lost,
-        MomentKind.LOST,
-        "the belief was wrong or unsure at the contact or at the end",
-        "the path",
-        "Turn on the spot and read all sensors until the belief is sure, before you drive on.",
     ),
     CauseRule(
         Kind.TOO_CLOSE,

@@ -154,20 +154,15 @@ def _most_alike(
 
 
 def _multiplied(row: DriveSpec, found: _Found) -> Disagreement:
-    multiple = f"{found.multiple:.2f}" if 0.0 < found.multiple < 1.0 else f"{found.multiple:.1f}"
-    text = (
-        f"{row.code} {_as_meant(row, 1.0 - found.multiple)}: {len(found.rows)} corrections were each "
-        f"{multiple} times the one before"
-    )
+    multiple = f"{found.multiple:.2f}" if 0.0 < found.multiple < 1.0 else f"{abs(found.multiple):.1f}"
+    text = f"{len(found.rows)} of its movements by {row.code} were each {multiple} times the one before"
+    if found.multiple < 0.0:
+        text += ", to the other side"
     return _disagreement(row.code, text, found)
 
 
 def _undone(row: DriveSpec, found: _Found) -> Disagreement:
-    verb = "turned" if row.kind.turns else "drove"
-    text = (
-        f"{row.code} {verb} twice what the program meant, or more: {len(found.rows)} corrections each took "
-        "back the one before"
-    )
+    text = f"{len(found.rows)} of its movements by {row.code} each took back the one before"
     return _disagreement(row.code, text, found)
 
 
@@ -186,7 +181,7 @@ def _as_measured(attempt: Attempt, row: DriveSpec, found: _Found) -> list[Disagr
         nexts = np.append(attempt.within(attempt.history.movements)["order"], np.iinfo(np.int64).max)
         until = nexts[np.searchsorted(nexts, found.rows["order"], side="right")]
         if np.mean(after < until) >= _BETWEEN:
-            text = f"{sensor.code} reported twice the movement, or more"
+            text = f"{sensor.code} was read after each"
             made.append(_disagreement(sensor.code, text, found))
     return made
 
@@ -205,14 +200,6 @@ def _measures(sensor: SensorSpec, row: DriveSpec) -> bool:
 
 def _disagreement(code: str, text: str, found: _Found) -> Disagreement:
     return Disagreement((code,), text, len(found.rows), found.probability, 1.0, *moment(found.rows[0]))
-
-
-def _as_meant(row: DriveSpec, share: float) -> str:
-    verb = "turned" if row.kind.turns else "drove"
-    if share <= 0.0:
-        return f"{verb} the other way than the program meant"
-    times = f"{share:.1f}" if share >= 0.1 else f"{share:.2f}"
-    return f"{verb} {times} times what the program meant"
 
 
 def _numbers_of(attempt: Attempt) -> dict[str, int]:

@@ -39,6 +39,8 @@ MISREAD, SIGMAS = 1.0, 4.0
 # Judged: errors of a drive and of a range are a few percent of a cell.
 _INTO = 1.0
 """Inches asked for beyond a contact, from which the command led into the wall, not past it."""
+_ASTRAY = 0.1
+"""Share of a command from which an error of its drive is large: an inch in a cell. Judged."""
 _STOOD = 0.01
 """Inches and degrees below which the robot has not moved: corrections are larger."""
 _ALONG, _ACROSS = CELL_SIZE / 2, 1.0
@@ -48,6 +50,8 @@ Judged."""
 # Judged: a third of a right angle; a sensor that looks further aside may see something else.
 _ASIDE = 30.0
 """Degrees beside a contact from which a sensor is only the nearest one."""
+_FEW = 3
+"""Sensors that are named in a sentence."""
 _SHOWN = {
     Change.EXACT: "without errors of its drive",
     Change.BELIEVED: "from the pose that the program believed",
@@ -70,11 +74,13 @@ class ShownPlace:
 @dataclass(frozen=True, slots=True)
 class DriveErrors:
     """Errors of drives without which nothing would have been touched: those of the last `count` movements by
-    the drives with these codes. They are `certain` where nothing was read in between."""
+    the drives with these codes. They are `certain` where nothing was read in between, and `large` where they
+    are more than a program can be asked to allow for."""
 
     codes: tuple[str, ...]
     count: int
     certain: bool
+    large: bool
 
 
 class ContactEvidence:
@@ -121,12 +127,12 @@ class ContactEvidence:
     def leads_into(self) -> bool:
         """True if the place touched was ahead of a straight movement: its command led there, not past it."""
         trajectory, contact = self.met.ended.trajectory, self.met.contact
-        if trajectory.turning or contact.held_block or self._bearing is None:
+        if trajectory.turning or contact.held_block or self.bearing is None:
             return False
-        return abs(half_turn(contact.bearing - self._bearing)) <= BESIDE
+        return abs(half_turn(contact.bearing - self.bearing)) <= BESIDE
 
     @property
-    def _bearing(self) -> float | None:
+    def bearing(self) -> float | None:
         """Direction of a straight movement in the robot's frame, degrees; None for a turn."""
         totals = self.met.ended.trajectory.totals
         far = math.hypot(totals.x, totals.y)
@@ -141,7 +147,7 @@ class ContactEvidence:
             last = met.readings.get(sensor.code)
             if last is None or not sensor.kind.is_range or not math.isinf(last.value):
                 continue
-            along = self._bearing is not None and abs(half_turn(sensor.rotation - self._bearing)) <= ALIKE
+            along = self.bearing is not None and abs(half_turn(sensor.rotation - self.bearing)) <= ALIKE
             there = self.looks is not None and looks_there(self.looks) and sensor.code in self.looks.codes
             path = row.gone_before - last.gone
             fresh = path <= BLIND and row.turned_before - last.turned <= BLIND_TURN
@@ -154,13 +160,40 @@ class ContactEvidence:
         """The last reading of a sensor that looks at the place touched."""
         return None if self.looks is None or not looks_there(self.looks) else self.looks.last
 
-    def looking(self, code: str, place: str = "there") -> str:
-        """A sensor with its direction: `u1, which looks there,`, else `u2, the nearest sensor,`. One along
-        the movement looks at the wall that this leads to, whatever corner touched."""
-        ahead = self._bearing if self.leads_into else None
+    def looking(self, code: str) -> str:
+        """A sensor with its direction: `u1, which looks there,`, else `u2, the nearest sensor,`."""
+        return f"{code}, which looks there," if self._looks(code) else f"{code}, the nearest sensor,"
+
+    def _looks(self, code: str) -> bool:
+        """True if a sensor looks at the contact, or along the movement at the wall that this leads to,
+        whatever corner touched."""
+        ahead = self.bearing if self.leads_into else None
         along = ahead is not None and abs(half_turn(self._sensor(code).rotation - ahead)) <= ALIKE
-        looks = along or degrees_beside(self.met.contact, self._sensor(code)) <= _ASIDE
-        return f"{code}, which looks {place}," if looks else f"{code}, the nearest sensor,"
+        return along or degrees_beside(self.met.contact, self._sensor(code)) <= _ASIDE
+
+    @property
+    def unread_text(self) -> str:
+        """The ranges that were not read before the contact, in words without a full stop."""
+        ranges = [each.code for each in self._seen.spec.sensors if each.kind.is_range]
+        read = [code for code in ranges if code in self.met.readings]
+        if not read:
+            return "No range sensor had been read"
+        if self.belief is not None or self.looks is None:
+            return f"No range sensor had been read for more than {BLIND:g} in or {BLIND_TURN:g} deg of path"
+        code, last = self.looks.codes[0], self.looks.last
+        who = f"No sensor looks straight there; {code}, the nearest,"
+        if self._looks(code):
+            who = f"{code}, which looks there,"
+        if last is None:
+            others = f"; only {' and '.join(read)} had" if len(read) <= _FEW else ""
+            return f"{who} had not been read{others}"
+        return f"{who} had not been read for {self.met.row.gone_before - last.gone:.0f} in of path"
+
+    @property
+    def asked(self) -> float | None:
+        """Value of a straight movement's command, inches; None for others."""
+        kind, value = self.met.ended.trajectory.kind, parse_value(self.met.ended.command.argument)
+        return None if kind is None or kind.turns or isinstance(value, str) else value
 
     # -- did it look? --------------------------------------------------------------------------------------
 
@@ -272,17 +305,20 @@ class ContactEvidence:
 
     @property
     def is_elsewhere(self) -> bool:
-        """True if the belief was wrong or unsure, and its movement would have touched nothing there."""
-        unsure = self.belief is not None and (self.lost is not None or self.belief.unsure)
+        """True if the belief was wrong or unsure, and no right reading showed the wall; or its movement would
+        have touched nothing from there."""
         believed = self.saved_by(Change.BELIEVED)
-        return (unsure and believed is not False) or bool(believed)
+        if self.lost is not None:
+            return believed is not False or self.ignored is None
+        unsure = self.belief is not None and self.belief.unsure
+        return (unsure and believed is not False) or (bool(believed) and not self.is_blind)
 
     @cached_property
     def drive_errors(self) -> DriveErrors | None:
         """Errors of drives without which nothing would have been touched."""
         met = self.met
         if self.saved_by(Change.EXACT) and not (self.lost is not None and self.saved_by(Change.BELIEVED)):
-            return DriveErrors((met.ended.command.code,), 1, certain=True)
+            return DriveErrors((met.ended.command.code,), 1, certain=True, large=self._goes_astray)
         # A program that sends beliefs has taken earlier errors into account, rightly or wrongly.
         if self.belief is not None and not self.belief.unsure:
             return None
@@ -292,8 +328,19 @@ class ContactEvidence:
             if self.saved_by(change):
                 moved = [*met.before[len(met.before) - count :], met.ended]
                 codes = tuple(dict.fromkeys(each.command.code for each in moved))
-                return DriveErrors(codes, len(moved), certain=change is Change.UNSEEN)
+                unseen = change is Change.UNSEEN
+                return DriveErrors(codes, len(moved), certain=unseen, large=unseen)
         return None
+
+    @property
+    def _goes_astray(self) -> bool:
+        """True if the movement differs from its command by a tenth or more, whatever its set declares."""
+        asked = CounterfactualWorld(self._seen.spec).asked(self.met.ended)
+        if asked is None:
+            return False
+        totals, far = self.met.ended.trajectory.totals, math.hypot(asked.x, asked.y)
+        off = math.hypot(totals.x - asked.x, totals.y - asked.y)
+        return off >= _ASTRAY * far if far else abs(totals.r - asked.r) >= _ASTRAY * abs(asked.r)
 
     @property
     def _looked_at_each_movement(self) -> bool:

@@ -36,10 +36,10 @@ from simmer_tui.document.model import (
     data_table,
 )
 from simmer_tui.report.bent_scans import SCANS, scans_table
+from simmer_tui.report.episode_table import EPISODES, episodes_table
 from simmer_tui.report.fact_tables import BELIEF_FACTS, COMMAND_FACTS, DEVICE_FACTS, fact_tables
 from simmer_tui.report.figure import maze_figure
 from simmer_tui.report.finding import FINDINGS, findings_table
-from simmer_tui.report.findings import EPISODES, episodes_table, findings
 from simmer_tui.report.moments import MOMENTS, moments_table
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.report.traces import traces
@@ -203,7 +203,6 @@ def report_document(run: RunStatistics, name: str, path: str | None = None) -> D
         *_verdict(run.verdict),
         *fact_tables(run.evidence),
         *((output(run.verdict),) if failed else ()),
-        Bullets("Besides", findings(run), "besides"),
         Bullets("Notes", run.notes, "notes"),
         *report_tables(run, name),
         *(() if failed else (output(run.verdict),)),
@@ -260,8 +259,9 @@ def _output_table(verdict: Verdict) -> DataTable:
 
 def svg_picture(run: RunStatistics, name: str) -> str:
     """The maze and under it the traces, as one picture."""
-    figure, strips = replace(maze_figure(run), title=f"Run {name}"), traces(run)
+    figure, strips = svg.whole_figure(replace(maze_figure(run), title=f"Run {name}")), traces(run)
     if strips is not None:
+        strips = svg.whole_figure(strips)
         below = svg.translated(0.0, figure.height + _GAP, strips.content)
         height = figure.height + _GAP + strips.height
         figure = replace(figure, height=height, content=figure.content + below)

@@ -8,7 +8,7 @@ import numpy as np
 
 from simmer_tui.document.formats import COUNT, PASSAGE, number
 from simmer_tui.document.model import DataColumn, DataTable, data_table
-from simmer_tui.report.few_uses import few_movements, few_readings
+from simmer_tui.report.device_health import few_movements, few_readings
 from simmer_tui.report.finding import FEWEST, Finding
 from simmer_tui.report.run_evidence import RunEvidence
 from simmer_tui.run.table import Columns
@@ -72,7 +72,7 @@ def _commands(run: RunEvidence) -> Iterator[tuple[object, ...]]:
     text = "" if alone is None else f"the block, in sight at {alone.since:.1f} s: {' '.join(alone.codes)}"
     yield "seen only by them", None if alone is None else len(alone.codes), text
     yield "longest silence", None, _longest_gap(rows)
-    told = "; or ".join(each.text for each in run.corrections)
+    told = ", and ".join(each.text for each in run.corrections)
     yield "corrections that do not shrink", run.corrections[0].count if run.corrections else 0, told
     again, of, example = _repeated(seen.within(history.movements), names)
     yield "repeated movements", again, f"of {of}, such as {example}" if again else ""

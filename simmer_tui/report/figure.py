@@ -9,7 +9,7 @@ from itertools import groupby
 
 from simmer_tui.config.mission_plan import cells_of
 from simmer_tui.document import svg
-from simmer_tui.document.model import Figure
+from simmer_tui.document.model import Figure, LegendMark
 from simmer_tui.document.svg import PICTURE_WIDTH
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.run.attempt import Task
@@ -23,6 +23,9 @@ from simmer_tui.sim.specs import BLOCK, CELL_SIZE, TILE_SIZE, WALL, MazeSpec
 
 LEFT, TOP, RIGHT, AXIS = 34.0, 8.0, 14.0, 24.0
 """Room around the maze, points; `AXIS` is that of the numbers below."""
+# A page gives texts a size that does not scale with the picture, so places are told by an edge.
+FROM_THE_TOP, AT_THE_MIDDLE = "text-before-edge", "central"
+"""`dominant-baseline` of texts whose upper edge, or middle, is at their place."""
 WALLS, TILES, PAPER = "#3c3c3c", "#ececec", "#ffffff"
 LOADING, DROP = "#e8effb", "#dff3ea"
 LOADING_LINE, DROP_LINE = "#5470a5", "#3f7a68"
@@ -80,7 +83,8 @@ class MazeFrame:
             look = {"fill": fill, "fill_opacity": 0.85, "stroke": line, "stroke_dasharray": "2 3"}
             parts.append(svg.element("rect", **square, **look))
             if not order:
-                parts.append(svg.text(left + 4, top + 13, name, 11.0, fill=line, font_weight="bold"))
+                look = {"fill": line, "font_weight": "bold", "dominant_baseline": FROM_THE_TOP}
+                parts.append(svg.text(left + 4, top + 4, name, 11.0, **look))
         return "".join(parts)
 
     def zones(self, task: Task | None) -> str:
@@ -88,8 +92,9 @@ class MazeFrame:
         if task is None or task.zone is None:
             return ""
         loading = [(cell.x, cell.y) for cell in cells_of(self.maze, BLOCK)]
-        drawn = self.zone(loading, "LOADING ZONE", LOADING, LOADING_LINE)
-        return drawn + self.zone([(task.zone.x, task.zone.y)], "DROP ZONE", DROP, DROP_LINE)
+        # One word each: they have room in a cell on a phone.
+        drawn = self.zone(loading, "LOAD", LOADING, LOADING_LINE)
+        return drawn + self.zone([(task.zone.x, task.zone.y)], "DROP", DROP, DROP_LINE)
 
     def live(self) -> str:
         """An empty group, drawn in inches of the global frame, for the moving parts of a player."""
@@ -116,19 +121,33 @@ class MazeFrame:
         # At most about twenty numbers: more would run into each other.
         step = int(CELL_SIZE) * max(1, math.ceil(maze.columns / 20))
         parts = [
-            svg.text(self.at(inches, 0)[0], self.bottom + 14, f"{inches}", text_anchor="middle")
+            svg.text(
+                self.at(inches, 0)[0],
+                self.bottom + 4,
+                f"{inches}",
+                text_anchor="middle",
+                dominant_baseline=FROM_THE_TOP,
+            )
             for inches in range(0, int(maze.width) + 1, step)
         ]
         parts += [
-            svg.text(self.left - 5, self.at(0, inches)[1] + 4, f"{inches}", text_anchor="end")
+            svg.text(
+                self.left - 5,
+                self.at(0, inches)[1],
+                f"{inches}",
+                text_anchor="end",
+                dominant_baseline=AT_THE_MIDDLE,
+            )
             for inches in range(0, int(maze.height) + 1, step)
         ]
-        parts.append(svg.text(self.left - 16, self.bottom + 14, "in", text_anchor="end"))
+        parts.append(
+            svg.text(self.left - 22, self.bottom + 4, "in", text_anchor="end", dominant_baseline=FROM_THE_TOP)
+        )
         return svg.element("g", "".join(parts), fill=svg.FAINT)
 
 
-# Height of the scale of time below the maze, points.
-_KEY = 44.0
+# Width of the scale of time, points, and its steps.
+_SCALE, _STEPS = 80.0, 40
 # Contacts that have a number; crosses mark the others.
 _NUMBERED = 30
 
@@ -156,7 +175,7 @@ class _MazeFigure:
         self._at = self.frame.at
         # A robot that a wall held for the rest of the run would leave all else in one colour.
         self.pieces = [piece for piece in run.paths.segments if _extent(piece) >= _STANDING]
-        self.end = max((piece.end for piece in self.pieces), default=0.0)
+        self.end = path_end(run)
 
     def draw(self) -> Figure:
         start, end = (
@@ -173,10 +192,9 @@ class _MazeFigure:
             frame.live(),
             svg.element("g", self._contacts(), class_="contacts"),
             frame.axes(),
-            self._key(),
         )
-        height = frame.bottom + AXIS + _KEY
-        return Figure("The maze and the path", PICTURE_WIDTH, height, "".join(parts), "maze")
+        height = frame.bottom + AXIS
+        return Figure("The maze and the path", PICTURE_WIDTH, height, "".join(parts), "maze", self._legend())
 
     def _polygon(self, corners: FloatArray, **style: object) -> str:
         placed = svg.points(self._at(x, y) for x, y in corners.tolist())
@@ -235,7 +253,7 @@ class _MazeFigure:
         if footprint.radius:
             body = svg.element("circle", "", cx=x, cy=y, r=footprint.radius * self.frame.scale, **style)
         mark = svg.element("line", x1=x, y1=y, x2=tip[0], y2=tip[1], stroke=svg.ROBOT_LINE, stroke_width=1.6)
-        return body + mark + _label(x, y + 4.0, word, svg.ROBOT_LINE)
+        return body + mark + _label(x, y, word, svg.ROBOT_LINE, dominant_baseline=AT_THE_MIDDLE)
 
     def _contacts(self) -> str:
         """A cross at every place touched, the first ones numbered in the order of time. Those of
@@ -260,28 +278,32 @@ class _MazeFigure:
         for x, y, orders in places:
             side, anchor = (8, "start") if x < middle else (-8, "end")
             words = _ranges([order for order in orders if order <= _NUMBERED])
-            drawn += _label(x + side, y - 5 if y > TOP + 16 else y + 15, words, svg.CONTACT, anchor)
+            below = {"dominant_baseline": FROM_THE_TOP} if y <= TOP + 16 else {}
+            drawn += _label(x + side, y - 5 if not below else y + 4, words, svg.CONTACT, anchor, **below)
         return drawn
 
-    def _key(self) -> str:
-        """The scale of time, and the legend of the marks."""
-        y = self.frame.bottom + AXIS + 8
-        bar, steps = 260.0, 52
-        drawn, size = "", {"width": bar / steps + 0.4, "height": 9.0}
-        for step in range(steps):
-            x, fill = LEFT + step * bar / steps, svg.shade(step / (steps - 1))
-            drawn += svg.element("rect", x=x, y=y, **size, fill=fill)
-        drawn = svg.element("g", drawn, class_="ramp fixed")
-        drawn += svg.text(LEFT, y + 21, "0 s", fill=svg.FAINT)
-        drawn += svg.text(LEFT + bar, y + 21, f"{self.end:.1f} s", text_anchor="end", fill=svg.FAINT)
-        marks = [("path, coloured by time", svg.dash(svg.shade(0.3)))]
+    def _legend(self) -> tuple[LegendMark, ...]:
+        """The scale of time, and the marks."""
+        size = {"y": -4.5, "width": _SCALE / _STEPS + 0.4, "height": 9.0}
+        scale = "".join(
+            svg.element("rect", x=step * _SCALE / _STEPS, fill=svg.shade(step / (_STEPS - 1)), **size)
+            for step in range(_STEPS)
+        )
+        ramp = svg.element("g", scale, class_="ramp fixed")
+        marks = [LegendMark(f"path, coloured by time from 0 to {self.end:.1f} s", ramp, _SCALE)]
         if self.run.totals.contacts:
-            marks.append(("contact, numbered in order", svg.cross(svg.CONTACT)))
+            marks.append(LegendMark("contact, numbered in order", svg.cross(svg.CONTACT)))
         if self.run.totals.belief_trace.items:
-            marks.append(("believed position", svg.dash(svg.BELIEF, 1.2, stroke_dasharray="4 3")))
+            dashed = svg.dash(svg.BELIEF, 1.2, stroke_dasharray="4 3")
+            marks.append(LegendMark("believed position", dashed))
         if self.run.paths.jumps.items:
-            marks.append(("put elsewhere", svg.dash(svg.FAINT, 1.0, stroke_dasharray="1 4")))
-        return drawn + svg.legend(LEFT + bar + 26, y + 5, marks)
+            marks.append(LegendMark("put elsewhere", svg.dash(svg.FAINT, 1.0, stroke_dasharray="1 4")))
+        return tuple(marks)
+
+
+def path_end(run: RunStatistics) -> float:
+    """Time at which the colours of a path end: that of the last movement that can be seen, seconds."""
+    return max((piece.end for piece in run.paths.segments if _extent(piece) >= _STANDING), default=0.0)
 
 
 def _extent(piece: PathSegment) -> float:
@@ -289,10 +311,10 @@ def _extent(piece: PathSegment) -> float:
     return max(math.dist(piece.points[0], point) for point in piece.points)
 
 
-def _label(x: float, y: float, words: str, fill: str, anchor: str = "middle") -> str:
+def _label(x: float, y: float, words: str, fill: str, anchor: str = "middle", **look: object) -> str:
     """A word that stays readable on anything."""
     behind = {"paint_order": "stroke", "stroke": "#ffffff", "stroke_width": 3.0}
-    return svg.text(x, y, words, 11.0, fill=fill, text_anchor=anchor, font_weight="bold", **behind)
+    return svg.text(x, y, words, 11.0, fill=fill, text_anchor=anchor, font_weight="bold", **behind, **look)
 
 
 def _ranges(orders: list[int]) -> str:

@@ -17,7 +17,7 @@ from simmer_tui.report.robust_fit import MAD_ERROR, Z_95, RobustFit
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.command import counted
 
-_ERROR = 0.01
+FALSE_FINDING_RATE = 0.01
 """Probability that a run without a fault has any finding."""
 FEWEST = {"set": 8, "nominal": 3}
 """Readings or movements below which nothing is claimed, by basis. Beyond the set: with fewer, one outlier is
@@ -140,7 +140,7 @@ def holm(tests: Iterable[_T], probability: Callable[[_T], float]) -> Iterator[_T
     simple sequentially rejective multiple test procedure", Scandinavian Journal of Statistics 6 (1979)."""
     ranked = sorted(tests, key=probability)
     for place, each in enumerate(ranked):
-        if probability(each) * (len(ranked) - place) > _ERROR:
+        if probability(each) * (len(ranked) - place) > FALSE_FINDING_RATE:
             return
         yield each
 

@@ -51,7 +51,7 @@ class LiveVerdict(EventHandler[None]):
         self._has_program = True
 
     def watch(self, event: Event) -> None:
-        """Take note of an event."""
+        """Note an event."""
         if self._busy:
             self._waiting.append(event)
             return

@@ -93,7 +93,7 @@ class Analysis:
         """Elapsed simulated seconds at the last event that does not count."""
 
     def apply(self, event: Event, line: int = 0, real_time: float = math.nan) -> None:
-        """Take note of an event, as a reducer does."""
+        """Note an event, as a reducer does."""
         is_over = self._history.is_over
         if is_over and not self.gate.handle(event):
             # Only notices have no time, and they count.

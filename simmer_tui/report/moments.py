@@ -18,9 +18,6 @@ from simmer_tui.sim.command import WORD, counted, cut
 
 MOST_MOMENTS = 7
 """Moments of a run: they fit on a screen, and a reader keeps as many in mind."""
-_TIMED = (MomentKind.SIGHT, MomentKind.COMMAND, MomentKind.LOST)
-_SAME_TIME = 1.0
-"""Kinds of moments of one time, and seconds within which one is that of the cause. Judged."""
 _WORDS = 80
 """Characters of a program's last output in a moment: a line of a terminal."""
 _KEPT = (
@@ -95,19 +92,14 @@ def moments_of(run: RunEvidence, cause: Cause | None = None) -> tuple[Moment, ..
     found = list(_all_moments(run))
     marked: Moment | None = None
     if cause is not None:
-        same = [each for each in found if each.kind is cause.moment]
-        # Of several goals or persons the last one counts.
-        near = min(same, key=lambda each: abs(each.elapsed - cause.elapsed), default=None)
-        # A moment of the same kind at another time is another fact.
-        is_other = near is not None and near.kind in _TIMED and abs(near.elapsed - cause.elapsed) > _SAME_TIME
-        if near is not None and not is_other:
-            found.remove(near)
-            marked = replace(near, is_cause=True)
+        # The same fact is marked where the moments have it; another of its kind stays.
+        same = [each for each in found if each.kind is cause.moment and each.elapsed == cause.elapsed]
+        if same:
+            found.remove(same[-1])
+            marked = replace(same[-1], is_cause=True)
         else:
             code = cause.culprits[0] if cause.culprits else ""
-            text = _uncapitalized(cause.text.rstrip("."))
-            if is_other:
-                text = text.partition(". ")[0]
+            text = _uncapitalized(_first_sentence(cause.text))
             marked = Moment(cause.moment, cause.elapsed, text, cause.line, code, cause.place, is_cause=True)
     # Newer ones of a kind come first: the last goal counts more than the one before.
     ranked = sorted(found, key=lambda each: (_KEPT.index(each.kind), -each.elapsed))
@@ -208,6 +200,9 @@ def _deciding(run: RunEvidence) -> Iterator[Moment]:
         block = (grip.grip.block.x, grip.grip.block.y)
         let_go = f"it set the block down at {place_text(*block)}"
         text = let_go if grip.had and not grip.grip.closed else f"it {grip_ending(grip.grip)}"
+        since = run.closed_before(grip)
+        if since is not None and grip.grip.closed:
+            text = f"it closed the gripper, which had been closed since {since.elapsed:.1f} s"
         gripper = seen.spec.gripper
         kind = MomentKind.GOAL if run.has_contact else MomentKind.COMMAND
         code = gripper.code if gripper else ""
@@ -249,6 +244,11 @@ def _end(run: RunEvidence) -> Iterator[Moment]:
         words = f"; its last output: {said}" if said and not program.crashed else ""
         text = program_end_text(program).replace("ended with", "ended by itself, with") + words
         yield Moment(MomentKind.PROGRAM, seen.elapsed, text, seen.line, place=pose)
+
+
+def _first_sentence(text: str) -> str:
+    """The first sentence of a text, without its full stop."""
+    return text.partition(". ")[0].rstrip(".")
 
 
 def _uncapitalized(text: str) -> str:

@@ -23,7 +23,6 @@ from simmer_tui.document.model import (
 )
 from simmer_tui.report.content import again, output, report_tables, try_again
 from simmer_tui.report.figure import maze_figure
-from simmer_tui.report.findings import findings
 from simmer_tui.report.player import left_out_text, player_script, player_style
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.report.traces import traces
@@ -64,7 +63,7 @@ def _page(run: RunStatistics, name: str, *, commands: bool) -> Document:
         SideBySide(
             tuple(_picture(run)), (_moments(verdict), *_cards(run, attempt, name if commands else ""))
         ),
-        Folded("All that happened", (Bullets("", findings(run)), Bullets("Notes", run.notes))),
+        *((Folded("Notes", (Bullets("", run.notes),)),) if run.notes else ()),
         *(() if strips is None else (Folded("Sensors over time", (strips,)),)),
         Folded("Movements, errors of readings, timing", report_tables(run, name)),
         Folded(last.heading, (Bullets("", last.entries, kind="output"),) if last.entries else ()),
@@ -145,8 +144,9 @@ def _cards(run: RunStatistics, attempt: Attempt, log: str) -> Iterator[DocumentP
     steps: list[tuple[Prose, ...] | str] = [verdict.advice] if verdict.advice else []
     if log:
         steps.append(("See it: ", Code(f"simmer-tui replay {file}")))
-        take_over = f"simmer-tui replay {file} --take-over {verdict.elapsed:.1f}"
-        steps.append(("Continue from here: ", Code(take_over)))
+        if verdict.outcome is not Outcome.SUCCEEDED:  # there is nothing left to do
+            take_over = f"simmer-tui replay {file} --take-over {verdict.elapsed:.1f}"
+            steps.append(("Continue from here: ", Code(take_over)))
     yield Bullets("Next", steps, kind="card")
     if attempt.task is not None:
         yield Bullets("Goals", list(_goals(run, attempt.task, attempt)), kind="card")

@@ -163,7 +163,10 @@ function simmerPlayer(recording, live) {
   drawn("path", drawn("clipPath", layer, "", { id: "open" }), "", { d: run.open.map(([x, y]) => `M${x} ${y}h${run.cell}v${run.cell}h${-run.cell}z`).join("") });
   const heatLayer = drawn("g", layer, "heat", { "clip-path": "url(#open)" });
   const heats = ["b", "c", "d"].map((level) => drawn("path", heatLayer, `heat-${level}`));
-  const trail = drawn("path", layer, "trail"), cloud = drawn("path", layer, "cloud");
+  // The colours of the legend's scale of time; a run that goes on has no such scale.
+  const trailLayer = drawn("g", layer, run.shades ? "ramp fixed" : "");
+  const trails = (run.shades || [""]).map((color) => drawn("path", trailLayer, "trail", color ? { style: `stroke: ${color}` } : {}));
+  const cloud = drawn("path", layer, "cloud");
   // With a rim in the colour of the page, since dots on walls are as dark as these.
   const scans = ["scans rim", "scans"].map((kind) => drawn("path", layer, kind)), rays = drawn("g", layer, "rays");
   const half = run.block / 2;
@@ -175,7 +178,8 @@ function simmerPlayer(recording, live) {
     element("button", { type: "button", title, class: kind, onclick: action, ...(/[a-z]/i.test(label) ? {} : { "aria-label": title }) }, label);
   const play = button("▶ Play", "space", playOrPause, "play");
   const goLive = button("● Live", "l: what happens now", follow, "golive");
-  const decided = button("◉", "m: the moment that decided", toMoment);
+  const decided = button("deciding moment", "m: the moment that decided", toMoment);
+  const earlier = button("◂ event", "N, or shift and n", () => toMark(-1)), later = button("event ▸", "n", () => toMark(1));
   const clock = element("output", { class: "clock" }), words = element("p", { class: "words" });
   const happened = element("p", { class: "happened" }), tip = element("div", { class: "tip", hidden: "" });
   const slider = element("input", {
@@ -190,16 +194,35 @@ function simmerPlayer(recording, live) {
   readings.open = innerWidth > 700; // on a phone they would push the reasons out of sight
   const cursor = strips && run.clock ? drawn("path", strips, "cursor") : null;
 
-  document.querySelector(".maze").after(
+  // The run's moments. Those of one time have a tick there, and a link as near to it as the others let it be.
+  const moments = [];
+  for (const [t, text, isCause] of run.moments || []) {
+    const label = `${(t / 1000).toFixed(1)} s`, said = isCause ? `${text} (the cause)` : text;
+    const same = moments[moments.length - 1];
+    if (t / 1000 < run.begin) continue;
+    if (same?.label === label) Object.assign(same, { said: `${same.said}; ${said}`, isCause: same.isCause || isCause });
+    else moments.push({ t: t / 1000, label, said, isCause });
+  }
+  for (const moment of moments) {
+    const { t, label, said, isCause } = moment, kind = isCause ? "cause" : "";
+    moment.tick = element("i", { class: kind, style: `--t: ${t}` });
+    moment.link = element("a", { class: kind, href: `#t=${t.toFixed(2)}`, title: `${label}: ${said}` }, label);
+  }
+  const momentBar = element("nav", { class: "moments", "aria-label": "moments of the run" }, ...moments.flatMap(({ tick, link }) => [tick, link]));
+  momentBar.hidden = !moments.length;
+
+  const figure = document.querySelector(".maze"), legend = figure.nextElementSibling;
+  figure.after(
     element("div", { class: "controls" },
-      element("div", { class: "timeline" }, marks, slider),
-      element("div", { class: "buttons" }, play, rates, clock, ...(live ? [goLive] : []), decided, button("◂ event", "N, or shift and n", () => toMark(-1)), button("event ▸", "n", () => toMark(1)),
-        ...(live ? [] : [button("whole path", "w", wholeWay)]), button("light / dark", "d", changeTheme))),
+      element("div", { class: "timeline" }, marks, slider, momentBar),
+      element("div", { class: "buttons" }, play, rates, clock, ...(live ? [goLive] : []), decided, earlier, later,
+        ...(live ? [] : [button("whole path", "w", wholeWay)]), button("light / dark", "d", changeTheme))));
+  (legend?.matches(".legend") ? legend : document.querySelector(".controls")).after(
     element("div", { class: "now" }, words, happened, readings,
       element("details", { class: "keys" }, element("summary", {}, "Keys and colours"),
         (live ? "L returns to what happens now. " : "") +
         "Space plays, arrows 1 s (with shift 10 s), [ ] playback rate, n N events, c C contacts, m the moment that decided, home end, " +
-        "w whole path, d dark. A click on the path or on the sensors goes there. Solid is the robot, dashed where it believes to " +
+        (live ? "" : "w whole path, ") + "d dark. A click on the path or on the sensors goes there. Solid is the robot, dashed where it believes to " +
         "be. A line ends where a sensor saw something, its light cone where there is something. Dots are the scan of a lidar. Grey beside a reading is the " +
         "truth.")),
     tip);
@@ -208,7 +231,7 @@ function simmerPlayer(recording, live) {
   function furnish() {
     slider.min = run.begin;
     slider.max = run.end;
-    set(marks, { style: `--begin: ${run.begin}; --span: ${run.end - run.begin || 1}` });
+    for (const each of [marks, momentBar]) set(each, { style: `--begin: ${run.begin}; --span: ${run.end - run.begin || 1}` });
     for (const [mark, sign] of markSigns) {
       if (mark.t >= run.begin && run.marks.includes(mark)) continue;
       sign.remove();
@@ -264,24 +287,50 @@ function simmerPlayer(recording, live) {
     happened.textContent = mark ? `${mark.t.toFixed(1)} s: ${mark.text}` : "";
     happened.className = `happened ${mark && now - mark.t < 2 ? "fresh " + mark.kind : ""}`;
     slider.value = now;
+    earlier.disabled = !run.marks.length || run.marks[0].t >= now - 1e-6;
+    later.disabled = !run.marks.length || run.marks[run.marks.length - 1].t <= now + 1e-6;
+    const newest = latest(moments, now + 0.006); // an address has hundredths of a second
+    for (const each of moments) each.link.toggleAttribute("aria-current", each === newest);
     if (cursor) {
       const { left, right, end, top } = run.clock, x = left + (now / end) * (right - left);
       set(cursor, { d: `M${x.toFixed(1)} ${top}V${top + run.clock.of.length * run.clock.step}` });
     }
   }
 
+  // Links that would cover each other are moved apart, in their order.
+  function layMoments() {
+    const room = momentBar.clientWidth, gap = 3, wide = moments.map(({ link }) => link.offsetWidth);
+    const isTight = wide.reduce((sum, each) => sum + each + gap, -gap) > room;
+    momentBar.classList.toggle("tight", isTight);
+    if (isTight || !room) return;
+    const lefts = [];
+    moments.forEach(({ tick }, i) => (lefts[i] = Math.max(tick.offsetLeft - wide[i] / 2, i ? lefts[i - 1] + wide[i - 1] + gap : 0)));
+    for (let i = moments.length - 1, right = room; i >= 0; right = lefts[i--] - gap) lefts[i] = Math.min(lefts[i], right - wide[i]);
+    moments.forEach(({ link }, i) => (link.style.left = `${lefts[i]}px`));
+  }
+
   const share = (value) => (value > 0 && value < 1 ? "less than 1 %" : `${value.toFixed(0)} %`);
   // Not wrapped, as in the log, so that it can be compared with a compass and a gyroscope.
   const angle = (heading) => heading.toFixed(1).replace(/^-0.0$/, "0.0");
 
-  let trailText = "";
+  // Place of the colour of a part of the path.
+  const shadeAt = (t) => (trails.length < 2 ? 0 : Math.round(Math.min(run.path_end ? t / run.path_end : 0, 1) * (trails.length - 1)));
+
+  let trailTexts = [], trailsDrawn = [];
   function showTrail(pose) {
     const until = placeOf(run.t, now) + 1;
-    if (until < nextTrail || !nextTrail) [nextTrail, trailText] = [0, ""];
+    if (until < nextTrail || !nextTrail) [nextTrail, trailTexts] = [0, trails.map(() => "")];
+    const part = (texts, i, x, y, t) => {
+      const shade = shadeAt((run.t[i] + t) / 2);
+      texts[shade] += `${texts[shade] ? "" : `M${run.x[i].toFixed(2)} ${run.y[i].toFixed(2)}`}L${x.toFixed(2)} ${y.toFixed(2)}`;
+    };
     for (; nextTrail < until; nextTrail++) {
-      trailText += `${nextTrail ? "L" : "M"}${run.x[nextTrail].toFixed(2)} ${run.y[nextTrail].toFixed(2)}`;
+      if (nextTrail) part(trailTexts, nextTrail - 1, run.x[nextTrail], run.y[nextTrail], run.t[nextTrail]);
     }
-    set(trail, { d: trailText ? `${trailText}L${pose.x} ${pose.y}` : "" });
+    const texts = [...trailTexts];
+    if (until) part(texts, until - 1, pose.x, pose.y, now);
+    texts.forEach((text, i) => text === trailsDrawn[i] || set(trails[i], { d: text }));
+    trailsDrawn = texts;
   }
 
   let touched = "";
@@ -580,6 +629,15 @@ function simmerPlayer(recording, live) {
     setPlaying(false);
     seek(Number(found[1]));
   }
+
+  // A link leads there also when its time is the address already.
+  document.addEventListener("click", (event) => {
+    const link = event.target.closest("a[href^='#t=']");
+    if (!link) return;
+    setPlaying(false);
+    seek(Number(link.hash.slice(3)));
+  });
+  if (moments.length) new ResizeObserver(layMoments).observe(momentBar);
 
   // Older browsers print no more of what is folded than its title.
   addEventListener("beforeprint", () => document.querySelectorAll("details").forEach((each) => (each.open = true)));

@@ -14,7 +14,9 @@ from importlib.resources import files
 from itertools import pairwise
 from typing import Any
 
+from simmer_tui.document import svg
 from simmer_tui.errors import printable
+from simmer_tui.report.figure import path_end
 from simmer_tui.report.recording import Recording
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.report.traces import page_clock
@@ -87,6 +89,9 @@ def _recording(run: RunStatistics) -> dict[str, Any]:
         **recorded_robot(recording.spec),
         **RecordingEncoder(recording).news(),
         "clock": None if strips is None else asdict(strips),
+        "shades": [svg.shade(step / svg.SHADES) for step in range(svg.SHADES + 1)],
+        "path_end": path_end(run),
+        "moments": [[_ms(each.elapsed), each.text, int(each.is_cause)] for each in run.verdict.moments],
     }
 
 
@@ -112,7 +117,7 @@ def recorded_robot(spec: SimulationSpec) -> dict[str, Any]:
                 "name": sensor.id,
                 "unit": sensor.unit,
                 "at": [sensor.x, sensor.y, sensor.rotation],
-                "view": sensor.field_of_view,
+                "view": sensor.beam or 0.0,
                 "kind": _kind(sensor),
                 "counts": sensor.kind.counts,
             }

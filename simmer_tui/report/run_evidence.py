@@ -10,24 +10,26 @@ from functools import cached_property
 import numpy as np
 
 from simmer_tui.config.mission_plan import cells_of
-from simmer_tui.report.belief_facts import BeliefFacts
+from simmer_tui.report.belief_facts import BeliefFacts, has_read_range, listed_movements, ranges_text
 from simmer_tui.report.command_audit import multiplied_corrections
 from simmer_tui.report.contact_evidence import ContactEvidence
+from simmer_tui.report.device_health import DeviceHealth, health_of
 from simmer_tui.report.finding import FEWEST, Basis, Disagreement, Finding, kept_disagreements
 from simmer_tui.report.sensor_sample import world_without_block
 from simmer_tui.report.set_errors import set_errors
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.episodes import Episode, EpisodeKind
 from simmer_tui.run.events import Goal, NoticeKind, ProgramEnded
-from simmer_tui.run.history_rows import BeliefRow, GripRow, MissionRow, NoticeRow, RefusalRow
-from simmer_tui.run.phrases import REAL_TIME_LIMIT, last_output
+from simmer_tui.run.facts import missed_zone
+from simmer_tui.run.history_rows import BeliefRow, GripRow, MissionRow, MovementRow, NoticeRow, RefusalRow
+from simmer_tui.run.phrases import REAL_TIME_LIMIT, last_output, times_text
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.block import Block
-from simmer_tui.sim.command import parse_value
+from simmer_tui.sim.command import counted, parse_value
 from simmer_tui.sim.sensors import ObservingSensor, modelled_sensor
 from simmer_tui.sim.sensors.base import World
-from simmer_tui.sim.specs import BLOCK, SensorSpec
+from simmer_tui.sim.specs import BLOCK, CELL_SIZE, SensorSpec
 
 # Judged: a program that computes for so long between two commands has stopped.
 _QUIET, _QUIET_SHARE = 5.0, 0.25
@@ -38,6 +40,14 @@ _HARDLY = 0.01
 """Share of the ranges read since the last goal below which a sensor was hardly read. Judged."""
 _NONSENSE = "makes no sense as a movement"
 """Words of the connection doctor for the value of a command."""
+_NO_NUMBER = {"inf": "a finished movement", "infinity": "a finished movement", "nan": "a refused command"}
+"""Values that are no numbers, and the commands that are replied to with them."""
+_HUGE = 1e6
+"""Least value that no sensor replies, in any unit."""
+_CODES = 3
+"""Codes of movements that are named in a sentence."""
+_STOPS = 3
+"""Movements that end at the block from which it was no chance, before any goal. Judged."""
 _POSES = 400
 """Most poses from which it is computed who sees the block: the strip between two is then an inch or two."""
 
@@ -129,7 +139,7 @@ class RunEvidence:
 
     @cached_property
     def mostly_refused(self) -> tuple[list[str], int, int, float, RefusalRow] | None:
-        """Codes of refused commands to drive, how many there were, of how many, since when, and the last one.
+        """Codes of refused commands to drive, how many there were, of how many, since when, and one of them.
         None unless they are more than were carried out, since the last progress or in the whole run."""
         seen = self.seen
         for since in (seen.stalled.since, seen.begun):
@@ -137,7 +147,7 @@ class RunEvidence:
             # Only the newest refusals are kept with their reasons.
             rows = [each for each in seen.refusals if each.result.command.code in codes]
             if count >= FEWEST["set"] and 2 * count > of and rows:
-                return codes, count, of, since, rows[-1]
+                return codes, count, of, since, rows[0]
         return None
 
     @property
@@ -273,12 +283,13 @@ class RunEvidence:
 
     @cached_property
     def unseen_block(self) -> Unseen | None:
-        """The sensors that alone see the block, if none of them was read and the robot came within their
-        sight."""
+        """The sensors that alone see the block, if none of them was read before the gripper closed first, and
+        the robot came within their sight."""
         seen, spec = self.seen, self.seen.spec
         lying = next((row for row in seen.history.blocks.items if not row.held), None)
-        if seen.task is None or seen.closed or lying is None or not spec.block_size:
+        if seen.task is None or lying is None or not spec.block_size:
             return None
+        closings = seen.closings
         made = [(each, modelled_sensor(each)) for each in spec.sensors if each.enabled and each.kind.is_range]
         sees = [
             (each, it)
@@ -287,13 +298,24 @@ class RunEvidence:
         ]
         # A reading before the loading zone was reached was about something else.
         since = self.goals[-1].order if self.goals else seen.history.began
-        codes, numbers = seen.history.sensor_codes, seen.within(seen.history.readings, since)["sensor"]
+        if closings and closings[0] < since:
+            return None
+        history = seen.history
+        # Where it stood when the goal was met counts too.
+        stood = history.movements.before(since + 1) if self.goals else None
+        # Before a grip a sensor may have seen the block on the way to the goal.
+        readings = seen.within(history.readings, history.began if closings else since)
+        moves = seen.within(history.movements, since if stood is None else stood.order - 1)
+        if closings:
+            moves = moves[moves["order"] < closings[0]]
+            readings = readings[readings["order"] < closings[0]]
+            readings = readings[readings["gone"] > readings["gone"].max(initial=0.0) - CELL_SIZE]
+        codes, numbers = seen.history.sensor_codes, readings["sensor"]
         ranges = [place for place, code in enumerate(codes) if code in {each.code for each, _ in made}]
         mine = [place for place, code in enumerate(codes) if code in {each.code for each, _ in sees}]
         read = int(np.isin(numbers, mine).sum())
         if not sees or read > (_HARDLY * np.isin(numbers, ranges).sum() if self.goals else 0):
             return None
-        moves = seen.within(seen.history.movements, since)
         moves = moves[:: max(len(moves) // _POSES, 1)]
         if not len(moves):
             return None
@@ -380,10 +402,127 @@ class RunEvidence:
             return seen.put_down
         return seen.misses[-1] if seen.misses and not seen.taken else None
 
+    def closed_before(self, done: GripRow) -> GripRow | None:
+        """The grip that had closed the jaws when another closed them again; None if they were open."""
+        first = None
+        for row in reversed(self.seen.history.grips.items):
+            if row.order < done.order:
+                if not row.grip.closed or row.order < self.seen.history.began:
+                    break
+                first = row
+        return first
+
+    @property
+    def missed_by(self) -> float:
+        """Inches by which the deciding grip missed the block, or the block the drop zone; 0 without one."""
+        row, zone = self.last_grip, None if self.seen.task is None else self.seen.task.zone
+        if row is None:
+            return 0.0
+        if row.grip.closed:
+            return math.hypot(*(row.grip.missed or (0.0, 0.0)))
+        block = row.grip.block
+        return 0.0 if zone is None else math.hypot(*missed_zone(zone, block.x, block.y))
+
+    @cached_property
+    def unused_grip(self) -> tuple[MovementRow, str, int] | None:
+        """The first movement after which the gripper should have been used and never was: in words for that,
+        and the value of its command. None if there is none."""
+        seen = self.seen
+        if seen.holding and seen.arrivals:
+            return seen.arrivals[0], "opened: the block was in the drop zone", 0
+        # A program that stays may be about to close it; one that reads the load sensor believes it closed.
+        if seen.taken or seen.closed or not seen.graspable or seen.stuck is not None:
+            return None
+        # A robot on its way elsewhere may pass over the block by chance.
+        until = seen.graspable[-1].order
+        often = len(seen.graspable) >= _STOPS or any(goal.order <= until for goal in self.goals)
+        if not seen.asked_after_grip and not (seen.left_block and often):
+            return None
+        times = counted(len(seen.graspable), "movement")
+        return seen.graspable[0], f"closed: {times} ended with the block between its jaws", 1
+
     @property
     def lost(self) -> BeliefRow | None:
         """The first of the unbroken row of wrong beliefs at the end."""
         return self.seen.beliefs[1]
+
+    # -- what fits -----------------------------------------------------------------------------------------
+
+    @cached_property
+    def health(self) -> DeviceHealth:
+        """The readings and movements beside the errors that the run's set declares."""
+        return health_of(self.seen)
+
+    @property
+    def health_text(self) -> str:
+        """A sentence on the exactness of all readings and movements; empty beside a finding, or a large error
+        that the set declares."""
+        return "" if self.findings or self.declared else self.health.text
+
+    @property
+    def last_reading(self) -> str:
+        """The last reading, in words: `49.4 in by u3, at 21.6 s`; empty without one."""
+        last = self.seen.within(self.seen.history.readings)[-1:]
+        if not len(last):
+            return ""
+        code = self.seen.history.sensor_codes[int(last["sensor"][0])]
+        unit = next((each.unit for each in self.seen.spec.sensors if each.code == code), "")
+        value = f"{float(last['value'][0]):.4g} {unit}".rstrip()
+        return f"{value} by {code}, at {float(last['elapsed'][0]):.1f} s"
+
+    @property
+    def all_movements(self) -> str:
+        """All movements of a run with few, in a sentence; empty with more."""
+        moves = self.seen.within(self.seen.history.movements)
+        text = "" if self.seen.task is None else listed_movements(self.seen.history, moves)
+        return f"Its movements: {text}." if text else ""
+
+    def movements_by_code(self, since: float) -> str:
+        """The movements from a moment on by their codes, with their usual size: `r1 375 times by 0.1`."""
+        names, moves = self.seen.history.code_names, self.seen.within(self.seen.history.movements)
+        moves = moves[(moves["elapsed"] >= since) & np.isfinite(moves["asked"]) & ~moves["grips"]]
+        numbers, counts = np.unique(moves["code"], return_counts=True)
+        told = []
+        for place in np.argsort(-counts)[:_CODES]:
+            usual = float(np.median(np.abs(moves["asked"][moves["code"] == numbers[place]])))
+            told.append(f"{names[numbers[place]]} {times_text(int(counts[place]))}, mostly by {usual:.2g}")
+        return "; ".join(told)
+
+    def looked_before(self, belief: BeliefRow) -> bool:
+        """True if a range was read before a belief, or if nothing was wrong from the first belief on."""
+        first = self.belief.rows["order"][0] if len(self.belief.rows) else 0
+        return belief.order != first or has_read_range(self.seen, belief.order)
+
+    def fit_text(self, lost: BeliefRow) -> str:
+        """A sentence, with a space before it, that says if the ranges of a program that was far off fit the
+        place that it believed; empty where neither is clear."""
+        if max(lost.distance, abs(lost.turn)) < CELL_SIZE or self.findings or self.seen.history.is_twin:
+            return ""
+        return ranges_text(self.seen, lost)
+
+    def origin_of(self, row: RefusalRow) -> str:
+        """A sentence, with a space before it, on a value of a command that is no value of a sensor: the reply
+        that has its bytes in the other order, or the command that was replied to with it."""
+        value = parse_value(row.result.command.argument)
+        text = (row.result.command.argument or "").strip().lstrip("+-").lower()
+        earlier = self.seen.within(self.seen.history.readings)
+        earlier = earlier[earlier["order"] < row.order]
+        values, codes = earlier["value"].astype(np.float64), self.seen.history.sensor_codes
+        if text in _NO_NUMBER:
+            same = np.isinf(values) if text.startswith("inf") else np.isnan(values)
+            if same.any() or not len(values):
+                return ""
+            return f" No sensor had replied {text}; {_NO_NUMBER[text]} is replied with it."
+        if isinstance(value, str) or not len(values):
+            return ""
+        turned = np.abs(values.byteswap())
+        with np.errstate(invalid="ignore", over="ignore"):
+            same = (turned > _HUGE) & np.isclose(turned, abs(value), rtol=1e-6, atol=0.0)
+        if not same.any():
+            return ""
+        last = earlier[int(np.flatnonzero(same)[-1])]
+        code = codes[last["sensor"]]
+        return f" That is {code}'s reply {float(last['value']):.3g} with its 8 bytes in the other order."
 
 
 def _nonsense(row: NoticeRow) -> tuple[str, bool]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 from typing import TextIO
@@ -23,7 +23,7 @@ from simmer_tui.report.recording import Recording
 from simmer_tui.report.run_evidence import RunEvidence
 from simmer_tui.report.verdict import Verdict, findings_of, verdict_of
 from simmer_tui.run.attempt import Attempt, Task, task_of
-from simmer_tui.run.events import CommandResult, EventHandler, MovementEnded
+from simmer_tui.run.events import ActionName, CommandResult, EventHandler, MovementEnded
 from simmer_tui.run.paths import PathRecord
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.run_history import RunHistory, Totals
@@ -105,12 +105,22 @@ class RunStatistics:
         """End of the log; `note` is the reader's message about it."""
         self.paths.stand(self.history.elapsed)
         self.findings = findings_of(self.history, self.task)
-        self.notes += filter(None, (note, self._analysis.gate.note))
+        self.notes += filter(None, (note, self._analysis.gate.note, *self._origin()))
         if not self.reducer.still:
             self.notes.append("the log ends while a movement is under way; how it ended is not known")
         self.notes += [f"{broken}, and was skipped" for broken in self.broken.items]
         if self.broken.more:
             self.notes.append(f"{self.broken.more} more broken lines were skipped")
+
+    def _origin(self) -> Iterator[str]:
+        """Notes on another run that this one was taken over from, and on a seed that a person chose."""
+        if self.header.taken_over is not None:
+            yield f"taken over {self.header.taken_over}: until then the two runs are the same"
+        done = (row for row in self.history.actions.items if row.done.action.name is ActionName.SEED)
+        changed = [row for row in done if not row.done.refused]
+        if changed and changed[-1].done.action.arguments[0] != self.header.seed:
+            seed = int(changed[-1].done.action.arguments[0])
+            yield f"from {changed[-1].elapsed:.1f} s on the seed was {seed}"
 
     @cached_property
     def task(self) -> Task | None:

@@ -187,12 +187,12 @@ def _answered(
     """Readings of a sensor that answers yes or no, where the truth is clear of its threshold."""
     spec = sensor.spec
     seen = _true(history, rows, spec) * spec.gain + spec.bias
-    # A sensor without a threshold, the load sensor, has the truth 0 or 1.
-    bar = spec.threshold or 0.5
-    clear = np.abs(seen - bar) > _CLEAR * (spec.error * seen * bool(spec.threshold) + spec.absolute_error)
-    expected = (seen >= bar).astype(np.float64)
-    # Dropouts answer no, outliers either; the load sensor's Percent Error is the rate of opposite answers.
-    declared = spec.dropout + spec.outlier + (0.0 if spec.threshold else spec.error)
+    opposite = spec.kind.errs_by_opposite
+    measured = 0.0 if opposite else spec.error * seen
+    clear = np.abs(seen - sensor.threshold) > _CLEAR * (measured + spec.absolute_error)
+    expected = (seen >= sensor.threshold).astype(np.float64)
+    # Dropouts answer no, outliers either.
+    declared = spec.dropout + spec.outlier + (spec.error if opposite else 0.0)
     usable = clear & np.isfinite(rows["value"])
     sample = SensorSample(
         sensor,
@@ -206,10 +206,10 @@ def _answered(
 
 
 def _true(history: RunHistory, rows: Columns, spec: SensorSpec) -> FloatArray:
-    """True values as a sensor with the row `spec` has them, where the set's own detects the other colour."""
+    """True values as a sensor with the row `spec` has them, where the set's own answers the opposite."""
     true: FloatArray = rows["true"].astype(np.float64)
     own = _own_row(history, spec)
-    return 1.0 - true if own.detects_white != spec.detects_white else true
+    return 1.0 - true if own.is_inverted != spec.is_inverted else true
 
 
 def _own_row(history: RunHistory, spec: SensorSpec) -> SensorSpec:
@@ -249,17 +249,17 @@ def _counted(
     if sensor.slips or not exact:
         known &= _without_contacts(history, times)
     whole = np.flatnonzero(known)[::step]
-    tick = max(spec.resolution, 1.0 / spec.ticks_per_inch if spec.ticks_per_inch else 0.0)
+    tick = max(spec.resolution, sensor.tick)
     spread = np.sqrt(
         (spec.gain * spec.error * np.diff(travelled)) ** 2
-        + spec.random_walk**2 * np.maximum(seconds, 0.0)
+        + sensor.random_walk**2 * np.maximum(seconds, 0.0)
         + tick**2 / 6.0
         + sensor.least_error**2
     )
     expected = spec.gain * counted + spec.drift * seconds
     begun = times[0] - history.clock.before
     level = spec.gain * levels[0] + spec.bias + spec.drift * begun
-    deviation = abs(spec.gain * spec.error * travelled[0]) + spec.random_walk * max(begun, 0.0) ** 0.5
+    deviation = abs(spec.gain * spec.error * travelled[0]) + sensor.random_walk * max(begun, 0.0) ** 0.5
     sample = SensorSample(
         sensor,
         values[whole],
@@ -366,7 +366,7 @@ def _swapped(
             true = _seen_by(history, rows, other)
             value = _base(other, true) * other.spec.gain + other.spec.bias
             if other.spec.is_yes_or_no:
-                value = np.where(np.isnan(value), np.nan, value >= (other.spec.threshold or 0.5))
+                value = np.where(np.isnan(value), np.nan, value >= other.threshold)
             yield Alternative(FindingKind.SWAPPED, value, 1.0, other.spec.code)
 
 

@@ -16,7 +16,7 @@ from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.angles import half_turn
-from simmer_tui.sim.specs import GripperSpec, SensorSpec, SimulationSpec
+from simmer_tui.sim.specs import CELL_SIZE, GripperSpec, SensorSpec, SimulationSpec
 
 # Judged: an inch is a third of the way beside a robot in a corridor; 5 degrees lead an inch aside in a cell.
 _LARGE = {"in": 1.0, "deg": 5.0}
@@ -81,7 +81,7 @@ def _misleads(own: SensorSpec, rows: Columns) -> str:
     if own.is_yes_or_no:
         wrong = int((np.abs(errors) > 0.5).sum())
         return f"was wrong in {wrong} of {len(errors)} readings" if 2 * wrong > len(errors) else ""
-    if own.gain == 1.0 and not any(getattr(own, field) for field in _SYSTEMATIC):
+    if own.gain == 1.0 and not any(getattr(own, field) for field in _SYSTEMATIC if own.kind.has(field)):
         return ""
     mean = float(errors.mean()) if len(errors) else 0.0
     if abs(mean) < _LARGE.get(own.unit, np.inf):
@@ -101,6 +101,10 @@ def _of_drives(seen: Attempt) -> Iterator[tuple[str, str]]:
             continue
         if abs(own.gain / row.gain - 1.0) >= _GAIN:
             yield own.code, f"{own.kind.verb} {own.gain / row.gain:.2f} times as far as in {name}"
+        veers = 0.0 if own.kind.turns or seen.spec.randbias else own.bias.r - row.bias.r
+        if abs(veers) >= LEAST_DEGREES / CELL_SIZE:
+            side = "left" if veers > 0.0 else "right"
+            yield own.code, f"turns {abs(veers):.2f} deg further to the {side} for each inch than in {name}"
     gripper = seen.spec.gripper
     if gripper is None or not seen.misses:
         return

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from simmer_tui.document import svg
-from simmer_tui.document.model import Figure
+from simmer_tui.document.model import Figure, LegendMark
 from simmer_tui.document.svg import PICTURE_WIDTH
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.run.run_history import TracePoint
@@ -16,8 +16,8 @@ _LEFT, _RIGHT = 74.0, 46.0
 # Points: height of a strip, gap above it, room for the time axis below.
 _STRIP, _GAP, _AXIS = 58.0, 16.0, 34.0
 _TRUE, _READ = "#9a9a9a", "#3066e4"
-# Points for the legend, and about the number of times on the axis.
-_TOP, _TICKS = 26.0, 6
+# Points above the first strip, and about the number of times on the axis.
+_TOP, _TICKS = 6.0, 6
 _BELIEF = "belief"
 """Name of the strip of the belief; the others are named by the codes of their sensors."""
 
@@ -47,14 +47,15 @@ def traces(run: RunStatistics) -> Figure | None:
         return None
     longest = max((x for strip in strips for x, _ in strip.values), default=0.0)
     end = max(run.history.elapsed if timed else longest, 1e-9)
-    drawn, height = _key(bool(run.totals.contacts) and timed), _TOP - _GAP
+    drawn, height = "", _TOP - _GAP
     for strip in strips:
         drawn += svg.translated(0.0, height + _GAP, _draw(strip, end))
         height += _GAP + _STRIP
     if timed:
         drawn += _contact_lines(run, end, height)
     drawn += _axis(end, height, "s" if timed else "readings")
-    return Figure("Sensors", PICTURE_WIDTH, height + _AXIS, drawn, "strips")
+    legend = _legend(has_contacts=bool(run.totals.contacts) and timed)
+    return Figure("Sensors", PICTURE_WIDTH, height + _AXIS, drawn, "strips", legend)
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,10 +114,10 @@ def _draw(strip: Strip, end: float) -> str:
         low, high = low - 1.0, high + 1.0
     box = {"x": _LEFT, "y": 0.0, "width": PICTURE_WIDTH - _LEFT - _RIGHT, "height": _STRIP}
     frame = svg.element("rect", **box, fill="#fafafa", stroke="#dddddd")
-    scale = svg.text(_LEFT - 5, 9, _short(high), 9.5, text_anchor="end", fill=svg.FAINT)
-    scale += svg.text(_LEFT - 5, _STRIP, _short(low), 9.5, text_anchor="end", fill=svg.FAINT)
+    scale = svg.text(_LEFT - 5, 9, _short(high), 11.0, text_anchor="end", fill=svg.FAINT)
+    scale += svg.text(_LEFT - 5, _STRIP, _short(low), 11.0, text_anchor="end", fill=svg.FAINT)
     name = svg.text(4, _STRIP / 2, strip.title, 11.0, font_weight="bold")
-    unit = svg.text(PICTURE_WIDTH - _RIGHT + 5, _STRIP / 2 + 4, strip.unit, 10.0, fill=svg.FAINT)
+    unit = svg.text(PICTURE_WIDTH - _RIGHT + 5, _STRIP / 2 + 4, strip.unit, 11.0, fill=svg.FAINT)
     lines = _line(strip.against, end, low, high, _TRUE, 2.4) if strip.against else ""
     lines += _line(strip.values, end, low, high, strip.color, 1.0, dots=True)
     return frame + scale + name + unit + lines
@@ -168,8 +169,8 @@ def _axis(end: float, height: float, unit: str) -> str:
     for tick in range(int(end / step + 1e-9) + 1):
         x = _across(tick * step, end)
         parts.append(svg.element("line", x1=x, y1=height, x2=x, y2=height + 4, stroke=svg.FAINT))
-        parts.append(svg.text(x, height + 16, f"{tick * step:g}", 10.0, text_anchor="middle"))
-    parts.append(svg.text(PICTURE_WIDTH - _RIGHT + 5, height + 16, unit, 10.0))
+        parts.append(svg.text(x, height + 16, f"{tick * step:g}", 11.0, text_anchor="middle"))
+    parts.append(svg.text(PICTURE_WIDTH - _RIGHT + 5, height + 16, unit, 11.0))
     return svg.element("g", "".join(parts), fill=svg.FAINT)
 
 
@@ -177,11 +178,11 @@ def _across(x: float, end: float) -> float:
     return _LEFT + x / end * (PICTURE_WIDTH - _LEFT - _RIGHT)
 
 
-def _key(contacts: bool) -> str:
-    marks = [("read", svg.dash(_READ, 1.0)), ("true", svg.dash(_TRUE, 2.4))]
-    if contacts:
-        marks.append(("contact", svg.dash(svg.CONTACT, 1.0)))
-    return svg.legend(_LEFT, 12.0, marks)
+def _legend(*, has_contacts: bool) -> tuple[LegendMark, ...]:
+    marks = [LegendMark("read", svg.dash(_READ, 1.0)), LegendMark("true", svg.dash(_TRUE, 2.4))]
+    if has_contacts:
+        marks.append(LegendMark("contact", svg.dash(svg.CONTACT, 1.0)))
+    return tuple(marks)
 
 
 def _short(value: float) -> str:

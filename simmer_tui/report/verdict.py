@@ -11,7 +11,14 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from simmer_tui.report.audit import audit
-from simmer_tui.report.cause_order import LINK_ENDED, LINK_WAITED, cause_of, waited_text
+from simmer_tui.report.cause_order import (
+    CONNECT_ADVICE,
+    LINK_ADVICE,
+    LINK_ENDED,
+    LINK_WAITED,
+    cause_of,
+    waited_text,
+)
 from simmer_tui.report.causes import Cause, Kind
 from simmer_tui.report.finding import Finding
 from simmer_tui.report.moments import Moment, moments_of
@@ -267,7 +274,8 @@ class _Judge:
             return f"Succeeded {when}, with {contacts_text(attempt.contacts)}."
         if outcome is Outcome.CRASHED and self._crash is not None:
             if not self._crash.started:
-                return f"{capitalized(program_end_text(self._crash))}."
+                told = capitalized(program_end_text(self._crash))
+                return told if told.endswith("?") else f"{told}."
             if cause is not None and cause.kind is not Kind.CRASHED:
                 return f"Crashed {when}{reached}: {cause.text} Then: {crash_text(self._crash)}."
             return f"Crashed {when}{reached}: {crash_text(self._crash)}.{waited_text(run)}"
@@ -302,7 +310,9 @@ class _Judge:
             return f"Try: {_OTHER_PYTHON}."
         if program.crashed:
             if program.error.startswith((*LINK_ENDED, *LINK_WAITED)):
-                return f"Try: look at the link: {_LINK}"
+                if self._attempt.is_silent:
+                    return f"Try: {CONNECT_ADVICE}"
+                return f"Try: look at the link: {LINK_ADVICE}"
             place = program.place
             return f"Try: mend the error in {place}." if place else ""
         return f"Try: find out why the program ends with exit code {program.exit_code}."
@@ -351,7 +361,6 @@ class _Judge:
 _QUIET = 5.0
 """Real seconds without a command before a person ended the program, from which that is told."""
 _OF_THE_PROGRAM = (Kind.CRASHED, Kind.SILENCE)
-_LINK = "which command got no reply, and who closed the connection; simmer-tui doctor checks the ports."
 _NO_PACKAGE = "ModuleNotFoundError: No module named 'simmer_tui'"
 # Editors and older systems have Pythons of their own.
 _OTHER_PYTHON = (

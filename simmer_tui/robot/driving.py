@@ -1,4 +1,4 @@
-"""Continuous motion of one robot for many senders: whose velocity is in force, and who waits.
+"""Continuous motion of one robot for many senders: the velocity in force, and the sessions that wait.
 
 All methods run in the robot's event loop.
 """
@@ -52,14 +52,14 @@ class Driving:
         self._moved_by = self._latest
         """The same of the leg under way."""
         self.driver: Hashable | None = None
-        """Whose velocity it is; None while no velocity is in force."""
+        """Owner of the velocity in force; None while there is none."""
         self._end = VelocityEnd.TIME
         self.limit = math.inf
-        """Simulated time at which a mission runs out: those who wait get no further in one step."""
+        """Simulated time at which a mission runs out: no wait goes beyond it in one step."""
         self.limit_reached: Callable[[float], None] = lambda now: None
         """Called with simulated time when a wait has come to the limit."""
         self.paused = False
-        """True while simulated time stands still for those who wait."""
+        """True while simulated time stands still for waits."""
         self._waits: list[_Wait] = []
         self._slicing = False
         self._warned: set[Hashable] = set()
@@ -67,22 +67,22 @@ class Driving:
         simulator.listener = self
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
-        """Use a loop from here on: waits then share it with everything else."""
+        """Set the event loop: from now on waits share it with everything else."""
         self._loop = self._silence.loop = loop
 
     # -- what the simulator says -------------------------------------------------------------------
 
     def leg_begun(self, leg: Leg) -> None:
-        """Tell that a leg begins."""
+        """Tell watchers that a leg begins."""
         self._moved_by = self._latest
         self._tell(LegBegun(*self._moved_by, leg))
 
     def leg_ended(self, leg: Leg) -> None:
-        """Tell that a leg is over."""
+        """Tell watchers that a leg is over."""
         self._tell(LegEnded(*self._moved_by, leg))
 
     def velocity_expired(self, time: float) -> None:
-        """Tell that the time of a velocity is over."""
+        """Tell watchers that the time of a velocity is over."""
         self._tell(VelocityEnded(time, self._end))
 
     # -- commands ------------------------------------------------------------------------------------

@@ -114,7 +114,7 @@ class Engine:
         """A new sender of commands.
 
         Lanes take turns, and so do the sessions of a lane. A lane with a name is for any number of sessions;
-        its turn is limited in time as well.
+        its turn is limited in time as well. Without a name the sender has a lane of its own.
         """
         its_lane = self._scheduler.lane(lane)
         return Session(its_lane, self.submit, self._session_closed, answer_at_end)
@@ -142,7 +142,7 @@ class Engine:
     # -- watchers ----------------------------------------------------------------------------
 
     def watch(self, watcher: Watcher) -> None:
-        """Have every event passed to `watcher`, in order."""
+        """Pass every event to `watcher`, in order."""
         self._watchers.add(watcher)
 
     def unwatch(self, watcher: Watcher) -> None:
@@ -186,7 +186,7 @@ class Engine:
         self._set_clock()
 
     def now(self) -> float:
-        """Bring the simulator to the present and return simulated time."""
+        """Advance the simulator to the present. Returns simulated time."""
         # While paused, or with instant motion, only commands move simulated time.
         if self._passes and self._loop is not None and not self._stands:
             present = (self._loop.time() - self._origin) * self.time_scale
@@ -479,7 +479,7 @@ class Engine:
         return self.timed and not self.paused
 
     def _go_on_at(self, time: float, session: Session, step: Callable[..., None], *arguments: object) -> None:
-        """Have a session wait until a simulated time, and call `step` then."""
+        """Let a session wait until a simulated time, then call `step`."""
         session.waiting = True
         self.call_at(time, lambda: self._resume(session, step, *arguments))
 

@@ -63,9 +63,9 @@ class PlaybackThrottle(EventHandler[None]):
         """`pace` is simulated seconds a second, 0 as fast as possible. `fault` is called with a text for each
         watcher that failed."""
         self.pace = checked_pace(pace)
-        """Holds from the next movement on; any thread may change it."""
+        """Simulated seconds a second, from the next movement on; any thread may change it."""
         self.watchers = Watchers(fault)
-        """Those who see movements at the pace."""
+        """Watchers that see movements at the pace."""
         self._loop = loop
         self._late = TimerQueue()
         self._movements: deque[_ShownMovement] = deque()
@@ -84,7 +84,7 @@ class PlaybackThrottle(EventHandler[None]):
         return self._movements[0].time(self._loop.time()) if self._movements else None
 
     def watch(self, event: Event) -> None:
-        """Take an event for those who watch at the pace."""
+        """Pass an event to the watchers that see movements at the pace, now or later."""
         if self.pace:
             self.handle(event)
         if self._late:

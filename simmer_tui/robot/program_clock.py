@@ -78,10 +78,12 @@ class ProgramClock:
         self.unfit = ""
         """Calls of the program that this clock cannot follow; empty if there are none."""
         self.settle_output: Callable[[], bool] | None = None
-        """Waits until what the program has printed has got its time; False if that takes too long."""
+        """Waits until all output of the program has its time; False if that takes too long."""
         self.boards: Callable[[float], float] | None = None
         """Lets the team's boards run to a time of this clock. Returns the time that they have reached, which
         is earlier if they have sent something to the program."""
+        self.when_real: Callable[[], None] = lambda: None
+        """Called when the real clock comes into force."""
         self._sent = 0
         self._waits = 0
         self._processes: dict[ProgramWait, None] = {}
@@ -108,7 +110,7 @@ class ProgramClock:
         again: bool = False,
         outside: bool = False,
     ) -> None:
-        """Take note that a process waits until a time, or for a reply, and how many bytes it has sent.
+        """Note that a process waits until a time, or for a reply, and how many bytes it has sent.
 
         It waits `again` if it has only looked, and done nothing that another process may wait for.
         """
@@ -122,7 +124,7 @@ class ProgramClock:
         process.sent = sent
 
     def step_aside(self, process: ProgramWait) -> None:
-        """Take note that a process waits for another one that may have no clock: what it has done until now
+        """Note that a process waits for another one that may have no clock: what it has done until now
         may end other waits."""
         process.away = True
         self.note()
@@ -138,6 +140,7 @@ class ProgramClock:
         """Use the real clock from now on."""
         if self._real_since is None:
             self._real_since = time.monotonic() - self.now
+            self.when_real()
 
     def time(self) -> float:
         """The time now."""
@@ -156,7 +159,7 @@ class ProgramClock:
         self._sent = self.received
 
     def note(self) -> None:
-        """Take note of an event that may have brought a reply."""
+        """Note an event that may have brought a reply."""
         for each in self._processes:
             each.looks = True
 
@@ -212,7 +215,7 @@ class ProgramClock:
         return present
 
     def _settle_output(self) -> None:
-        """Have everything printed so far get this time. The attempt that takes too long is the last."""
+        """Give everything printed so far this time. An attempt that takes too long is the last."""
         if self.settle_output is not None and not self.settle_output():
             self.settle_output = None
 
@@ -273,7 +276,7 @@ class _ProgramSelector(selectors.DefaultSelector):
         self._clock = clock
         self._next_timer = next_timer
         self.real_timers: list[tuple[float, asyncio.Future[None]]] = []
-        """Those who wait by the real clock, and until when."""
+        """Waits by the real clock, each with its end."""
 
     def select(self, timeout: float | None = None) -> _Ready:
         """Descriptors that are ready. `timeout` is in seconds of the program's clock."""

@@ -80,8 +80,9 @@ class Queued(Struct, eq=False):
 
 
 class Foreign(Struct, eq=False):
-    """A message that others answer: a real robot, or who refuses it. It keeps its place in the queue until
-    its answer is `given`, and its turn has come. `slices` is true for those that come by the thousand."""
+    """A message that others answer: a real robot, or the part that refuses it. It keeps its place in the
+    queue until its answer is `given`, and its turn has come. `slices` is true for those that come by the
+    thousand."""
 
     session: Session
     answered: Answered
@@ -104,7 +105,7 @@ class Session:
     answer_at_end: bool = True
     """True if a timed movement is answered when it ends; False if it is answered at once as accepted."""
     driver: Hashable | None = None
-    """Whose velocities it sets, None for its own."""
+    """Owner of the velocities that it sets; None for its own."""
     ready: bool = False
     """True if the session is in its lane's queue `ready`, or a later turn of the loop continues its
     answers."""
@@ -182,10 +183,11 @@ class Scheduler:
         self.steps = 0
         self._do = do
         self._loop: asyncio.AbstractEventLoop | None = None
-        # The usual lane is there from the start: screens make their sessions in another thread.
-        self._lanes = {"": Lane(None)}
+        self._lanes: dict[str, Lane] = {}
         self._turns: deque[Lane] = deque()
         """The lanes with something to do and some of their slice left, the next one first."""
+        self._used_up: set[Lane] = set()
+        """The lanes without any of their slice left until the next turn of the event loop."""
         self._running = False
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
@@ -193,10 +195,12 @@ class Scheduler:
         self._loop = loop
 
     def lane(self, name: str) -> Lane:
-        """The lane with a name; its slice is limited in time as well. Without a name, the one without that
-        limit."""
+        """The lane with a name; its slice is limited in time as well. Without a name, a new one of a single
+        sender, without that limit. Any thread may ask for a new one."""
         # Only lanes of many connections need the limit: a single client cannot send its next command before
         # its turn is over.
+        if not name:
+            return Lane(None)
         if name not in self._lanes:
             self._lanes[name] = Lane(SLICE_SECONDS)
         return self._lanes[name]
@@ -204,7 +208,8 @@ class Scheduler:
     @property
     def has_waiting(self) -> bool:
         """True if a command waits for the pause to end."""
-        return self.paused and any(session.queue for lane in self._lanes.values() for session in lane.ready)
+        busy = (*self._turns, *self._used_up)
+        return self.paused and any(session.queue for lane in busy for session in lane.ready)
 
     def submit(self, queued: Queued) -> None:
         """Do a command now, or in its turn."""
@@ -316,11 +321,13 @@ class Scheduler:
         lane.left -= 1
         if lane.left == 0 or (lane.seconds is not None and lane.spent > lane.seconds):
             lane.left = 0
+            self._used_up.add(lane)
             # Sockets and timers come before the next slice: this keeps the server responsive.
             loop.call_soon(self._next_slice, lane)
 
     def _next_slice(self, lane: Lane) -> None:
         lane.left, lane.spent = SLICE, 0.0
+        self._used_up.discard(lane)
         self._take_turn(lane)
         self.run()
 

@@ -462,6 +462,11 @@ class Attempt:
         return [row for row in self._grips if row.grip.closed and not row.had and not row.grip.holding]
 
     @property
+    def takes(self) -> int:
+        """Number of grips that took the block."""
+        return sum(row.grip.holding and not row.had for row in self._grips)
+
+    @property
     def taken(self) -> bool:
         """True if the block has been taken."""
         return any(row.grip.holding for row in self._grips)
@@ -631,8 +636,3 @@ class Attempt:
         times = times[np.isfinite(times)]
         spent.between = float(times.max() - times.min()) if len(times) else 0.0
         return spent
-
-
-def _sums(row: MovementRow | None) -> tuple[float, float]:
-    """Sums of distance and turning by the end of a movement; 0 without one."""
-    return (0.0, 0.0) if row is None else (row.gone, row.turned)

@@ -23,7 +23,7 @@ take 341 kB of a line."""
 MOST_ROWS = 1000
 """Most rows or columns: finer than a tenth of an inch."""
 # An eighth of a doubling: off by 4 % at most, which moves the entropy by 0.01 bit.
-_STEPS = 8.0
+STEPS_OF_HALVING = 8.0
 """Steps of a logged probability for each halving."""
 RULED_OUT = 255
 """Logged probability of 0, and of less than 2**-31 of the largest."""
@@ -128,7 +128,7 @@ class GridBelief(Struct, frozen=True, gc=False, omit_defaults=True):
         return found
 
 
-_OF_LEVEL = np.exp2(-np.arange(RULED_OUT + 1) / _STEPS)
+_OF_LEVEL = np.exp2(-np.arange(RULED_OUT + 1) / STEPS_OF_HALVING)
 """Probability of each logged byte, as a share of the largest."""
 _OF_LEVEL[RULED_OUT] = 0.0
 
@@ -147,7 +147,7 @@ def grid_belief(probabilities: Probabilities, bounds: Bounds, first: float, true
     total = float(shares.sum())
     # Below 2**-31 the log has 0, and a smaller share adds far less to the entropy than its digits show.
     logs = np.log2(np.maximum(shares, 1e-300))
-    levels = np.minimum(np.rint(-_STEPS * logs), RULED_OUT).astype(np.uint8)
+    levels = np.minimum(np.rint(-STEPS_OF_HALVING * logs), RULED_OUT).astype(np.uint8)
     given = shares / total
     best = tuple(int(each) for each in np.unravel_index(int(shares.argmax()), shape))
     x0, y0, x1, y1 = bounds

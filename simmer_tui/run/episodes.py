@@ -102,7 +102,7 @@ class BeliefEpisodes:
         """The last time that a person moved the robot, and the last contact, since a belief was right."""
 
     def believe(self, row: BeliefRow, turned: float) -> None:
-        """A belief has come. `turned` is the total turning until then, degrees in either direction."""
+        """Add a belief. `turned` is the total turning until then, degrees in either direction."""
         if not row.finite:
             return
         newest = _BeliefPoint(row, turned)
@@ -122,7 +122,7 @@ class BeliefEpisodes:
             self._moved = self._touched = None
 
     def act(self, row: ActionRow) -> None:
-        """A person did something."""
+        """Add an action of a person."""
         done = row.done
         if done.refused:
             return
@@ -144,7 +144,7 @@ class BeliefEpisodes:
             self._items.append(Episode(EpisodeKind.BLOCK_MOVED, row.elapsed, row.line))
 
     def touch(self, row: ContactRow) -> None:
-        """The robot touched something."""
+        """Add a contact."""
         self._touched = row
 
     def so_far(self, *, ended_badly: bool = False) -> list[Episode]:

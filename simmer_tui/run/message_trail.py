@@ -30,8 +30,8 @@ class MessageTrail:
             self.text, self._time = message.data.strip() if is_known else "", message.time
 
     def begun(self, number: int, time: float) -> None:
-        """The command with this number begins. If it begins later than its message came, as the second step
-        of several, it has no message."""
+        """Note that the command with this number begins. If it begins later than its message came, as the
+        second step of several, it has no message."""
         if self.text and abs(time - self._time) < _SAME_MOMENT:
             self._by_number[number] = cut(utf8_text(self.text), WORD)
             if len(self._by_number) > _KEPT:

@@ -134,7 +134,7 @@ class PathRecord:
         pose: Pose,
         arrival: float,
     ) -> None:
-        """The robot has moved till a simulated time, to `pose`, where it arrived at another."""
+        """Add a movement till a simulated time, to `pose`, where it arrived at another."""
         begin = trajectory.start_time
         self.under_way = None
         self.stand(zero + begin)
@@ -166,13 +166,13 @@ class PathRecord:
         self._standing_in = self._cell(done.pose.x, done.pose.y)
 
     def stand(self, until: float) -> None:
-        """The robot stood where it was till then."""
+        """Add a stretch till then in which the robot stood still."""
         if until > self._stood_since:
             self.cells[self._standing_in] += until - self._stood_since
             self._stood_since = until
 
     def scan(self, zero: float, elapsed: float, taken: float, reading: Reading) -> None:
-        """A whole scan of a lidar was taken and answered at elapsed times. `zero` plus a simulated time is
+        """Add a whole scan of a lidar, taken and answered at elapsed times. `zero` plus a simulated time is
         elapsed time."""
         scan, code = reading.scan, reading.sensor.code
         # A program may ask ten times for the same revolution.
@@ -197,7 +197,7 @@ class PathRecord:
             self._particles = sum(len(each.particles) for each in items)
 
     def believe_again(self, belief: Belief) -> None:
-        """The newest belief, with the cells that the log had left out."""
+        """Give the newest belief the cells that the log had left out."""
         if self._recorded and self.beliefs.items:
             newest = self.beliefs.items[-1]
             self.beliefs.items[-1] = replace(newest, heat=self._mapped(belief)[1])
@@ -280,12 +280,12 @@ class Truth:
         """Sums of the robot's motions: degrees turned, inches ahead and to the left."""
 
     def restart(self) -> None:
-        """All counters are 0 again."""
+        """Set all counters to 0."""
         self.known = True
         self._moved = (0.0, 0.0, 0.0)
 
     def move(self, turned: float, ahead: float, aside: float) -> None:
-        """The robot has moved: degrees turned, inches ahead and to the left in its own frame."""
+        """Add a motion: degrees turned, inches ahead and to the left in its own frame."""
         before = self._moved
         self._moved = (before[0] + turned, before[1] + ahead, before[2] + aside)
 

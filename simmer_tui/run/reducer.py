@@ -220,7 +220,7 @@ class Reducer:
                 self.history.wedged.add(self.history.contacts.items[-1])
 
     def _begin_leg(self, trajectory: Trajectory) -> None:
-        """A movement's trail begins. It replaces that of a turn or a grip before it, which has no length."""
+        """Begin a movement's trail. It replaces that of a turn or a grip before it, which has no length."""
         last = self._legs[-1] if self._legs else None
         if isinstance(last, Trajectory) and (last.kind is None or last.kind.turns):
             self._legs.pop()
@@ -323,7 +323,7 @@ class Reducer:
                 self._set_bias(random=self._now.spec.randbias)
 
     def _put_block(self, block: Block, held: Block | None = None) -> None:
-        """The block is there now; `held` is the same in the robot's frame, if the robot holds it."""
+        """Put the block there; `held` is the same in the robot's frame, if the robot holds it."""
         self._now, self._held = replace(self._now, block=block, holding=held is not None), held
         if self.history is not None:
             self.history.add_block(block if held is None else held, held is not None)
@@ -335,7 +335,7 @@ class Reducer:
             self.history.add_bias(bias)
 
     def _place(self, pose: Pose) -> None:
-        """The robot has been put elsewhere; readings from its old place no longer apply."""
+        """Put the robot elsewhere; readings from its old place no longer apply."""
         self._now = replace(self._now, pose=pose)
         self.leg = self.velocity = None
         self._legs.clear()
@@ -500,12 +500,12 @@ class _Track:
         self.contact: Contact | None = leg.contact
 
     def extend(self, leg: Leg) -> None:
-        """Another leg begins."""
+        """Begin another leg."""
         self._leg = leg
         self.contact = leg.contact or self.contact
 
     def end(self, leg: Leg) -> None:
-        """The leg under way is over."""
+        """End the leg under way."""
         self._leg = None
         self.contact = leg.contact or self.contact
         self.length += leg.travelled(leg.end_time)

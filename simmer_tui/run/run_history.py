@@ -110,15 +110,15 @@ class ElapsedTime:
         self.now = 0.0
 
     def skip(self, elapsed: float) -> None:
-        """Nothing that counts happens until this elapsed time."""
+        """Skip to an elapsed time: nothing before it counts."""
         self.now = max(self.now, elapsed)
 
     def restart(self, time: float) -> None:
-        """The run restarts, with this simulated time."""
+        """Restart the run, with this simulated time."""
         self.before = self.now - time
 
     def advance(self, time: float) -> float:
-        """The elapsed time at the next simulated time."""
+        """Advance to the next simulated time. Returns its elapsed time."""
         # A damaged or edited log may go back in time; a clock that went back would break every search.
         elapsed = self.before + time
         if elapsed > self.now:
@@ -389,7 +389,7 @@ class RunHistory:
     # -- called by the reducer -------------------------------------------------------------------
 
     def begin(self, line: int, real_time: float) -> None:
-        """The next event begins."""
+        """Begin the next event."""
         self.order += 1
         # Events that share a line, or have none, keep the line before.
         self.line = line or self.line
@@ -444,7 +444,7 @@ class RunHistory:
             self.paths.plan(self.clock.before, planned.command, planned.trajectory)
 
     def add_leg_plan(self, begun: LegBegun) -> None:
-        """A leg of a continuous motion begins."""
+        """Add the plan of a leg of continuous motion."""
         self.clock.advance(begun.time)
         if self.paths is not None:
             self.paths.plan(self.clock.before, begun.command, begun.leg)
@@ -456,7 +456,7 @@ class RunHistory:
         motion: tuple[float, float, float],
         seen: Mapping[str, CommandResult],
     ) -> None:
-        """A movement has ended.
+        """Add a movement that has ended.
 
         Args:
             ended: The movement.
@@ -477,7 +477,7 @@ class RunHistory:
         self._move(trajectory, ended, ended.pose, arrival, went, motion[0], motion, seen, asked, totals)
 
     def add_leg(self, ended: LegEnded, seen: Mapping[str, CommandResult]) -> None:
-        """A leg of a continuous motion has ended; `seen` has the readings during it by sensor code."""
+        """Add a leg of continuous motion that has ended; `seen` has the readings during it by sensor code."""
         leg = ended.leg
         if not self.is_over:
             self.newest_legs.append((self.order, ended))
@@ -573,12 +573,12 @@ class RunHistory:
             self.paths.jump(elapsed, done, before)
 
     def add_block(self, block: Block, held: bool) -> None:
-        """The block is there from now on; in the robot's frame if it is held."""
+        """Add the block's place from now on; in the robot's frame if it is held."""
         self.blocks.add(BlockPose(self.order, self.elapsed, held, block))
         self._holding = held
 
     def add_bias(self, bias: Mapping[DriveKind, Axes]) -> None:
-        """This bias is in force from now on."""
+        """Add the bias in force from now on."""
         self.biases.add(BiasRow(self.order, self.elapsed, bias))
 
     def add_belief(self, belief: Belief) -> None:
@@ -604,7 +604,7 @@ class RunHistory:
         (self.faults if notice.kind is NoticeKind.FAULT else self.notices).add(row)
 
     def add_wire(self, message: WireMessage) -> None:
-        """A message of a dialect, or a reply."""
+        """Add a message of a dialect, or a reply."""
         self._totals.wires += 1
         self._trail.add_message(message)
         if message.reply:

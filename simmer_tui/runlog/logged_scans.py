@@ -23,7 +23,7 @@ from simmer_tui.sim.sensors import Lidar, sensor_of
 from simmer_tui.sim.specs import SensorSpec
 
 # The largest number of two bytes: with steps of 0.01 in the others reach 655 in, beyond any lidar here.
-_MISSED = 65535
+MISSED_RANGE = 65535
 """Stands for a ray that met nothing."""
 _ALL_AROUND = np.zeros(1)
 """Directions of a lidar of a team's own kind: from the front, all around."""
@@ -55,15 +55,15 @@ def _whole_steps(ranges: FloatArray, resolution: float) -> FloatArray | None:
     with np.errstate(over="ignore", invalid="ignore"):
         steps = np.rint(ranges / resolution)
     missed = ranges == math.inf
-    steps[missed] = _MISSED
-    if not ((steps >= 0) & ((steps < _MISSED) | missed)).all():
+    steps[missed] = MISSED_RANGE
+    if not ((steps >= 0) & ((steps < MISSED_RANGE) | missed)).all():
         return None
     # As bytes: -0.0 and 0.0 differ.
     return steps if _ranges_of(steps, resolution).tobytes() == ranges.tobytes() else None
 
 
 def _ranges_of(steps: FloatArray, resolution: float) -> FloatArray:
-    return np.where(steps == _MISSED, math.inf, steps * resolution)
+    return np.where(steps == MISSED_RANGE, math.inf, steps * resolution)
 
 
 class LoggedRanges:

@@ -81,11 +81,6 @@ class Playback:
             self._settle()
         return self._reducer.at(time if time is None or math.isfinite(time) else None)
 
-    def state_at_time(self, elapsed: float) -> tuple[int, State]:
-        """The latest entry at an elapsed time (-1: none yet), and the state then."""
-        entry = self.index.find_time(elapsed)
-        return entry, self.state_at(entry, elapsed)
-
     def events(self, begin: int, end: int) -> list[Logged | BrokenLine]:
         """The events of the entries from `begin` to before `end`."""
         begin = max(begin, 0)

@@ -39,6 +39,7 @@ from simmer_tui.sim.sensors import LoadSensor as LoadSensor
 from simmer_tui.sim.sensors import ObservingSensor as ObservingSensor
 from simmer_tui.sim.sensors import Odometer as Odometer
 from simmer_tui.sim.sensors import RangeSensor as RangeSensor
+from simmer_tui.sim.sensors import RangeSpec as RangeSpec
 from simmer_tui.sim.sensors import Sensor as Sensor
 from simmer_tui.sim.sensors import TimeOfFlight as TimeOfFlight
 from simmer_tui.sim.sensors import Ultrasonic as Ultrasonic

@@ -23,7 +23,8 @@ PEOPLE = frozenset(("console", "keys"))
 link."""
 
 
-class Command(Struct, frozen=True):
+# Without garbage collection (gc=False): commands hold no cycles, and many thousands may wait.
+class Command(Struct, frozen=True, gc=False):
     """One command: its text as sent, the two-character `code`, and the text after the separator.
 
     `source` is its sender (`client`, `console`, ...). `problem` is set when the text cannot be a command at

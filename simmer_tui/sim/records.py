@@ -133,7 +133,8 @@ TOO_MANY_WAIT = "too many commands of its sender wait already"
 """The reason of a command that was `BUSY` without being looked at, whatever the robot was doing."""
 
 
-class CommandResult(Struct, frozen=True):
+# Without garbage collection (gc=False): results hold no cycles, and many thousands may wait.
+class CommandResult(Struct, frozen=True, gc=False):
     """The result of one command: everything needed to log it, draw it or answer it.
 
     `number` counts commands from 1, `time` is the simulated time of the reply, `reply` the number on the wire

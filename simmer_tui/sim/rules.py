@@ -9,7 +9,7 @@ long to define.
 import math
 import re
 from collections.abc import Iterable
-from typing import Any, ClassVar, Generic, TypeVar
+from typing import Any, ClassVar, Generic, TypeGuard, TypeVar
 
 from msgspec import Struct
 
@@ -25,6 +25,16 @@ MAX_TEXT = 255
 """Most characters of a text: the longest file name that file systems take."""
 # In place of a value that a rule refuses; None is a value.
 _REFUSED: Any = object()
+
+
+def is_whole(value: object) -> TypeGuard[int]:
+    """True for a whole number: True is an int to Python, but nobody means 1 by it."""
+    return isinstance(value, int) and not isinstance(value, bool)
+
+
+def is_number(value: object) -> TypeGuard[float]:
+    """True for a number of any kind."""
+    return isinstance(value, float) or is_whole(value)
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
@@ -158,8 +168,7 @@ class NumberRule(Rule[float], frozen=True):
         return _number(text)
 
     def _accepted(self, value: object) -> Any:
-        # True is an int to Python, but nobody means 1 by it.
-        if isinstance(value, bool) or not isinstance(value, int | float):
+        if not is_number(value):
             return _REFUSED
         try:
             number = float(value)
@@ -272,8 +281,7 @@ class IntegerRule(Rule[int], frozen=True):
         return int(text) if WHOLE_NUMBER.fullmatch(text.strip()) else text
 
     def _accepted(self, value: object) -> Any:
-        is_whole = isinstance(value, int) and not isinstance(value, bool)
-        return value if is_whole and self.low <= value <= self.high else _REFUSED  # type: ignore[operator]
+        return value if is_whole(value) and self.low <= value <= self.high else _REFUSED
 
 
 class FlagRule(Rule[bool], frozen=True):

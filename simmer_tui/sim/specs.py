@@ -99,14 +99,18 @@ class SensorKind:
     """Unit of a reading, such as `in` or `deg`; empty for a yes or no."""
     columns: ClassVar[tuple[CsvColumn, ...]]
     """The columns of sensors.csv that it uses."""
+    short_name: ClassVar[str] = ""
+    """The name on narrow panels, such as `line sensor`; empty for the start of its IDs."""
     spec_type: "ClassVar[type[SensorSpec]]"
-    """The class of a row: `SensorSpec`, or one derived from it with further fields."""
+    """The class of its rows: `SensorSpec`, or one derived from it with the fields of its own columns."""
     is_range: ClassVar[bool] = False
     """True if it measures the distance to the nearest thing ahead of it."""
     is_yes_or_no: ClassVar[bool] = False
     """True if its reply is 1 for yes and 0 for no."""
     is_scan: ClassVar[bool] = False
     """True if a reading is many numbers: the ranges of a whole revolution."""
+    errs_by_opposite: ClassVar[bool] = False
+    """True if its Percent Error is the probability of the opposite answer, not the error of a measurement."""
     counts: ClassVar[bool] = False
     """True if it counts: movements add to its value."""
     is_heading: ClassVar[bool] = False
@@ -127,7 +131,7 @@ class SensorKind:
 
     @classmethod
     def has(cls, field: str) -> bool:
-        """True if one of its columns fills a field of `SensorSpec`."""
+        """True if one of its columns fills a field of its rows."""
         return any(column.field == field for column in cls.columns)
 
     @staticmethod
@@ -137,7 +141,7 @@ class SensorKind:
 
 
 class SensorSpec(Struct, frozen=True, kw_only=True):
-    """One row of sensors.csv.
+    """One row of sensors.csv: the fields that every kind may use. Those of one kind are in its `spec_type`.
 
     `x`, `y`, `z` (inches, z up from the floor) and `rotation` (degrees) place the sensor in the
     robot's frame. `error` is the Percent Error as a fraction. `drift` is per second of simulated
@@ -153,8 +157,6 @@ class SensorSpec(Struct, frozen=True, kw_only=True):
     z: float = 0.0
     rotation: float = 0.0
     error: float = 0.0
-    field_of_view: float = 0.0
-    threshold: float = 0.0
     gain: float = 1.0
     absolute_error: float = 0.0
     bias: float = 0.0
@@ -162,11 +164,7 @@ class SensorSpec(Struct, frozen=True, kw_only=True):
     min_range: float = 0.0
     max_range: float = math.inf
     resolution: float = 0.0
-    rays: int = 5
     wrap: float = 0.0
-    detects_white: bool = False
-    vertical_field_of_view: float = 0.0
-    """Degrees from edge to edge; 0 for a sensor that sees a block by height alone."""
     # The following fields are explained, with their sources, in docs/sensors.md. 0 means none.
     read_time: float = 0.0
     """Seconds of simulated time that a reading takes."""
@@ -174,18 +172,6 @@ class SensorSpec(Struct, frozen=True, kw_only=True):
     """Probability that a reading is missed."""
     outlier: float = 0.0
     """Probability that a reading is any value of its range."""
-    incidence_limit: float = 0.0
-    """Degrees from a wall's normal beyond which a ray has no echo."""
-    cross_talk: float = 0.0
-    """Probability that another sensor's sound, if it arrives first, is read as its own echo."""
-    ticks_per_inch: float = 0.0
-    random_walk: float = 0.0
-    """Degrees in a second, growing with the square root of time."""
-    hard_iron: float = 0.0
-    soft_iron: float = 0.0
-    """Greatest deviation of a compass, degrees: once, and twice, a turn."""
-    analog: bool = False
-    """True if a line sensor replies with the fraction of its test points, 0 to 1, instead of yes or no."""
 
     @property
     def id(self) -> str:
@@ -200,7 +186,27 @@ class SensorSpec(Struct, frozen=True, kw_only=True):
     @property
     def is_yes_or_no(self) -> bool:
         """True if a reading is 1 for yes and 0 for no."""
-        return self.kind.is_yes_or_no and not self.analog
+        return self.kind.is_yes_or_no
+
+    @property
+    def is_inverted(self) -> bool:
+        """True if it is set to answer no where sensors of its kind usually answer yes."""
+        return False
+
+    @property
+    def beam(self) -> float | None:
+        """Angle of its view, degrees from edge to edge; None if it does not look anywhere, or all around."""
+        return None
+
+    @property
+    def view_words(self) -> tuple[str, ...]:
+        """Its view in a few words each, such as `30 deg wide` and `5 rays`."""
+        return ()
+
+    @property
+    def yes_words(self) -> tuple[str, str] | None:
+        """The colour for which it answers yes, and the condition in words; None if it sees no colours."""
+        return None
 
 
 class Axes(Struct, frozen=True, gc=False):

@@ -9,7 +9,7 @@ import asyncio
 import socket
 
 from simmer_tui.config.dialects import SERIAL
-from simmer_tui.config.settings import USUAL_BAUD
+from simmer_tui.config.settings import BITS_OF_A_BYTE, USUAL_BAUD
 from simmer_tui.links.driver_lock import NOT_SERVED, DriverLock
 from simmer_tui.links.hook_port import HookedProgram
 from simmer_tui.links.link import LinkContext
@@ -18,7 +18,7 @@ from simmer_tui.links.pty_port import PtyPort
 from simmer_tui.links.serial_wire import MOST_IN_TRANSIT, SerialEndpoint
 from simmer_tui.run.events import ActionDone, Event, Notice, NoticeKind
 from simmer_tui.sim.command import WORD, counted, cut
-from simmer_tui.sketch.sketch_robot import BITS_OF_A_BYTE, SketchRobot
+from simmer_tui.sketch.sketch_robot import SketchRobot
 
 _SECOND = 1_000_000_000
 

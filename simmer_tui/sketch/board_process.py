@@ -171,9 +171,12 @@ class BoardProcess:
         assert process.stderr is not None
         told = process.stderr.read().decode("utf-8", "replace")
         code = process.wait()
-        died = re.search(r"simmer-board died (\d+) (\d+)", told)
-        place = int(died[2]) if died else self.place
-        at = self.line_of(place)
+        died = re.search(r"simmer-board died (\d+) (\d+) (\d+) (\d+)", told)
+        # Where it died may be a function of C; the last block is the sketch's own.
+        places = (int(died[2]) + 1, int(died[3])) if died else (self.place,)
+        at = next((line for line in map(self.line_of, places) if line), "")
+        if died:
+            self.now = max(self.now, int(died[4]) * 1000)
         where = f" at {at}" if at else ""
         clock = f"after {self.now / 1e9:.6g} s"
         if self._is_hung:
@@ -201,7 +204,7 @@ class BoardProcess:
         except (OSError, subprocess.SubprocessError):
             return ""
         # A function of the runtime that was inlined comes before the line that calls it.
-        own = [each for each in done.stdout.splitlines() if str(RUNTIME) not in each]
+        own = [each for each in done.stdout.splitlines() if str(RUNTIME) not in each and "?" not in each]
         found = re.match(r"(?:.*/)?([^/:]+?)(?:(?<=\.ino)\.cpp)?:(\d+)", own[0]) if own else None
         return f"{found[1]}:{found[2]}" if found else ""
 

@@ -23,7 +23,7 @@ from simmer_tui.sketch.preprocess import (
     includes,
     joined_source,
     main_files,
-    read_source,
+    sketch_text,
 )
 
 RUNTIME = Path(__file__).parent / "arduino"
@@ -126,7 +126,7 @@ def fastest_baud(sketch: Path) -> int:
     """The fastest rate that a sketch names; it sends no byte in less time."""
     files = main_files(sketch)
     texts = [
-        read_source(each) for each in (*files, *(each.path for each in _sources(files[0].parent, files)))
+        sketch_text(each) for each in (*files, *(each.path for each in _sources(files[0].parent, files)))
     ]
     named = {int(each) for text in texts for each in re.findall(r"\b[0-9]{3,7}\b", text)}
     return max(named.intersection(_BAUDS), default=_USUAL_BAUD)
@@ -183,7 +183,7 @@ def _missing_headers(files: Sequence[Path], sources: Sequence[_Source]) -> Itera
     known -= {"wire.h"} - {each.name.lower() for each in _library_headers()}
     seen: set[str] = set()
     for path in (*files, *(each.path for each in sources if not each.name.startswith("libraries/"))):
-        for header, line in includes(read_source(path)):
+        for header, line in includes(sketch_text(path)):
             name = header.rpartition("/")[2].lower()
             if name in known or header.lower() in known or name in seen:
                 continue
@@ -232,7 +232,7 @@ def _compile(
         for each in sources:
             target = work / each.name
             target.parent.mkdir(parents=True, exist_ok=True)
-            text = f'#line 1 "{each.name}"\n{_with_names(board_source(read_source(each.path)))}'
+            text = f'#line 1 "{each.name}"\n{_with_names(board_source(sketch_text(each.path)))}'
             if target.suffix in _COMPILED:
                 text = f'#include "Arduino.h"\n{text}'
             target.write_text(text, encoding="utf-8")
@@ -336,7 +336,7 @@ def _own_name(name: str) -> str:
 
 def _errors(output: str, compiler: Compiler, files: Sequence[Path]) -> Iterator[Problem]:
     """At most three errors, with the lines of the sketch."""
-    texts = {each.name: read_source(each).split("\n") for each in files}
+    texts = {each.name: sketch_text(each).split("\n") for each in files}
     seen = 0
     for place, kind, text in _messages(output):
         if kind != "error":

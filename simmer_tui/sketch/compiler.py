@@ -21,7 +21,7 @@ NO_COMPILER = (
     "or: pip install ziglang"
 )
 # A first run of ziglang fills its cache for 150 s; a compiler that hangs must end.
-TIME_LIMIT = 600.0
+COMPILE_LIMIT = 600.0
 """Real seconds that one run of a compiler may take."""
 
 
@@ -55,7 +55,7 @@ class Compiler(Struct, frozen=True, dict=True):
             text=True,
             errors="replace",
             stdin=subprocess.DEVNULL,
-            timeout=TIME_LIMIT,
+            timeout=COMPILE_LIMIT,
             check=False,
         )
 

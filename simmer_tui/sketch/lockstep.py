@@ -24,7 +24,7 @@ from simmer_tui.sketch.board_process import (
 from simmer_tui.sketch.parts import LARGEST_DUTY, EncoderState
 
 NEVER = 1 << 62
-SLICE = 20_000_000
+BOARD_SLICE = 20_000_000
 """Nanoseconds that a board runs at most at a time, so that a person's stop is not late."""
 # Boards with motors and encoders each wait for the other; then they go on in steps of this length.
 _STEP = 10_000
@@ -96,7 +96,7 @@ class Board(Struct, eq=False):
 
 
 class LockstepWorld:
-    """What boards act on (see `sketch_robot.py`)."""
+    """The world that boards act on (see `sketch_robot.py`)."""
 
     def advance(self, time: int) -> None:
         """Let the world go on to a time."""
@@ -131,7 +131,7 @@ class Lockstep:
         boards: Sequence[Board],
         world: LockstepWorld,
         laptop: tuple[Board, int] | None,
-        slice_length: int = SLICE,
+        slice_length: int = BOARD_SLICE,
     ) -> None:
         """`laptop` is the board, and its pin, whose bytes go to the laptop's program."""
         self.boards = tuple(boards)

@@ -161,7 +161,7 @@ def main_files(sketch: Path) -> list[Path]:
     return [sketch]
 
 
-def read_source(path: Path) -> str:
+def sketch_text(path: Path) -> str:
     """The text of a source file, as an editor shows it."""
     data = path.read_bytes()
     try:
@@ -173,7 +173,7 @@ def read_source(path: Path) -> str:
 
 def joined_source(files: Sequence[Path]) -> str:
     """One C++ source of a sketch's .ino files."""
-    parts = [f'#line 1 "{each.name}"\n{board_source(read_source(each))}\n' for each in files]
+    parts = [f'#line 1 "{each.name}"\n{board_source(sketch_text(each))}\n' for each in files]
     whole = "".join(parts)
     found, first = prototypes(whole)
     if not found:

@@ -13,6 +13,7 @@ from msgspec.structs import replace
 
 from simmer_tui.config.dialects import TEAM
 from simmer_tui.config.loader import Configuration
+from simmer_tui.config.settings import BITS_OF_A_BYTE
 from simmer_tui.errors import BoardError
 from simmer_tui.links.backend import Message
 from simmer_tui.robot.engine import Engine
@@ -32,7 +33,7 @@ from simmer_tui.sketch.board_process import (
 )
 from simmer_tui.sketch.board_view import BoardView, PinView
 from simmer_tui.sketch.build import BuiltSketch, build_sketch, fastest_baud
-from simmer_tui.sketch.lockstep import NEVER, SLICE, Board, Lockstep, LockstepWorld, PinState
+from simmer_tui.sketch.lockstep import BOARD_SLICE, NEVER, Board, Lockstep, LockstepWorld, PinState
 from simmer_tui.sketch.parts import (
     ECHO_DELAY,
     EncoderState,
@@ -49,7 +50,6 @@ from simmer_tui.sketch.wiring import (
     Wiring,
 )
 
-BITS_OF_A_BYTE = 10
 _LED = 13
 _TYPED = "binary"
 """The dialect of typed commands."""
@@ -62,7 +62,12 @@ TICK = 0.005
 """Real seconds between two times at which boards are brought to the present."""
 # A servo's angle by the pulses of Servo.h: 544 us is 0 degrees, 2400 us 180.
 _SHORTEST, _LONGEST, _HALF_TURN = 544, 2400, 180.0
-BEHIND = "the boards cannot keep pace with the real clock on this machine: simulated time falls behind"
+BEHIND = (
+    "the boards cannot keep pace with the real clock on this machine: simulated time falls behind. Run the "
+    "program by its own clock: --no-ui --clock program --run CMD"
+)
+# A person notices half a second, and a start or a busy moment costs less.
+_MOST_LATE = 0.5
 _ENDED = "the boards have ended: "
 
 
@@ -146,12 +151,15 @@ class SentMessages:
 class SketchRobot(LockstepWorld):
     """The boards of a run, and what is wired to them. A `Backend` for the commands of others."""
 
-    def __init__(self, sketches: SketchSet, engine: Engine, slice_length: int = SLICE) -> None:
+    def __init__(self, sketches: SketchSet, engine: Engine, slice_length: int = BOARD_SLICE) -> None:
         self.engine = engine
         self._set = sketches
         self._slice = slice_length
         self._session = engine.session(answer_at_end=False, lane="boards")
         self._running = False
+        self._late = 0.0
+        """Seconds by which simulated time has fallen behind the real clock so far."""
+        self._has_told_late = False
         self._lost: dict[tuple[str, int, int], int] = {}
         self.failed = ""
         """The sentence about boards that have ended; empty while they run."""
@@ -227,11 +235,19 @@ class SketchRobot(LockstepWorld):
 
     def catch_up(self, present: float) -> bool:
         """Bring the boards to a simulated time, seconds. False if that takes too long."""
-        return self.run_to(present) >= present
+        reached = self.run_to(present)
+        if reached >= present:
+            return True
+        self._late += present - reached
+        if self._late > _MOST_LATE and not self._has_told_late:
+            self._has_told_late = True
+            self.engine.tell(Notice(NoticeKind.FAULT, BEHIND))
+        return False
 
     def run_to(self, until: float) -> float:
         """Let the boards run to a simulated time, seconds. Returns the time that they have reached."""
-        if self._running:
+        # A restart has set the simulator back already; the boards follow once it is told.
+        if self._running or round(until * SECOND) < self._world.time:
             return until
         if self.failed:
             self._world.advance(round(until * SECOND))
@@ -415,6 +431,8 @@ class SketchRobot(LockstepWorld):
         simulator = engine.simulator
         refused = simulator.is_drive(command) or simulator.is_velocity(command)
         result = engine.peek(replace(command, problem=NOT_DRIVEN) if refused else command)
+        # The command itself has no mistake.
+        result = replace(result, command=command)
         if result.status is Status.READING or result.status is not Status.DONE:
             engine.tell(result)
         return result
@@ -442,7 +460,7 @@ _MODES = {0: "input", 1: "output", 2: "input with pull-up"}
 
 
 def _pin_text(state: PinState) -> str:
-    """What a sketch does with a pin, in words."""
+    """The use of a pin by its sketch, in words."""
     if state.servo:
         return f"servo, {state.servo} us"
     if state.mode != 1:

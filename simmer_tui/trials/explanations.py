@@ -29,11 +29,11 @@ from simmer_tui.sim.rules import listed
 from simmer_tui.trials.chance_control import REPEATS, ChanceControl, control_of, control_table
 from simmer_tui.trials.failures import failures_in_turn, grouped
 from simmer_tui.trials.figures import logged_run
-from simmer_tui.trials.folder import WHY, TrialFolder, TrialPlan
+from simmer_tui.trials.folder import WHY, TrialFolder
 from simmer_tui.trials.interventions import UNCHANGED, ChangedPart, Intervention, interventions
 from simmer_tui.trials.local import run_locally
 from simmer_tui.trials.run import TrialRun
-from simmer_tui.trials.store import RunStore, StoreKind
+from simmer_tui.trials.store import ResultLines
 from simmer_tui.trials.trial import Ending, Trial, TrialResult, run_seed
 
 EXPLAINED = 3
@@ -54,17 +54,6 @@ class ChangedRun(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     text: str
     repeat: int = 0
     commands: int | None = None
-
-
-_KIND = StoreKind(
-    noun="changed runs",
-    plan_file="",  # the plan is that of the trials
-    folders=(),
-    format=1,
-    plan=TrialPlan,
-    line=ChangedRun,
-    error=TrialsError,
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,7 +118,7 @@ class Explanations:
     def __init__(self, runs: ExplainedRuns) -> None:
         """Read those that are done. Raises TrialsError."""
         self._runs = runs
-        self._store = RunStore(runs.path / WHY, _KIND)
+        self._store = ResultLines(runs.path / WHY, ChangedRun, TrialsError)
         self.done: dict[tuple[int, str, int], ChangedRun] = {}
         """By run, change and repeat."""
         for _, each in self._store.lines():

@@ -8,7 +8,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from simmer_tui.document import svg
-from simmer_tui.document.model import Figure
+from simmer_tui.document.model import Figure, LegendMark
 from simmer_tui.document.svg import PICTURE_WIDTH
 from simmer_tui.errors import ConfigurationError, RunLogError
 from simmer_tui.report.figure import AXIS, LEFT, RIGHT, TOP, MazeFrame
@@ -21,8 +21,6 @@ from simmer_tui.trials.folder import RUNS, TrialFolder
 from simmer_tui.trials.intervals import bin_counts, histogram
 from simmer_tui.trials.trial import TrialResult
 
-# Height of a row of the legend, points.
-_KEY = 26.0
 # Bounds of the map: points an inch, and points.
 _LARGEST_SCALE, _TALLEST = 10.0, 700.0
 _START, _BLOCK = "#e8f0ff", "#fff3c4"
@@ -56,13 +54,9 @@ def map_figure(
     )
     parts.append(svg.element("g", crosses, stroke=svg.CONTACT, stroke_width=1.8, stroke_opacity=0.7))
     parts.append(frame.axes())
-    height = frame.bottom + AXIS
-    parts.append(svg.legend(LEFT, height + 13, _MARKS))
-    if causes:
-        height += _KEY
-        key = [(f"{name} {len(group)}", _dot(color_of(name))) for name, group in causes]
-        parts.append(svg.legend(LEFT, height + 13, key))
-    return Figure(title, PICTURE_WIDTH, height + _KEY, "".join(parts))
+    by_cause = (LegendMark(f"{name} {len(group)}", _dot(color_of(name))) for name, group in causes)
+    height, legend = frame.bottom + AXIS, (*_MARKS, *by_cause)
+    return Figure(title, PICTURE_WIDTH, height, "".join(parts), "map", legend)
 
 
 def _end(x: float, y: float, result: TrialResult, run_pages: Mapping[int, str]) -> str:
@@ -80,9 +74,9 @@ def _dot(fill: str) -> str:
 
 
 _MARKS = (
-    ("contact", svg.cross(svg.CONTACT, 1.8)),
-    ("where a failed run ended, by cause", _dot("#fff")),
-    (
+    LegendMark("contact", svg.cross(svg.CONTACT, 1.8)),
+    LegendMark("where a failed run ended, by cause", _dot("#fff")),
+    LegendMark(
         "start cell, its successes of its runs",
         svg.element("circle", cx=10.0, r=7.0, fill="none", stroke=_SUCCESS, stroke_width=3.0),
     ),
@@ -130,7 +124,7 @@ def histogram_figure(successes: Sequence[float], failures: Sequence[float], unit
                 parts.append(svg.element("rect", x=x + 1, y=base, width=width - 2, height=height, fill=fill))
         if done + failed:
             middle = x + width / 2
-            parts.append(svg.text(middle, base - 3, f"{done + failed}", 10.0, text_anchor="middle"))
+            parts.append(svg.text(middle, base - 3, f"{done + failed}", text_anchor="middle"))
     every = max(1, math.ceil(len(edges) / 16))
     parts += [
         svg.text(LEFT + index * width, bottom + 14, f"{edge:.{decimals}f}", text_anchor="middle")
@@ -138,16 +132,15 @@ def histogram_figure(successes: Sequence[float], failures: Sequence[float], unit
         if index % every == 0
     ]
     parts.append(svg.text(LEFT - 14, bottom + 14, unit, text_anchor="end", fill=svg.FAINT))
-    y, x = bottom + 30, LEFT
-    for words, fill in (("successful runs", _SUCCESS), ("failed runs", _FAILURE)):
-        parts.append(svg.element("rect", x=x, y=y - 9, width=10.0, height=10.0, fill=fill))
-        parts.append(svg.text(x + 16, y, words))
-        x += 130
-    return Figure("Histogram", PICTURE_WIDTH, bottom + 40, "".join(parts), "graph")
+    legend = tuple(
+        LegendMark(words, svg.element("rect", x=0.0, y=-5.0, width=10.0, height=10.0, fill=fill), 10.0)
+        for words, fill in (("successful runs", _SUCCESS), ("failed runs", _FAILURE))
+    )
+    return Figure("Histogram", PICTURE_WIDTH, bottom + 20, "".join(parts), "graph", legend)
 
 
 # Each page takes time and space, and nobody reads more pages than these.
-_MOST = 60
+MOST_FIGURE_PAGES = 60
 """Most pages of a set of trials."""
 # A longer log makes a page that browsers open slowly.
 _LARGEST = 20_000_000
@@ -176,7 +169,7 @@ def write_run_pages(folder: TrialFolder) -> dict[int, str]:
     pages: dict[int, str] = {}
     for number in failures_in_turn(folder.done):
         log = folder.log(number)
-        if len(pages) >= _MOST or not log.exists() or log.stat().st_size > _LARGEST:
+        if len(pages) >= MOST_FIGURE_PAGES or not log.exists() or log.stat().st_size > _LARGEST:
             continue
         name = f"{RUNS}/{folder.trial(number).name}{_SUFFIX}"
         page = folder.path / name

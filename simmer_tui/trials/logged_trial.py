@@ -77,8 +77,6 @@ class LoggedTrial:
             _NUMBER: replace(
                 fault_result(self._trial, verdict.text),
                 ending=Ending.TIME_LIMIT if _time_was_up(run) else Ending.EXIT,
-                cause="" if verdict.cause is None else verdict.cause.kind.value,
-                why="" if verdict.cause is None else verdict.cause.text,
                 verdict=verdict.plain(),
                 commands=run.totals.commands,
             )

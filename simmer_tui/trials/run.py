@@ -106,7 +106,7 @@ class TrialRun:
         self._happened: queue.SimpleQueue[_What | int] = queue.SimpleQueue()
 
     def interrupt(self) -> None:
-        """Have `run` raise InterruptedTrialError soon. Any thread may ask."""
+        """Make `run` raise InterruptedTrialError soon. Any thread may ask."""
         self._happened.put(_What.STOP)
 
     def run(self) -> TrialResult:
@@ -150,7 +150,6 @@ class TrialRun:
         findings = findings_of(history, task)
         cut_off = end.ending is Ending.REAL_TIME_LIMIT
         verdict = verdict_of(history, task, cut_off=cut_off, findings=findings)
-        cause = verdict.cause
         return structs.replace(
             fault_result(self._trial, _reason(end, self._trial.time_limit), configuration),
             success=end.ending is Ending.SUCCESS,
@@ -158,9 +157,7 @@ class TrialRun:
             exit_code=end.exit_code,
             drop_zone=None if plan is None else (plan.drop_zone.x, plan.drop_zone.y),
             last_output=words,
-            cause="" if cause is None else cause.kind.value,
-            why="" if cause is None else verdict.last_moments,
-            verdict=verdict.plain(),
+            verdict=verdict.plain() | {"last_moments": verdict.last_moments},
             clock=_clock(server),
             clock_note="" if server.clock is None else server.clock.unfit,
             findings=plain_findings(findings),

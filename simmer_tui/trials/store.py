@@ -63,19 +63,81 @@ class _Head(msgspec.Struct):
 _HEAD: TypedJson[_Head] = TypedJson(_Head)
 
 
-class RunStore(Generic[Plan, Line]):
-    """The files of one folder. Every method raises the error of its kind if a file cannot be used."""
+class ResultLines(Generic[Line]):
+    """The results in a folder, a line of JSON each. Methods raise `error` if the file cannot be used."""
 
-    def __init__(self, path: Path, kind: StoreKind[Plan, Line]) -> None:
+    def __init__(self, path: Path, line: type[Line], error: type[SimmerError]) -> None:
         self.path = path
-        self._kind = kind
-        self._plan: TypedJson[Plan] = TypedJson(kind.plan)
-        self._line: TypedJson[Line] = TypedJson(kind.line)
+        self._line: TypedJson[Line] = TypedJson(line)
+        self._error = error
 
     @property
     def results(self) -> Path:
         """The file with the results."""
         return self.path / RESULTS
+
+    def lines(self) -> Iterator[tuple[str, Line]]:
+        """All results in the order in which they came, each with its place for messages."""
+        shown = str(self.results)
+        with self.reported("read"):
+            data = self.results.read_bytes() if self.results.exists() else b""
+        for number, line in enumerate(_whole(data).splitlines(), 1):
+            where = f"{shown}:{number}"
+            try:
+                yield where, self._line.decode(line)
+            except ValueError as error:
+                raise self._error(f"{where}: {error}; delete the line to run it again") from None
+
+    def recover(self) -> None:
+        """Remove a last line that was cut off, so that the next one does not continue it."""
+        with self.reported("written"):
+            if self.results.exists():
+                data = self.results.read_bytes()
+                if len(_whole(data)) < len(data):
+                    os.truncate(self.results, len(_whole(data)))
+
+    def append(self, line: Line) -> None:
+        """Add a result: on the disk when this returns."""
+        with self.reported("written"), self.results.open("ab", buffering=0) as file:
+            text = json.dumps(msgspec.to_builtins(line), separators=(",", ":"), allow_nan=False)
+            file.write(f"{text}\n".encode())
+            os.fsync(file.fileno())
+
+    @contextlib.contextmanager
+    def locked(self) -> Iterator[None]:
+        """Prevent other processes from adding results meanwhile: two would do the same runs, or runs of two
+        plans. The system releases the lock of a process that is killed. On Windows there is none. A line that
+        was cut off is removed: under the lock no other process is writing it."""
+        with self.reported("written"):
+            file = self.results.open("ab")
+        with file:
+            try:
+                platform_has.lock_alone(file.fileno())
+            except BlockingIOError:
+                shown = str(self.path)
+                raise self._error(
+                    f"{shown}: another simmer-tui is adding results: wait until it has ended"
+                ) from None
+            self.recover()
+            yield
+
+    @contextlib.contextmanager
+    def reported(self, what: str) -> Iterator[None]:
+        """Raise the folder's error for an OSError: that a file cannot be `what` (read, written)."""
+        try:
+            yield
+        except OSError as error:
+            where = str(error.filename or self.path)
+            raise self._error(f"{where} cannot be {what}: {reason_of(error)}") from None
+
+
+class RunStore(ResultLines[Line], Generic[Plan, Line]):
+    """The files of one folder. Every method raises the error of its kind if a file cannot be used."""
+
+    def __init__(self, path: Path, kind: StoreKind[Plan, Line]) -> None:
+        super().__init__(path, kind.line, kind.error)
+        self._kind = kind
+        self._plan: TypedJson[Plan] = TypedJson(kind.plan)
 
     @contextlib.contextmanager
     def made(self) -> Iterator[None]:
@@ -123,33 +185,6 @@ class RunStore(Generic[Plan, Line]):
                 f"{file}: {error}; simmer-tui {__version__} cannot continue with it: begin in another folder"
             ) from None
 
-    def lines(self) -> Iterator[tuple[str, Line]]:
-        """All results in the order in which they came, each with its place for messages."""
-        shown = str(self.results)
-        with self.reported("read"):
-            data = self.results.read_bytes() if self.results.exists() else b""
-        for number, line in enumerate(_whole(data).splitlines(), 1):
-            where = f"{shown}:{number}"
-            try:
-                yield where, self._line.decode(line)
-            except ValueError as error:
-                raise self._kind.error(f"{where}: {error}; delete the line to run it again") from None
-
-    def recover(self) -> None:
-        """Remove a last line that was cut off, so that the next one does not continue it."""
-        with self.reported("written"):
-            if self.results.exists():
-                data = self.results.read_bytes()
-                if len(_whole(data)) < len(data):
-                    os.truncate(self.results, len(_whole(data)))
-
-    def append(self, line: Line) -> None:
-        """Add a result: on the disk when this returns."""
-        with self.reported("written"), self.results.open("ab", buffering=0) as file:
-            text = json.dumps(msgspec.to_builtins(line), separators=(",", ":"), allow_nan=False)
-            file.write(f"{text}\n".encode())
-            os.fsync(file.fileno())
-
     def write(self, name: str, text: str) -> Path:
         """Write a file, whole or not at all; returns its path."""
         path = self.path / name
@@ -164,33 +199,6 @@ class RunStore(Generic[Plan, Line]):
         for name, text in files.items():
             (self.path / folder / name).parent.mkdir(exist_ok=True)
             write_whole(self.path / folder / name, text)
-
-    @contextlib.contextmanager
-    def locked(self) -> Iterator[None]:
-        """Prevent other processes from adding results meanwhile: two would do the same runs, or runs of two
-        plans. The system releases the lock of a process that is killed. On Windows there is none. A line that
-        was cut off is removed: under the lock no other process is writing it."""
-        with self.reported("written"):
-            file = self.results.open("ab")
-        with file:
-            try:
-                platform_has.lock_alone(file.fileno())
-            except BlockingIOError:
-                shown = str(self.path)
-                raise self._kind.error(
-                    f"{shown}: another simmer-tui is adding results: wait until it has ended"
-                ) from None
-            self.recover()
-            yield
-
-    @contextlib.contextmanager
-    def reported(self, what: str) -> Iterator[None]:
-        """Raise the error of the kind for an OSError: that a file cannot be `what` (read, written)."""
-        try:
-            yield
-        except OSError as error:
-            where = str(error.filename or self.path)
-            raise self._kind.error(f"{where} cannot be {what}: {reason_of(error)}") from None
 
     @property
     def _unfinished(self) -> Path:

@@ -179,10 +179,9 @@ class TrialResult(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
 
     `time` is simulated seconds, `distance` inches, `start` and `end` are the robot's x, y and
     heading, `block` and `drop_zone` are x, y. `reached`, `taken` and `delivered` are when the
-    mission's goals were met. `exit_code` is None if the program did not end by itself. `cause` is the
-    cause of a failure (`report.causes.Kind`), `why` its last two moments; both are empty for a success.
-    `verdict` is all of it, as `report --json` has it, without the program's output; `findings` are the
-    sensors and drives that were not as they should be, as it has them too, also for a success. `clock` is the
+    mission's goals were met. `exit_code` is None if the program did not end by itself. `verdict` is that of
+    `report --json`, without the program's output, and `last_moments`; `findings` are the sensors and drives
+    that were not as they should be, as it has them too, also for a success. `clock` is the
     source of simulated time: `program`, `real`, or `instant` for commands alone. `clock_note` is the reason
     why the program's clock was not used. `real_seconds` and `simulator_seconds` (CPU) depend on the machine,
     all else on the seed.
@@ -208,8 +207,6 @@ class TrialResult(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     taken: float | None = None
     delivered: float | None = None
     last_output: str = ""
-    cause: str = ""
-    why: str = ""
     verdict: dict[str, Any] = {}
     findings: tuple[dict[str, Any], ...] = ()
     clock: str = ""
@@ -218,13 +215,23 @@ class TrialResult(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     simulator_seconds: float = 0.0
 
     @property
+    def cause(self) -> str:
+        """Cause of a failure (`report.causes.Kind`); empty for a success."""
+        return str((self.verdict.get("cause") or {}).get("kind", ""))
+
+    @property
+    def why(self) -> str:
+        """The last two moments of a failure, in a line; empty for a success."""
+        return str(self.verdict.get("last_moments") or "") if self.cause else ""
+
+    @property
     def sent_nothing(self) -> bool:
         """True if no command came; such a run is no success."""
         return not self.commands
 
 
 def clocks_text(results: Sequence[TrialResult]) -> str | None:
-    """The clocks of some runs, with their counts if there are several; None for runs of older versions."""
+    """The clocks of some runs, with their counts if there are several; None if no run has one."""
     counts = Counter(result.clock for result in results if result.clock)
     if len(counts) < 2:
         return next(iter(counts), None)

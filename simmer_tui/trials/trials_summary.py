@@ -20,7 +20,6 @@ from simmer_tui.document.formats import (
     number,
 )
 from simmer_tui.document.model import DataColumn, DataTable, Document, DocumentPart, Paragraph, data_table
-from simmer_tui.report.causes import Kind
 from simmer_tui.run.events import Goal
 from simmer_tui.sim.command import counted, cut, typed_path
 from simmer_tui.trials.chance_control import CONTROL
@@ -133,7 +132,6 @@ TABLES = (
     *(DEVICES, RUN_FINDINGS, RUNS_TABLE, WHY_FAILED, CONTROL, CHANGED_RUNS),
 )
 """All tables of a set of trials."""
-_OF_THE_PROGRAM = (Kind.CRASHED.value, Kind.ENDED.value, Kind.SILENCE.value)
 _PORTS_ADVICE = (
     "No program sent a command. Connect to the address in SIMMER_HOST and SIMMER_PORT; simmer_tui.client "
     "does so by itself. For a program with port 9000 built in, add --fixed-ports."
@@ -223,9 +221,7 @@ def failure_text(result: TrialResult) -> str:
     """The verdict on a failed run."""
     if text := result.verdict.get("text"):
         return str(text)
-    # Results of an older version have none.
-    if result.why and result.cause not in _OF_THE_PROGRAM:
-        return result.why
+    # A run in which the simulator failed has none.
     reason = result.reason or result.ending.value
     output = f': "{result.last_output}"' if result.last_output and result.exit_code is not None else ""
     return f"{reason}{output}"

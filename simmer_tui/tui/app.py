@@ -390,7 +390,7 @@ class SimmerApp(Shell):
         self._console.show_error(self._operator.drive_for(values, refused))
 
     async def on_event(self, event: Event) -> None:
-        """Have any other key end the velocity of a held key, before its own action."""
+        """End the velocity of a held key at any other key, before the action of that key."""
         if isinstance(event, Key) and not event.is_forwarded:
             self._held_key.note_key(event.key if self._maze.has_focus else "", age_of(event))
         await super().on_event(event)

@@ -253,12 +253,12 @@ class ConsolePane(Vertical):
             self._show_hint()
 
     def note_event(self) -> None:
-        """Take note of a newer event. An error stays as long as its line may be corrected."""
+        """Note a newer event. An error stays as long as its line may be corrected."""
         if not self.has_focus_within:
             self.forget_errors()
 
     def give(self, line: str) -> str:
-        """Have a line carried out. Returns, and shows, the error if it is no order or command."""
+        """Carry out a line. Returns, and shows, the error if it is no order or command."""
         self.given += 1
         self._note = ""
         try:

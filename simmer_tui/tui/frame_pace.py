@@ -15,7 +15,7 @@ _WAITING = 2
 """Pending writes to the terminal at which it counts as behind."""
 # Instant movements have no frames between, and each picture is a new one. 8 of 15 are enough to see
 # where the robot goes, in half the bytes.
-_SHOWN = 8
+FEWER_FRAMES = 8
 _OF = 15
 # A key takes 1 ms, a person presses 30 a second: so many wait only after a paste, or on a busy machine.
 _MUCH_INPUT = 10
@@ -59,7 +59,7 @@ class Backpressure:
         return not behind
 
     def note_display(self) -> None:
-        """Take note that something was displayed, or would have been."""
+        """Note that something was displayed, or would have been."""
         self._lost |= self.closed
 
 
@@ -87,7 +87,7 @@ class JumpThinning:
 
     def passes_over(self, jumps: bool) -> bool:
         """True if the next picture is left out. `jumps` is true while the robot jumps."""
-        self._turn = self._turn % _OF + _SHOWN if jumps else _OF
+        self._turn = self._turn % _OF + FEWER_FRAMES if jumps else _OF
         return self._turn < _OF
 
 
@@ -106,7 +106,7 @@ class Lags:
         self._shown = dict.fromkeys(_LAGS, -math.inf)
 
     def take(self, snapshot: Snapshot, before: Snapshot | None) -> None:
-        """Take note of a new snapshot.
+        """Note a new snapshot.
 
         When the robot comes to stand, at a pause, a contact and a verdict, the whole screen shows that
         moment.

@@ -12,9 +12,9 @@ from simmer_tui.tui.key_table import driving_keys
 
 # Terminals send presses only: a held key shows only by its repeats. Systems begin to repeat after 0.25 to
 # 0.66 s, and repeat 20 to 40 times a second.
-_FIRST = 0.7
+AFTER_FIRST_PRESS = 0.7
 """Real seconds that the velocity lasts after the first press of a key."""
-_REPEATED = 0.25
+AFTER_REPEAT = 0.25
 """Real seconds that it lasts after each repeat."""
 _OLD = 0.2
 """Real seconds after which a press is dropped: it was meant for the robot's earlier place."""
@@ -41,7 +41,7 @@ class KeyVelocity:
         self._until = self._passed = self._age = 0.0
 
     def note_key(self, key: str, age: float) -> None:
-        """Take note that a key was pressed `age` real seconds ago; `key` is empty for one that is not the
+        """Note that a key was pressed `age` real seconds ago; `key` is empty for one that is not the
         maze's.
 
         Any key but a driving key ends the velocity; the stop key does so by its own action.
@@ -62,7 +62,7 @@ class KeyVelocity:
         if self._age > _OLD:
             return ""
         self.pass_time()
-        seconds = _REPEATED if self._held == (name, fine) else _FIRST
+        seconds = AFTER_REPEAT if self._held == (name, fine) else AFTER_FIRST_PRESS
         now = self._clock()
         if self._held is None:
             self._passed = now

@@ -134,7 +134,7 @@ class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
         return True
 
     async def on_key(self, event: Key) -> None:
-        """Have no other key do anything while a filter is typed."""
+        """Ignore all other keys while a filter is typed."""
         if self._typing:
             await self.take_key(event)
             event.stop()

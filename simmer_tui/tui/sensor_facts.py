@@ -68,7 +68,7 @@ def _scan_facts(row: SensorRow, scan: LidarScan, *, plain: bool) -> list[StyledL
 
 def _looks(sensor: SensorSpec) -> str:
     """Direction from the robot's front and width of the beam; empty for a sensor without a direction."""
-    wide = f", {sensor.field_of_view:g} deg wide" if sensor.kind.has("field_of_view") else ""
+    wide = "" if sensor.beam is None else f", {sensor.beam:g} deg wide"
     if isinstance(sensor, LidarSpec):
         direction = "clockwise" if sensor.clockwise else "counter-clockwise"
         return f"all around, {direction}, {sensor.scan_rate:g} scans a second"

@@ -1,7 +1,6 @@
 """Sensors as lines of text: direction, reading, and recent readings."""
 
 import math
-import re
 from collections.abc import Mapping, Sequence
 from itertools import chain
 
@@ -78,8 +77,8 @@ def direction_sign(sensor: SensorSpec, *, plain: bool) -> str:
 
 
 def kind_name(kind: type[SensorKind]) -> str:
-    """Name of a kind for people: that of its class, in words."""
-    return re.sub(r"(?<=[a-z])(?=[A-Z])", " ", kind.__name__).lower()
+    """Name of a kind for people: its own, or else the start of its IDs."""
+    return kind.short_name or kind.name
 
 
 def sensor_lines(
@@ -300,13 +299,13 @@ class _SensorTable:
         """Yes-or-no sensors side by side, each on the colour that it sees."""
         kind, plain = group[0].kind, self.view.plain
         if not self.full:
-            name = kind.__name__.removesuffix("Sensor").lower()
-            return (name[:4].ljust(5), "title"), *self._yes_or_no(group, "")
+            return (kind_name(kind)[:4].ljust(5), "title"), *self._yes_or_no(group, "")
         read = any(sensor.code in self.rows for sensor in group)
         codes = "".join(_ranges([sensor.code for sensor in group], plain=plain))
         begin = (codes.ljust(6), "value" if read else "dim")
-        white = {sensor.detects_white for sensor in group}
-        note = f"1 is {'white' if white.pop() else 'black'}" if len(white) == 1 else ""
+        colours = {sensor.yes_words and sensor.yes_words[0] for sensor in group}
+        colour = colours.pop() if len(colours) == 1 else None
+        note = f"1 is {colour}" if colour else ""
         if not read and not self.view.truth:
             said = ", ".join(filter(None, (kind_name(kind).removesuffix(" sensor"), note)))
             line: StyledLine = (begin, (f" {self.view.dash:<4}{said}", "dim"))
@@ -321,8 +320,8 @@ class _SensorTable:
             row, true = self.rows.get(sensor.code), self.true_values.get(sensor.code)
             text = self.view.dash if row is None else f"{row.reading.value:.0f}"
             role = self._role(row)
-            if row is not None and after and not self.view.plain:
-                is_white = bool(row.reading.value) == sensor.detects_white
+            if row is not None and after and not self.view.plain and sensor.kind.detects_floor:
+                is_white = bool(row.reading.value) == sensor.is_inverted
                 role = "white-tile" if is_white else "black-tile"
             pieces.append((f" {text}{after}", role))
             if self.view.truth and true is not None and self.full:

@@ -329,7 +329,7 @@ class Shell(FaultReporting, TerminalApp):
     # -- what people do --------------------------------------------------------------------------
 
     def pick_sensor(self, code: str) -> None:
-        """Have the rays of a sensor that was clicked on stand out."""
+        """Highlight the rays of a sensor that was clicked on."""
         self._panes.choose(code)
         self.refresh_frame()
 

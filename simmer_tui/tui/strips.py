@@ -162,7 +162,7 @@ class CellsWidget(DirectLines):
             self.refresh(*(span.translate((0, self.CELLS_TOP)) for span in spans))
 
     def forget_cells(self) -> None:
-        """Have the next picture sent as a whole: the colours around it have changed."""
+        """Send the next picture as a whole: the colours around it have changed."""
         self._cells = None
 
     def render_line(self, y: int) -> Strip:

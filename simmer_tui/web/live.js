@@ -5,7 +5,7 @@
   const NEWEST = 14; // events listed
   const DRIVES = [
     ["turn_left", "⟲", "turn left"], ["forward", "▲", "forward"], ["turn_right", "⟳", "turn right"],
-    ["sideways_left", "◀", "to the left"], ["back", "▼", "back"], ["sideways_right", "▶", "to the right"],
+    ["sideways_left", "◀", "left"], ["back", "▼", "back"], ["sideways_right", "▶", "right"],
   ];
   const PRESSES = [["poll", "read all"], ["pause", "pause / continue"], ["step", "step"], ["reset", "to the start"]];
   const WORD = /^#([A-Za-z0-9_-]{16,})$/;
@@ -119,7 +119,7 @@
       send({ key, fine: Boolean(fine) });
     };
     const pressed = (name, label, about, kind) => made("button",
-      { type: "button", class: kind, title: about, "aria-label": about, onclick: (event) => press(name, event.shiftKey) }, label);
+      { type: "button", class: kind, title: about, onclick: (event) => press(name, event.shiftKey) }, label);
     const line = made("input", { type: "text", maxlength: 200, autocomplete: "off", autocapitalize: "off", spellcheck: "false",
       "aria-label": "command or order", placeholder: "a command: u1, d1-3" });
     const given = made("form", { onsubmit: (event) => {
@@ -129,7 +129,7 @@
       line.value = "";
     } }, line, made("button", {}, "Give"));
     const pad = made("div", { class: "pad", tabindex: 0, role: "group", "aria-label": "keys that drive, while this has the focus" },
-      ...DRIVES.map(([name, label, about]) => pressed(name, label, about, "")),
+      ...DRIVES.map(([name, sign, word]) => pressed(name, `${sign} ${word}`, word, "")),
       pressed("stop", "■ Stop", "stop the robot", "stop"), ...PRESSES.map(([name, label]) => pressed(name, label, label, "wide")));
     drive = { told: made("p", { class: "told", role: "status" }) };
     const signs = { ArrowUp: "↑", ArrowDown: "↓", ArrowLeft: "←", ArrowRight: "→", " ": "space" };

@@ -14,7 +14,7 @@ from ipaddress import ip_address
 from msgspec import Struct
 
 # 128 bits: nobody can guess it.
-_WORD_BYTES = 16
+WORD_BYTES = 16
 # A name or an address, with an optional port: what a browser sends. It is copied into a header of ours.
 _HOST = re.compile(r"(?P<name>\[[0-9a-fA-F:.]+\]|[0-9A-Za-z._-]+)(:[0-9]{1,5})?")
 
@@ -41,7 +41,7 @@ class PageAccess:
         """`host` is the address by which other machines reach the page, as given. A forwarder shows it under
         `names`; anybody may reach the forwarder, so that they need `words`."""
         roles = (PageRole.LOOK, PageRole.DRIVE) if control else (PageRole.LOOK,)
-        self._words = {role: secrets.token_urlsafe(_WORD_BYTES) for role in roles} if words else {}
+        self._words = {role: secrets.token_urlsafe(WORD_BYTES) for role in roles} if words else {}
         self._free = None if words else roles[-1]
         self._forwarded = {name.lower() for name in names}
         self._names = {"localhost", host.lower(), socket.gethostname().lower(), *self._forwarded} - {""}

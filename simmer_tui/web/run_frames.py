@@ -109,7 +109,7 @@ class LiveRecording:
 
 # Simulated seconds a second, and the most seconds that the page may be behind. Timed motion has its own pace.
 # In instant motion a drive takes no time: the page shows it at the screen's usual pace.
-_PACE, _LAG, _TIMED_LAG = ScreenSettings().pace, 1.5, 0.08
+PAGE_PACE, _LAG, _TIMED_LAG = ScreenSettings().pace, 1.5, 0.08
 # A slice takes less than a millisecond, so that the robot's thread can run between two of them.
 _SLICE, _PAUSE = 50, 0.0002
 """Events processed before other threads can run, and seconds of that pause."""
@@ -240,7 +240,7 @@ class RunFrames:
         if engine.timed:
             pace, lag = engine.time_scale, _TIMED_LAG
         else:
-            pace, lag = _PACE, _LAG
+            pace, lag = PAGE_PACE, _LAG
         run = {
             "id": self._id,
             "limit": None if self._task is None else self._task.time_limit,

@@ -36,8 +36,7 @@ from simmer_tui.calibrate.prediction import HeldBack, widened
 from simmer_tui.calibrate.result_page import result_document
 from simmer_tui.calibrate.rows import Model
 from simmer_tui.document.as_data import document_value, plain
-from simmer_tui.sim.sensors import ParameterKind, Ultrasonic, parameter_value, with_parameters
-from simmer_tui.sim.specs import SensorSpec
+from simmer_tui.sim.sensors import ParameterKind, Ultrasonic, UltrasonicSpec, parameter_value, with_parameters
 from tests.calibrate.synthetic import Synthetic, make
 from tests.calibrate.test_kept_fit import known_fit
 
@@ -239,7 +238,7 @@ def test_intervals_are_widened_by_the_factor(weakening: Fit) -> None:
     ("rotation", "x", "y"), [(0.0, 3.0, 2.5), (90.0, 2.5, 2.0), (180.0, 3.0, 1.5), (-90.0, 3.5, 2.0)]
 )
 def test_an_offset_is_to_the_left_of_where_a_sensor_looks(rotation: float, x: float, y: float) -> None:
-    spec = SensorSpec(kind=Ultrasonic, number=1, code="u1", x=3.0, y=2.0)
+    spec = UltrasonicSpec(kind=Ultrasonic, number=1, code="u1", x=3.0, y=2.0)
     moved = with_parameters(spec, {"offset": 0.5, "rotation": rotation})
     assert (moved.x, moved.y, moved.rotation) == pytest.approx((x, y, rotation))
     assert parameter_value(moved, "offset", (3.0, 2.0)) == pytest.approx(0.5)
@@ -248,7 +247,7 @@ def test_an_offset_is_to_the_left_of_where_a_sensor_looks(rotation: float, x: fl
 
 @pytest.mark.parametrize("rotation", [0.0, 90.0, 180.0, 270.0])
 def test_no_offset_is_shown_without_a_sign(rotation: float) -> None:
-    spec = SensorSpec(kind=Ultrasonic, number=1, code="u1", x=3.0, y=2.0, rotation=rotation)
+    spec = UltrasonicSpec(kind=Ultrasonic, number=1, code="u1", x=3.0, y=2.0, rotation=rotation)
     assert f"{parameter_value(spec, 'offset', (3.0, 2.0)):g}" == "0"
 
 

@@ -72,7 +72,7 @@ def test_it_refuses_before_it_computes(
 def test_a_large_grid_is_computed_if_that_is_wanted(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("simmer_tui.cli.atlas_command._MANY", 100)
+    monkeypatch.setattr("simmer_tui.cli.atlas_command.MANY_POSES", 100)
     monkeypatch.chdir(tmp_path)
     large = ["atlas", "a.npz", "--step", "12", "--headings", "4", "--sensors", "u1"]
     assert main(large) == 2

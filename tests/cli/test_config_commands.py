@@ -17,6 +17,7 @@ from simmer_tui.config.sets import FILES, bundled_folder, bundled_sets, find_set
 from simmer_tui.config.settings_file import Override
 from simmer_tui.errors import ConfigurationError, printable
 from simmer_tui.sim.command import typed_path
+from simmer_tui.sim.sensors import sensor_kinds
 from tests.in_process import simmer
 
 Edit = Callable[[str, str, str], None]
@@ -269,7 +270,10 @@ def test_keys_of_the_json_of_a_set_are_names_and_blank_units_are_null(
     assert [key for row in rows for key in row if not key.isidentifier()] == []
     assert answer["settings"]["wheels_top_speed_in_per_s"] == 12.0
     assert {row["unit"] for row in answer["sensors"]} <= {"in", "deg", None}
-    assert all((row["scan_rate_hz"] is None) == (row["kind"] != "lidar") for row in answer["sensors"])
+    for row in answer["sensors"]:
+        kind = sensor_kinds()[row["kind"]]
+        for name, key in (("scan_rate", "scan_rate_hz"), ("soft_iron", "soft_iron_deg"), ("wrap", "wrap")):
+            assert (key in row) == kind.has(name), row["id"]
 
 
 def test_a_folder_of_another_script_is_named_so_that_it_can_be_typed(tmp_path: Path) -> None:

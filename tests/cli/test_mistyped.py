@@ -109,6 +109,7 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ("--headless --mission", ["type simmer-tui --no-ui --mission"]),
         ("--mission=yes", ["--mission takes no value: type --mission alone"]),
         ("--log", ["--log needs a value: --log FILE"]),
+        ("/no-ui", ['unknown option "/no-ui"; did you mean "--no-ui"?']),
         ("init", ["DIR is missing: simmer-tui init DIR"]),
         ("import wander.py", ["DIR is missing: simmer-tui import FILE DIR"]),
         # Sets and their files.

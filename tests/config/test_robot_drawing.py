@@ -5,8 +5,8 @@ from __future__ import annotations
 from msgspec.structs import replace
 
 from simmer_tui.config.robot_drawing import robot_drawing, sensor_drawing
-from simmer_tui.sim.sensors import Ultrasonic
-from simmer_tui.sim.specs import RobotSpec, SensorSpec, SimulationSpec
+from simmer_tui.sim.sensors import Ultrasonic, UltrasonicSpec
+from simmer_tui.sim.specs import RobotSpec, SimulationSpec
 
 
 def test_the_front_is_up_and_the_sensor_stands_where_it_sits(course_spec: SimulationSpec) -> None:
@@ -22,7 +22,7 @@ def test_the_front_is_up_and_the_sensor_stands_where_it_sits(course_spec: Simula
 
 
 def test_any_robot_fits() -> None:
-    sensor = SensorSpec(kind=Ultrasonic, number=1, code="u1", x=20.0, y=-9.0, rotation=200.0)
+    sensor = UltrasonicSpec(kind=Ultrasonic, number=1, code="u1", x=20.0, y=-9.0, rotation=200.0)
     for robot in (RobotSpec.circle(40.0), RobotSpec.rectangle(30.0, 2.0), RobotSpec.circle(0.5)):
         lines = sensor_drawing(robot, sensor)
         assert max(map(len, lines)) <= 25

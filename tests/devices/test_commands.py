@@ -368,7 +368,7 @@ def test_a_replay_shows_it_without_its_file(make_set: MakeSet, program: str, tmp
         snapshot = asyncio.run(run.snapshot(0, True))
     reading = snapshot.state.sensors["h1"].reading
     assert 17 < reading.value < 20
-    assert kind_name(reading.sensor.kind) == "thermal"
+    assert kind_name(reading.sensor.kind) == "temp"
 
 
 def test_env_parses_it_and_runs_nothing(

@@ -20,7 +20,7 @@ from tests.devices.test_commands import PROGRAM, logged
 Header = dict[str, Any]
 FIELDS = ("kind", "number", "code", "enabled", "id", "__post_init__", "__class__", "is_yes_or_no", "a b")
 HEADERS: list[Header] = [
-    *({"kinds": [{key: "\x1b[2J\u202egnp"}]} for key in ("meaning", "unit", "title", "name")),
+    *({"kinds": [{key: "\x1b[2J\u202egnp"}]} for key in ("meaning", "unit", "short_name", "title", "name")),
     *({"kinds": [{key: "x" * 100_000}]} for key in ("meaning", "unit", "title", "name")),
     *({"kinds": [{"columns": [{"field": name}]}]} for name in FIELDS),
     *({"kinds": [{"columns": [{key: "\x1b[2J"}]}]} for key in ("header", "unit", "label")),

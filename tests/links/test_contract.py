@@ -86,7 +86,7 @@ class Rig:
         self._buffer = b""
 
     def robot(self, answer: Callable[[bytes], bytes], end: bytes = b"\n") -> None:
-        """Have the robot give these answers to lines (or packets)."""
+        """Make the robot give these answers to lines (or packets)."""
 
         def hear(data: bytes) -> None:
             *whole, self._buffer = (self._buffer + data).split(end)

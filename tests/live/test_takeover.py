@@ -20,7 +20,6 @@ from simmer_tui.config.sets import bundled_sets
 from simmer_tui.errors import RunLogError
 from simmer_tui.live.server import Server, link_delay
 from simmer_tui.live.takeover import LogPoint, TakeOver, moment_at, moment_of
-from simmer_tui.report.findings import findings
 from simmer_tui.robot.engine import Engine
 from simmer_tui.run.events import Action, ActionName, Belief, Notice, NoticeKind
 from simmer_tui.run.mission import Referee, plan_run
@@ -141,7 +140,7 @@ def test_a_movement_under_way_ends_where_it_was_seen(tmp_path: Path, capsys: Any
         for part in range(1, 12):
             log = tmp_path / f"{part}.jsonl"
             moment = moment_at(index, index.duration * part / 12)
-            _, state = playback.state_at_time(moment.elapsed)
+            state = playback.state_at(playback.index.find_time(moment.elapsed), moment.elapsed)
             with taken_over(path, moment, log) as server:
                 assert server.simulator.pose == state.pose
                 assert not server.simulator.moving
@@ -154,7 +153,7 @@ def test_a_movement_under_way_ends_where_it_was_seen(tmp_path: Path, capsys: Any
     header = json.loads(log.read_text().splitlines()[0])
     assert header["taken_over"] == {"log": "run.jsonl", "line": moment.line, "elapsed": moment.elapsed}
     assert f"took over from run.jsonl at {moment.elapsed:.2f} s" in out.err
-    assert any("Taken over from run.jsonl" in said for said in findings(build_report(log)))
+    assert any("taken over from run.jsonl" in note for note in build_report(log).notes)
 
 
 def test_a_run_that_took_over_another_can_be_taken_over_too(tmp_path: Path) -> None:
@@ -202,7 +201,7 @@ def test_timed_motion_is_taken_over_too(timed_log: Path, tmp_path: Path) -> None
         playback = Playback(index)
         for part in range(3):
             moment = moment_at(index, index.duration * part / 2)
-            _, state = playback.state_at_time(moment.elapsed)
+            state = playback.state_at(playback.index.find_time(moment.elapsed), moment.elapsed)
             log = tmp_path / f"{part}.jsonl"
             with taken_over(timed_log, moment, log) as server:
                 assert server.simulator.pose == state.pose
@@ -264,7 +263,7 @@ def test_continuous_motion_is_taken_over_too(velocity_log: Path, tmp_path: Path)
         playback = Playback(index)
         for part in range(3):
             moment = moment_at(index, index.duration * part / 2)
-            _, state = playback.state_at_time(moment.elapsed)
+            state = playback.state_at(playback.index.find_time(moment.elapsed), moment.elapsed)
             velocity_taken_over(velocity_log, tmp_path / f"{part}.jsonl", moment, state)
 
 

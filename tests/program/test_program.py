@@ -103,6 +103,8 @@ def test_a_program_that_is_still_running_is_ended() -> None:
     ("command", "mistake"),
     [
         ("/no/such/program", "--run '/no/such/program': there is no file /no/such/program"),
+        ("python nosuch.py", "--run 'python nosuch.py': there is no file nosuch.py in "),
+        pytest.param("python tests\\conftest.py", "did you mean tests/conftest.py?", marks=posix),
         pytest.param("pyhton my.py", "there is no program pyhton; did you mean", marks=posix),
         pytest.param("'unbalanced", "No closing quotation", marks=posix),
         pytest.param("  ", "--run needs a program", marks=posix),

@@ -20,7 +20,6 @@ from simmer_tui.cli.log_commands import build_report, run_report
 from simmer_tui.document.as_terminal import print_document
 from simmer_tui.document.svg import PICTURE_WIDTH, shade
 from simmer_tui.report.content import report_document, report_tables, svg_picture
-from simmer_tui.report.findings import findings
 from simmer_tui.report.page import report_page
 from simmer_tui.robot.sessions import LinkDelay
 from simmer_tui.run.events import ActionName, Belief, CommandResult, MissionEvent, Notice, NoticeKind, Result
@@ -33,7 +32,14 @@ SVG = "{http://www.w3.org/2000/svg}"
 def test_the_terminal_shows_what_happened(eventful_log: Path, capsys: Any) -> None:
     assert run_report([str(eventful_log)]) == 0
     out, err = capsys.readouterr()
-    for words in ("Stuck at the end", "Commands", "Contacts", "Refused commands", "Belief", "Time by cell"):
+    for words in (
+        "stuck at (27.0, 45.0)",
+        "Commands",
+        "Contacts",
+        "Refused commands",
+        "Belief",
+        "Time by cell",
+    ):
         assert words in out
     assert "[bold]</b>" in out
     assert "[red]is[/red]" in out
@@ -70,8 +76,8 @@ def test_another_seed_since_a_restart_is_named(start_run: Callable[..., Any]) ->
     run.send("d1-3")
     for seed in (2**128 - 1, run.simulator.seed):
         run.perform(ActionName.SEED, seed)
-        told = [line for line in findings(build_report(run.path)) if "seed was" in line]
-        assert told == [f"From 0.5 s on the seed was {2**128 - 1}."][: seed == 2**128 - 1]
+        told = [note for note in build_report(run.path).notes if "seed was" in note]
+        assert told == [f"from 0.5 s on the seed was {2**128 - 1}"][: seed == 2**128 - 1]
 
 
 def test_the_mission_is_in_the_report(start_run: Callable[..., Any], capsys: Any) -> None:
@@ -133,10 +139,10 @@ def test_the_page_is_whole_and_needs_nothing_else(eventful_log: Path, tmp_path: 
     assert page.open == []
     assert all(link.startswith("#t=") for link in page.links)
     assert not {"link", "img", "iframe"} & set(page.tags)
-    assert page.tags.count("svg") == page.tags.count("script") == 2
+    assert text.count("<div class='picture ") == page.tags.count("script") == 2
     assert set(re.findall(r"https?://[^'\"]*", text)) == {"http://www.w3.org/2000/svg"}
     assert "&lt;script&gt;alert(1)" in text
-    assert "Stuck at the end" in text
+    assert "stuck at (27.0, 45.0)" in text
     assert "@media print" in text
 
 

@@ -7,12 +7,17 @@ import os
 import re
 import subprocess
 import sys
+from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from simmer_tui.cli.log_commands import build_report
 from simmer_tui.cli.main import main
+from simmer_tui.document.page_style import STYLE
+from simmer_tui.document.svg import SHADES, shade
+from simmer_tui.report.figure import TILES
 from simmer_tui.report.page import report_page
 from tests.report.browser import SIZES, measured
 from tests.web.browser_tab import tab
@@ -47,7 +52,7 @@ def run_of(program: str, folder: Path, *options: str) -> Path:
 
 def test_the_page_of_a_crash_begins_with_it_and_the_last_lines(tmp_path: Path) -> None:
     text = report_page(build_report(run_of(CRASHING, tmp_path)), "run.jsonl")
-    order = ("Run of 20", "Program crashed", "IndexError", "<pre>", "simulated", "class='maze bad'")
+    order = ("Run of 20", "Program crashed", "IndexError", "<pre>", "simulated", "class='picture maze bad'")
     places = [text.index(word, text.index("<body>")) for word in (*order, "<h2>Next</h2>", "<details>")]
     assert places == sorted(places)
     assert text.count("readings[5]") == 2  # once more in the whole output, folded
@@ -93,16 +98,23 @@ with Robot() as robot:
         robot.read("u1", "c1", "o3")
         robot.drive("d1", 2)
 """
-# Of each text in a picture, its height in CSS pixels; of each box that cuts what is too wide, its class.
-SMALLEST = """Math.min(...[...document.querySelectorAll("NAME text")].map((each) =>
-  parseFloat(getComputedStyle(each).fontSize) * each.getScreenCTM().a))"""
+# The smallest text of a page in CSS pixels, and the texts of boxes that cut what is too wide.
+SMALLEST = """(() => {
+  const walk = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT), sizes = [];
+  for (let node = walk.nextNode(); node; node = walk.nextNode()) {
+    const of = node.parentElement;
+    if (!node.data.trim() || of.closest("script, style, title") || !of.checkVisibility()) continue;
+    sizes.push(parseFloat(getComputedStyle(of).fontSize) * (of.getScreenCTM?.().a ?? 1));
+  }
+  return Math.min(...sizes);
+})()"""
 CUT = """[...document.querySelectorAll("section, .chip, .columns > div")]
   .filter((each) => each.scrollWidth > each.clientWidth + 1).map((each) => each.textContent)"""
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("width", [320, 360, 768, 1280])
-def test_nothing_is_cut_and_curves_can_be_read_at_any_width(width: int, tmp_path: Path) -> None:
+@pytest.mark.parametrize("width", [320, 360, 390, 768, 1280, 1440])
+def test_nothing_is_cut_and_every_text_can_be_read_at_any_width(width: int, tmp_path: Path) -> None:
     page = tmp_path / "page.html"
     run = build_report(run_of(SPOKEN, tmp_path, "--seed", str(2**127)))
     page.write_text(report_page(run, "a team, run 3", commands=False), "utf-8")
@@ -113,7 +125,7 @@ def test_nothing_is_cut_and_curves_can_be_read_at_any_width(width: int, tmp_path
         assert browser.run("document.documentElement.scrollWidth") <= width
         assert width < 360 or browser.run(CUT) == []
         assert browser.run("document.querySelector('.chip').title") == "ultra1, in"
-        assert browser.run(SMALLEST.replace("NAME", ".strips")) >= 6.0
+        assert browser.run(SMALLEST) >= 11.0
         assert browser.run("document.querySelector('.maze svg').clientWidth") >= 0.6 * min(width, 1120)
         assert browser.told == []
         assert browser.requests == [page.as_uri()]
@@ -141,6 +153,70 @@ def test_space_opens_a_fold_and_presses_the_button_that_has_the_focus(tmp_path: 
         names = browser.run(f"{all_controls}.map((each) => each.ariaLabel || each.textContent)")
         assert "playback rate" in names
         assert all(any(map(str.isalpha, name)) for name in names)
+        assert "deciding moment" in names
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("width", [390, 1280])
+def test_the_time_line_has_the_moments_and_the_path_its_colours(width: int, tmp_path: Path) -> None:
+    run = build_report(run_of(LOST, tmp_path, "--mission"))
+    page = tmp_path / "page.html"
+    page.write_text(report_page(run, "run.jsonl"), "utf-8")
+    links, slider = (
+        "[...document.querySelectorAll('.moments a')]",
+        "document.querySelector('.timeline input')",
+    )
+    with tab() as browser:
+
+        def of_each(what: str) -> list[Any]:
+            found: list[Any] = browser.run(f"{links}.map((each) => {what})")
+            return found
+
+        browser.open(page.as_uri(), size=(width, 800))
+        browser.wait(f"{links}.every((each) => each.style.left)")
+        times = list(dict.fromkeys(f"{each.elapsed:.1f} s" for each in run.verdict.moments))
+        assert of_each("each.textContent") == times
+        (cause,) = (each for each in run.verdict.moments if each.is_cause)
+        marked = of_each("each.classList.contains('cause') && each.title")
+        assert [cause.text in each for each in marked if each] == [True]
+        edges = of_each("[each.offsetLeft, each.offsetLeft + each.offsetWidth]")
+        assert all(end <= begin for (_, end), (begin, _) in pairwise(edges))
+        assert edges[0][0] >= 0
+        assert edges[-1][1] <= browser.run("document.querySelector('.moments').clientWidth")
+        for place, each in enumerate(times):
+            browser.run(f"{links}[{place}].click()")
+            browser.wait(f"Math.abs({slider}.value - {each.removesuffix(' s')}) <= 0.051")
+            assert of_each("each.hasAttribute('aria-current')").index(True) == place
+        browser.run(f"{slider}.value = {slider}.max, {slider}.dispatchEvent(new Event('input'))")
+        # There is no later event.
+        assert browser.run("document.querySelectorAll('.buttons button:disabled').length") == 1
+        # The newest part of the path has the colour that the legend ends with.
+        drawn = browser.run(
+            "[...document.querySelectorAll('.live .trail')].filter((each) => each.getAttribute('d'))"
+            ".map((each) => getComputedStyle(each).stroke)"
+        )
+        ends = browser.run(
+            "[...document.querySelectorAll('.legend .ramp rect')].map((each) => getComputedStyle(each).fill)"
+        )
+        assert drawn[-1] == ends[-1] != drawn[0]
+
+
+def test_colours_of_a_path_have_three_to_one_on_the_floor_in_both_looks() -> None:
+    dark = float(re.findall(r"brightness\(([\d.]+)\)", STYLE)[0])
+    floors = {1.0: ("#ffffff", TILES), dark: ("#0b0e13", "#1e232b")}
+    for brightness, grounds in floors.items():
+        for step in range(SHADES + 1):
+            path = luminance(shade(step / SHADES), brightness)
+            for ground in map(luminance, grounds):
+                high, low = max(path, ground), min(path, ground)
+                assert (high + 0.05) / (low + 0.05) >= 3.0, (step, brightness)
+
+
+def luminance(colour: str, brightness: float = 1.0) -> float:
+    """Relative luminance, as WCAG 2 has it."""
+    parts = (min(int(colour[at : at + 2], 16) / 255 * brightness, 1.0) for at in (1, 3, 5))
+    linear = [part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in parts]
+    return sum(weight * part for weight, part in zip((0.2126, 0.7152, 0.0722), linear, strict=True))
 
 
 @pytest.mark.slow

@@ -39,7 +39,7 @@ HOSTILE = "</script><script>document.title='taken'</script>\u2028\x07<b>"
 TIMES = 20
 
 
-def mission_log(path: Path, seed: int = 3) -> None:
+def mission_log(path: Path, seed: int = 3, result: Result = Result.FAILED) -> None:
     """A mission in whose run all that a player shows happens: contacts, refusals, a held block, beliefs
     with particles, a teleport, a reset."""
     configuration, plan = plan_run(load(bundled_sets()["mission"]), seed)
@@ -70,7 +70,13 @@ def mission_log(path: Path, seed: int = 3) -> None:
         give("p1-1", "r1-60", "d1--4", "d1-60", "p1-0")
         engine.perform(Action(ActionName.RESET))
         give("d1-3", "u1", "r1--75")
-        engine.tell(MissionEvent(simulator.time, Result.FAILED, "mission: failed", "time is up"))
+        engine.tell(MissionEvent(simulator.time, result, f"mission: {result.value}", "time is up"))
+
+
+@pytest.mark.parametrize("result", [Result.FAILED, Result.SUCCESS])
+def test_a_run_is_taken_over_only_where_something_is_left_to_do(result: Result, tmp_path: Path) -> None:
+    mission_log(tmp_path / "run.jsonl", result=result)
+    assert ("--take-over" in page_of(tmp_path / "run.jsonl")) == (result is Result.FAILED)
 
 
 def page_of(log: Path) -> str:
@@ -87,7 +93,7 @@ def recorded(page: str) -> dict[str, Any]:
 def logged_poses(log: Path, times: list[float]) -> list[Pose]:
     with RunLogIndex(log) as index:
         playback = Playback(index)
-        return [playback.state_at_time(each)[1].pose for each in times]
+        return [playback.state_at(playback.index.find_time(each), each).pose for each in times]
 
 
 @pytest.mark.slow

@@ -395,7 +395,7 @@ def test_contacts_after_the_mission_change_no_verdict_of_a_run(commands: int) ->
     assert Attempt(history, task).commands == 1, "its answer came after the mission's end"
     found = verdict_of(history, task)
     assert found.cause is not None
-    assert "then d1-60 was sent" in found.text
+    assert "d1-60 was sent" in found.text
 
 
 @pytest.mark.slow

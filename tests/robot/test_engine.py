@@ -201,6 +201,30 @@ def test_a_crowd_in_one_lane_gets_no_more_turns_than_one_sender_in_another(insta
         instant.clock.settle()
 
 
+def test_a_sender_without_a_lane_has_one_of_its_own(instant: Bench) -> None:
+    """A person's key goes before the commands that a program has sent, when its slice is used up too."""
+    program, person = instant.session(), instant.session()
+    instant.clock.call_soon(instant.send, program, *["u1"] * 100)
+    instant.clock.call_soon(instant.send, person, "o3")
+    instant.clock.settle()
+    assert [text for _, text, _ in instant.answers].index("o3") <= SLICE
+    while len(instant.answers) < 101:
+        instant.clock.settle()
+    assert not instant.engine.has_waiting
+
+
+def test_what_waits_in_a_pause_is_known_when_a_slice_is_used_up(instant: Bench) -> None:
+    def send_and_pause() -> None:
+        instant.send(instant.session(), *["u1"] * (SLICE + 1))
+        instant.act(ActionName.PAUSE)
+        assert instant.engine.has_waiting
+
+    instant.clock.call_soon(send_and_pause)
+    instant.clock.settle()
+    assert instant.engine.has_waiting
+    assert len(instant.answers) == SLICE
+
+
 def test_commands_of_a_crowd_that_take_long_use_up_its_slice_by_their_time(instant: Bench) -> None:
     def take_long(event: Event) -> None:
         instant.clock.selector.now += SLICE_SECONDS / 4

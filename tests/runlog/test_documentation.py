@@ -1,4 +1,4 @@
-"""docs/run-log.md lists exactly what is written."""
+"""docs/run-log.md and docs/run-log-others.md list exactly what is written."""
 
 from __future__ import annotations
 
@@ -36,11 +36,12 @@ from simmer_tui.runlog.writer import CHECKPOINT_EVERY, ReplayedPrefix, RunLog
 from simmer_tui.sim import GripperSpec, Pose, Simulator, Status, WheelLayout, WheelsSpec, parse_command
 from simmer_tui.sim.sensors.lidar import Lidar, LidarSpec
 
-DOCUMENT = Path(__file__).parents[2] / "docs" / "run-log.md"
+DOCUMENTS = [Path(__file__).parents[2] / "docs" / name for name in ("run-log.md", "run-log-others.md")]
 
 
 def sections() -> dict[str, str]:
-    parts = re.split(r"^## (\w+)$", DOCUMENT.read_text(encoding="utf-8"), flags=re.MULTILINE)
+    text = "\n".join(document.read_text("utf-8") for document in DOCUMENTS)
+    parts = re.split(r"^## (\w+)$", text, flags=re.MULTILINE)
     return dict(zip(parts[1::2], parts[2::2], strict=True))
 
 

@@ -132,7 +132,8 @@ def index_and_play(path: Path) -> list[str]:
         run = Playback(log)
         chance = random.Random(1)
         for _ in range(6):
-            run.state_at_time(chance.uniform(0.0, log.duration))
+            elapsed = chance.uniform(0.0, log.duration)
+            run.state_at(log.find_time(elapsed), elapsed)
         run.state_at(log.count - 1)
         for flags in (EntryFlag.CONTACT, EntryFlag.FAULTY, EntryFlag.COMMAND):
             log.find_next(-1, flags)

@@ -387,7 +387,9 @@ def test_the_moments_of_a_replay_are_those_that_were_kept(
         playback, found = Playback(log), []
         steps = 45
         for step in (*range(-1, steps + 2, 4), *range(steps, 0, -6), 3, 40, 41, 5, 4, 44):
-            entry, state = playback.state_at_time(log.duration * step / steps)
+            elapsed = log.duration * step / steps
+            entry = log.find_time(elapsed)
+            state = playback.state_at(entry, elapsed)
             found.append([entry, shown(state)])
         for entry in (-1, 0, 20, 22, 21, 21, *range(log.count - 1, 22, -9), 3):
             found.append([entry, shown(playback.state_at(entry))])

@@ -38,7 +38,7 @@ def rewrite(path: Path, line: int, **changes: object) -> None:
 
 
 def give(log: RunLog, simulator: Simulator, *texts: str) -> None:
-    """Have commands done at once, and logged."""
+    """Do commands at once, and log them."""
     engine = Engine(simulator)
     engine.watch(log)
     session = engine.session()

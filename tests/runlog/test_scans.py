@@ -280,7 +280,7 @@ def test_an_hour_of_scans_is_small_replayed_and_repeats_exactly(start_run: Start
     with RunLogIndex(run.path) as index:
         playback = Playback(index)
         for elapsed in np.linspace(0.0, index.duration, 40).tolist():
-            _, state = playback.state_at_time(elapsed)
+            state = playback.state_at(playback.index.find_time(elapsed), elapsed)
             assert elapsed < 1.0 or state.sensors["sc"].reading.scan is not None
     with LogReader(run.path) as reader:
         assert sum(not isinstance(each, BrokenLine) for each in reader) > len(sizes)

@@ -25,14 +25,13 @@ from simmer_tui.sim import (
     Pose,
     RangeScan,
     RobotSpec,
-    SensorSpec,
     SimulationSpec,
     Simulator,
     Status,
     parse_command,
 )
 from simmer_tui.sim.arrays import FloatArray
-from simmer_tui.sim.sensors import Ultrasonic
+from simmer_tui.sim.sensors import Ultrasonic, UltrasonicSpec
 
 
 def test_the_example_in_the_documentation_runs() -> None:
@@ -57,7 +56,7 @@ def test_a_world_is_made_without_any_file() -> None:
     spec = SimulationSpec(
         maze=MazeSpec(((1, 1, 1),)),
         robot=RobotSpec.circle(6),
-        sensors=(SensorSpec(kind=Ultrasonic, number=1, code="u1", x=3.0),),
+        sensors=(UltrasonicSpec(kind=Ultrasonic, number=1, code="u1", x=3.0),),
         drives=(DriveSpec(kind=DriveKind.RIGHT, code="d1"),),
         bot_center=(6.0, 6.0),
         block_center=(18.0, 6.0),

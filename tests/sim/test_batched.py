@@ -16,7 +16,6 @@ from simmer_tui.sim import (
     MazeSpec,
     Pose,
     RangeSensor,
-    SensorSpec,
     TimeOfFlight,
     Ultrasonic,
     World,
@@ -51,7 +50,7 @@ def sensors() -> list[RangeSensor]:
             (2.12, -2.12, 315.0, 25.0, 7),
         ):
             for z, vertical, limit in ((2.0, 0.0, 0.0), (6.0, 0.0, 0.0), (4.0, 30.0, 25.0)):
-                spec = SensorSpec(
+                spec = kind.spec_type(
                     kind=kind, number=1, code="u1", x=x, y=y, z=z, rotation=rotation, rays=rays,
                     field_of_view=view, vertical_field_of_view=vertical, incidence_limit=limit,
                 )  # fmt: skip

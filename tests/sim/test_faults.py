@@ -29,9 +29,10 @@ from simmer_tui.sim import (
     Ultrasonic,
     World,
 )
+from simmer_tui.sim.sensors import CompassSpec, GyroSpec, LineSpec, OdometerSpec, UltrasonicSpec
 
 COUNT = 3_000
-ULTRA = SensorSpec(kind=Ultrasonic, number=1, code="u1", z=6.0, rays=1)
+ULTRA = UltrasonicSpec(kind=Ultrasonic, number=1, code="u1", z=6.0, rays=1)
 
 
 def with_sensors(spec: SimulationSpec, *sensors: SensorSpec, seed: int = 3, **changes: Any) -> Simulator:
@@ -114,7 +115,7 @@ def test_outliers_strike_as_often_as_the_column_says(course_spec: SimulationSpec
 def test_a_line_sensors_outliers_are_yes_or_no_and_of_an_analog_one_any_fraction(
     course_spec: SimulationSpec,
 ) -> None:
-    sensor = SensorSpec(
+    sensor = LineSpec(
         kind=LineSensor, number=1, code="i1", z=1.0, field_of_view=40, threshold=0.5, outlier=1.0
     )
     simulator = with_sensors(course_spec, sensor)
@@ -124,14 +125,14 @@ def test_a_line_sensors_outliers_are_yes_or_no_and_of_an_analog_one_any_fraction
 
 
 def test_a_compasss_outliers_are_all_around(course_spec: SimulationSpec) -> None:
-    sensor = SensorSpec(kind=Compass, number=1, code="c1", outlier=1.0)
+    sensor = CompassSpec(kind=Compass, number=1, code="c1", outlier=1.0)
     simulator = with_sensors(course_spec, sensor)
     assert_distributed([simulator.execute("c1").reply for _ in range(COUNT)], lambda value: value / 360.0)
     assert with_sensors(course_spec, replace(sensor, dropout=1.0)).execute("c1").reply == 0.0
 
 
 def test_without_noise_nothing_strikes(course_spec: SimulationSpec) -> None:
-    gyro = SensorSpec(kind=Gyro, number=1, code="g1", random_walk=5.0)
+    gyro = GyroSpec(kind=Gyro, number=1, code="g1", random_walk=5.0)
     simulator = with_sensors(course_spec, replace(ULTRA, dropout=0.5, outlier=0.5), gyro)
     simulator.noise = False
     simulator.execute("d1-1")
@@ -214,14 +215,14 @@ def test_a_ray_square_to_a_wall_echoes_at_a_corner_too() -> None:
 def test_an_encoder_counts_whole_ticks(
     course_spec: SimulationSpec, go: float, ticks: float, reading: float
 ) -> None:
-    wheel = SensorSpec(kind=Odometer, number=1, code="o1", ticks_per_inch=ticks)
+    wheel = OdometerSpec(kind=Odometer, number=1, code="o1", ticks_per_inch=ticks)
     simulator = with_sensors(course_spec, wheel)
     simulator.execute(f"d1-{go}")
     assert simulator.execute("o1").reply == pytest.approx(reading)
 
 
 def test_ticks_do_not_get_lost_on_the_way(course_spec: SimulationSpec) -> None:
-    wheel = SensorSpec(kind=Odometer, number=1, code="o1", ticks_per_inch=3.0)
+    wheel = OdometerSpec(kind=Odometer, number=1, code="o1", ticks_per_inch=3.0)
     simulator = with_sensors(course_spec, wheel)
     for _ in range(50):
         simulator.execute("d1-0.1")
@@ -231,7 +232,7 @@ def test_ticks_do_not_get_lost_on_the_way(course_spec: SimulationSpec) -> None:
 
 @pytest.mark.parametrize("heading", [0.0, 30.0, 90.0, 135.0, 270.0, -725.0])
 def test_iron_turns_a_compass_once_and_twice_a_turn(course_spec: SimulationSpec, heading: float) -> None:
-    compass = SensorSpec(kind=Compass, number=1, code="c1", hard_iron=8.0, soft_iron=3.0)
+    compass = CompassSpec(kind=Compass, number=1, code="c1", hard_iron=8.0, soft_iron=3.0)
     angle = math.radians(heading)
     deviation = 8.0 * math.sin(angle) + 3.0 * math.sin(2 * angle)
     simulator = with_sensors(course_spec, compass, bot_rot=heading)
@@ -242,7 +243,7 @@ def test_iron_turns_a_compass_once_and_twice_a_turn(course_spec: SimulationSpec,
 
 
 def test_a_gyro_walks_with_the_root_of_time(course_spec: SimulationSpec) -> None:
-    gyro = SensorSpec(kind=Gyro, number=1, code="g1", random_walk=0.2)
+    gyro = GyroSpec(kind=Gyro, number=1, code="g1", random_walk=0.2)
     simulator = with_sensors(course_spec, gyro)
     steps, last, time = [], 0.0, 50.0
     simulator.advance(time)
@@ -260,7 +261,7 @@ def test_a_gyro_walks_with_the_root_of_time(course_spec: SimulationSpec) -> None
 
 
 def test_a_walk_restarts_with_a_run(course_spec: SimulationSpec) -> None:
-    gyro = SensorSpec(kind=Gyro, number=1, code="g1", random_walk=0.2)
+    gyro = GyroSpec(kind=Gyro, number=1, code="g1", random_walk=0.2)
     simulator = with_sensors(course_spec, gyro)
 
     def run() -> list[float]:
@@ -276,7 +277,7 @@ def test_a_walk_restarts_with_a_run(course_spec: SimulationSpec) -> None:
 
 
 def test_an_analog_line_sensor_says_the_fraction(course_spec: SimulationSpec) -> None:
-    sensor = SensorSpec(
+    sensor = LineSpec(
         kind=LineSensor, number=1, code="i1", z=1.0, field_of_view=90, threshold=0.9, analog=True
     )
     simulator = with_sensors(course_spec, sensor, bot_center=(6.0, 41.5))
@@ -292,7 +293,7 @@ def test_an_analog_line_sensor_says_the_fraction(course_spec: SimulationSpec) ->
 
 
 def test_a_reading_takes_its_time(course_spec: SimulationSpec) -> None:
-    compass = SensorSpec(kind=Compass, number=1, code="c1", drift=1.0)
+    compass = CompassSpec(kind=Compass, number=1, code="c1", drift=1.0)
     simulator = with_sensors(course_spec, replace(ULTRA, read_time=0.06), compass)
     simulator.advance(1000.3)
     outcome = simulator.execute("u1")

@@ -18,13 +18,12 @@ from simmer_tui.sim import (
     Maze,
     Pose,
     RobotSpec,
-    SensorSpec,
     SimulationSpec,
     Simulator,
 )
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.obstacles import Obstacles
-from simmer_tui.sim.sensors import LineSensor, Ultrasonic, World
+from simmer_tui.sim.sensors import LineSensor, LineSpec, Ultrasonic, UltrasonicSpec, World
 
 Golden = Callable[[str], dict[str, Any]]
 CODES = {"up": "w1", "down": "s1", "left": "a1", "right": "d1", "rot": "r1"}
@@ -45,7 +44,7 @@ def test_ultrasonic_ranges_agree(course_spec: SimulationSpec, golden: Golden, ev
     maze = Maze(course_spec.maze)
     sensors = [
         Ultrasonic(
-            SensorSpec(
+            UltrasonicSpec(
                 kind=Ultrasonic,
                 number=number,
                 code=f"u{number}",
@@ -81,7 +80,7 @@ def test_line_sensors_see_the_same_points_black(course_spec: SimulationSpec, gol
     world = World(Maze(course_spec.maze), Block(25, 41, 3))
 
     def black(row: dict[str, Any], pose: Pose) -> int:
-        spec = SensorSpec(
+        spec = LineSpec(
             kind=LineSensor,
             number=1,
             code="i1",

@@ -37,15 +37,21 @@ from simmer_tui.sim.records import LidarScan, ray_bearings
 from simmer_tui.sim.scan_rays import extremes, rays_of
 from simmer_tui.sim.sensors import (
     Compass,
+    CompassSpec,
     CountingSensor,
     Gyro,
+    GyroSpec,
     Lidar,
     LidarSpec,
     LineSensor,
+    LineSpec,
     LoadSensor,
     Odometer,
+    OdometerSpec,
+    RangeSpec,
     TimeOfFlight,
     Ultrasonic,
+    UltrasonicSpec,
     sensor_of,
 )
 from simmer_tui.sim.sensors.base import ObservingSensor, World, parameter_value, with_parameters
@@ -390,8 +396,8 @@ def velocity_over_time() -> Any:
 
 def errors_by_distance() -> Any:
     sensors = [
-        sensor_of(SensorSpec(kind=Odometer, number=1, code="o1", x=1.0, y=3.0, rotation=20.0, error=0.05)),
-        sensor_of(SensorSpec(kind=Gyro, number=1, code="g1", error=0.02)),
+        sensor_of(OdometerSpec(kind=Odometer, number=1, code="o1", x=1.0, y=3.0, rotation=20.0, error=0.05)),
+        sensor_of(GyroSpec(kind=Gyro, number=1, code="g1", error=0.02)),
     ]
     counting = [each for each in sensors if isinstance(each, CountingSensor)]
     errors = DistanceErrors(8, noise.Streams(5), counting)
@@ -452,8 +458,8 @@ def about(trajectory: Trajectory | Leg, times: np.ndarray) -> list[Any]:
 def movements() -> Any:
     draw, found = random.Random("moves"), []
     sensors = [
-        sensor_of(SensorSpec(kind=Odometer, number=1, code="o1", x=1.0, y=3.0, rotation=20.0, error=0.05)),
-        sensor_of(SensorSpec(kind=Gyro, number=1, code="g1", error=0.02)),
+        sensor_of(OdometerSpec(kind=Odometer, number=1, code="o1", x=1.0, y=3.0, rotation=20.0, error=0.05)),
+        sensor_of(GyroSpec(kind=Gyro, number=1, code="g1", error=0.02)),
     ]
     counting = [each for each in sensors if isinstance(each, CountingSensor)]
     solid = walls().with_block(BLOCK)
@@ -536,10 +542,10 @@ def recent_motion() -> Any:
 SENSORS = tuple(
     sensor_of(spec)
     for spec in (
-        SensorSpec(
+        UltrasonicSpec(
             kind=Ultrasonic, number=1, code="u1", x=2, y=1, z=2, rotation=15, field_of_view=20, error=0.02
         ),
-        SensorSpec(
+        RangeSpec(
             kind=TimeOfFlight,
             number=1,
             code="t1",
@@ -557,11 +563,11 @@ SENSORS = tuple(
             vertical_field_of_view=40.0,
             incidence_limit=50.0,
         ),
-        SensorSpec(
+        CompassSpec(
             kind=Compass, number=1, code="c1", rotation=10, wrap=360, hard_iron=5, soft_iron=3, error=0.01
         ),
-        SensorSpec(kind=LineSensor, number=1, code="i1", x=1, y=1, z=2, field_of_view=60, threshold=0.4),
-        SensorSpec(
+        LineSpec(kind=LineSensor, number=1, code="i1", x=1, y=1, z=2, field_of_view=60, threshold=0.4),
+        LineSpec(
             kind=LineSensor, number=2, code="i2", z=3, field_of_view=70, analog=True, detects_white=True
         ),
         SensorSpec(kind=LoadSensor, number=1, code="s1", error=0.1),
@@ -584,7 +590,9 @@ def sensors_that_observe() -> Any:
             found += [sensor.model_error(finite, table), sensor.rough_likelihood(6.0, finite)]
             found.append(sensor.within_limits(finite, np.full(len(table), 0.5)).astype(int))
         found += [sensor.sees_block(size) for size in (0.0, 1.9, 2.0, 3.0, 4.5, 5.0)]
-        found += [sensor.span, sensor.period, sensor.worst_case(), sensor.steps, sensor.annealing]
+        worst = sensor.worst_case()
+        found += [sensor.span, sensor.period, worst.error, worst.absolute_error]
+        found += [sensor.steps, sensor.annealing]
         found += [sensor.anywhere(share) for share in (0.0, 0.3, 0.5, 0.7, 1.0)]
         for value in (-1.0, 0.0, 0.3, 0.4, 1.0, 1.6, 29.9, 30.0, 30.1, 359.999, 360.0, 361.5, math.inf):
             found += [sensor.reported(value), sensor.error(value, 1.0)]
@@ -597,18 +605,25 @@ def sensors_that_observe() -> Any:
         found += [(p.field, p.label, p.kind, p.spread, p.unit, p.usual, p.step) for p in sensor.noise_scales]
         found.append(sensor.least_error)
     spec = with_parameters(SENSORS[0].spec, {"offset": 0.5, "rotation": 40.0, "gain": 1.1})
-    found += [spec, parameter_value(spec, "offset", (2.0, 1.0)), parameter_value(spec, "gain", (2.0, 1.0))]
+    found += [
+        spec.x,
+        spec.y,
+        spec.rotation,
+        spec.gain,
+        parameter_value(spec, "offset", (2.0, 1.0)),
+        parameter_value(spec, "gain", (2.0, 1.0)),
+    ]
     return found
 
 
 def sensors_that_count() -> Any:
     found: list[Any] = []
     for spec in (
-        SensorSpec(kind=Odometer, number=1, code="o1", x=1, y=3, rotation=20, error=0.05, ticks_per_inch=8),
-        SensorSpec(
+        OdometerSpec(kind=Odometer, number=1, code="o1", x=1, y=3, rotation=20, error=0.05, ticks_per_inch=8),
+        OdometerSpec(
             kind=Odometer, number=2, code="o2", y=-3, error=0.05, drift=0.02, resolution=0.1, gain=1.2
         ),
-        SensorSpec(kind=Gyro, number=1, code="g1", error=0.02, wrap=360.0, drift=0.1),
+        GyroSpec(kind=Gyro, number=1, code="g1", error=0.02, wrap=360.0, drift=0.1),
     ):
         sensor = sensor_of(spec)
         assert isinstance(sensor, CountingSensor)
@@ -616,7 +631,7 @@ def sensors_that_count() -> Any:
         draws = np.arange(1.0, 1.0 + math.prod(shape)).reshape(shape)
         found += [sensor.increments(12.0, (2.0, -1.0), draws), sensor.lever, sensor.counted_on(30, 2, -1)]
         found += [sensor.change((3.0, 1.0), (350.0, 6.0)), sensor.ideal(1.99), sensor.ideal(-0.01)]
-        found += [sensor.worst_case(), sensor.error(3.3, 3.0), sensor.reading(3.3, None, 5.0)]
+        found += [sensor.worst_case().error, sensor.error(3.3, 3.0), sensor.reading(3.3, None, 5.0)]
         found += [sensor.least_error, sensor.period, sensor.wrapped(200.0), sensor.wrapped(-180.0)]
         found += [(p.field, p.label, p.kind, p.spread, p.unit, p.usual, p.step) for p in sensor.parameters]
         found += [(p.field, p.label, p.kind, p.spread, p.unit, p.usual, p.step) for p in sensor.noise_scales]
@@ -648,7 +663,8 @@ def lidar_turns() -> Any:
             found.append(turning.waits_until(1.0, None))
             for time in (0.6, 1.0, 3.0):
                 now, generator = Now(time, arc.end, None), np.random.default_rng(3)
-                found += [turning.reading(ray, now, generator) for ray in (None, 5)]
+                read = [turning.reading(ray, now, generator) for ray in (None, 5)]
+                found += [(each.value, each.true, each.view, each.took, each.scan) for each in read]
                 found += [turning.waits_until(time, ray) for ray in (None, 5, 6)]
             scan = turning.scan(Now(3.0, arc.end, None), None)
             found += [extremes(scan), rays_of(scan, spec, Pose(1, 2, 3)).ends]

@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+from msgspec.structs import fields
 
 from simmer_tui.sim import ObservingSensor, Pose, SensorSpec, World
 from simmer_tui.sim.columns import WRAP
@@ -45,3 +46,16 @@ def test_a_kinds_readings_may_be_negative_and_periodic_where_a_lost_pose_is_sear
     assert below > far > 0.0
     assert above > far
     assert sensor.rough_likelihood(-150.0, np.array((-50.0,))) > 0.0
+
+
+def test_a_row_has_the_fields_of_its_kind_and_no_others() -> None:
+    common = {each.name for each in fields(SensorSpec)}
+    for kind in sensor_kinds().values():
+        columns = {column.field for column in kind.columns}
+        has = {each.name for each in fields(kind.spec_type)}
+        assert columns <= has, kind.name
+        own = {name for name in kind.spec_type.__annotations__ if name not in common}
+        assert own <= columns, kind.name
+    owners = {name: kind.name for kind in sensor_kinds().values() for name in kind.spec_type.__annotations__}
+    assert (owners["hard_iron"], owners["ticks_per_inch"], owners["cross_talk"]) == ("comp", "odom", "ultra")
+    assert common.isdisjoint({"threshold", "analog", "rays", "random_walk", "field_of_view"})

@@ -15,7 +15,7 @@ from msgspec.structs import replace
 
 from simmer_tui.sim import Axes, DriveKind, SensorSpec, SimulationSpec, Simulator
 from simmer_tui.sim.noise import random_bias, stream
-from simmer_tui.sim.sensors import Compass
+from simmer_tui.sim.sensors import Compass, CompassSpec
 
 CODES = {"up": "w1", "down": "s1", "left": "a1", "right": "d1", "rot": "r1"}
 AXES = {
@@ -255,7 +255,7 @@ def test_a_stream_belongs_to_the_sensors_id_not_to_its_row_or_code(noisy_spec: S
 
 def test_sensors_of_different_ids_err_differently(noisy_spec: SimulationSpec) -> None:
     twins = tuple(
-        SensorSpec(kind=Compass, number=number, code=f"c{number}", rotation=100.0, error=0.1)
+        CompassSpec(kind=Compass, number=number, code=f"c{number}", rotation=100.0, error=0.1)
         for number in (1, 2)
     )
     first, second = replies(replace(noisy_spec, sensors=twins), "c1", "c2")

@@ -25,15 +25,18 @@ from simmer_tui.sim import (
 from simmer_tui.sim.sensors import (
     KINDS,
     Compass,
+    CompassSpec,
     LineSensor,
+    LineSpec,
     RangeSensor,
     TimeOfFlight,
     Ultrasonic,
+    UltrasonicSpec,
     World,
     sensor_of,
 )
 
-ULTRA = SensorSpec(kind=Ultrasonic, number=1, code="u1", x=3.0, z=6.0, field_of_view=5.0)
+ULTRA = UltrasonicSpec(kind=Ultrasonic, number=1, code="u1", x=3.0, z=6.0, field_of_view=5.0)
 
 
 def with_sensor(spec: SimulationSpec, sensor: SensorSpec, **changes: Any) -> Simulator:
@@ -74,7 +77,8 @@ def world_with_block(spec: SimulationSpec, x: float = 25.0, y: float = 41.0) -> 
     ],
 )
 def test_wrap_then_resolution_then_range(columns: dict[str, Any], value: float, reading: float) -> None:
-    sensor = sensor_of(replace(ULTRA, **columns))
+    columns = {"kind": Ultrasonic} | columns
+    sensor = sensor_of(columns["kind"].spec_type(number=1, code="u1", **columns))
     assert sensor.reported(value) == pytest.approx(reading, abs=1e-12)
     assert math.copysign(1.0, sensor.reported(value)) == math.copysign(1.0, reading), "no -0.0"
 
@@ -90,12 +94,12 @@ def test_wrap_then_resolution_then_range(columns: dict[str, Any], value: float, 
     ],
 )
 def test_gain_bias_and_drift_by_simulated_time(columns: dict[str, Any], expected: float) -> None:
-    compass = SensorSpec(kind=Compass, number=1, code="c1", **columns)
+    compass = CompassSpec(kind=Compass, number=1, code="c1", **columns)
     assert Compass(compass).reading(10.0, None, 4.0) == pytest.approx(expected)
 
 
 def test_both_errors_come_before_bias_and_wrap_and_are_drawn_in_order() -> None:
-    sensor = SensorSpec(
+    sensor = CompassSpec(
         kind=Compass,
         number=1,
         code="c1",
@@ -111,7 +115,7 @@ def test_both_errors_come_before_bias_and_wrap_and_are_drawn_in_order() -> None:
 
 
 def test_drift_grows_with_what_movements_take(course_spec: SimulationSpec) -> None:
-    compass = SensorSpec(kind=Compass, number=1, code="c1", drift=0.5)
+    compass = CompassSpec(kind=Compass, number=1, code="c1", drift=0.5)
     simulator = with_sensor(course_spec, compass)
     assert simulator.execute("c1").reply == 0.0
     simulator.execute("d1-12")
@@ -179,7 +183,7 @@ def test_the_block_is_seen_by_sensors_no_higher_than_it(
     st.sampled_from([0.0, 0.1, 0.3, 7.0]),
 )
 def test_a_wrapped_reading_never_reaches_its_wrap(value: float, wrap: float, resolution: float) -> None:
-    spec = SensorSpec(kind=Compass, number=1, code="c1", wrap=wrap, resolution=resolution)
+    spec = CompassSpec(kind=Compass, number=1, code="c1", wrap=wrap, resolution=resolution)
     assert 0.0 <= Compass(spec).reported(value) < wrap
 
 
@@ -273,7 +277,7 @@ def on_floor(left: int, right: int) -> World:
 
 def line_sensor(**columns: Any) -> LineSensor:
     return LineSensor(
-        SensorSpec(kind=LineSensor, number=1, code="i1", z=1.0, field_of_view=90.0, threshold=0.8, **columns)
+        LineSpec(kind=LineSensor, number=1, code="i1", z=1.0, field_of_view=90.0, threshold=0.8, **columns)
     )
 
 
@@ -337,7 +341,7 @@ def test_a_line_sensor_says_1_from_its_threshold_on(
 
 @pytest.mark.parametrize("heading", [0.0, -725.0, 1000.0])
 def test_a_compass_is_not_wrapped_unless_asked(course_spec: SimulationSpec, heading: float) -> None:
-    compass = SensorSpec(kind=Compass, number=1, code="c1", rotation=30.0)
+    compass = CompassSpec(kind=Compass, number=1, code="c1", rotation=30.0)
     assert with_sensor(course_spec, compass, bot_rot=heading).execute("c1").reply == heading + 30.0
     wrapped = with_sensor(course_spec, replace(compass, wrap=360.0), bot_rot=heading)
     assert wrapped.execute("c1").reply == pytest.approx((heading + 30.0) % 360.0)

@@ -35,7 +35,15 @@ from simmer_tui.sim.path import Contact, Path, PathPosition
 from simmer_tui.sim.recent_motion import BlockPlace, RecentMotion
 from simmer_tui.sim.records import LidarScan
 from simmer_tui.sim.scan_rays import extremes
-from simmer_tui.sim.sensors import Gyro, ObservingSensor, TimeOfFlight, Ultrasonic, World
+from simmer_tui.sim.sensors import (
+    Gyro,
+    GyroSpec,
+    ObservingSensor,
+    TimeOfFlight,
+    Ultrasonic,
+    UltrasonicSpec,
+    World,
+)
 from simmer_tui.sim.sensors.faults import Faults, Pings, has_faults
 from simmer_tui.sim.specs import VelocityKind, VelocitySpec, WheelLayout, WheelsSpec
 from simmer_tui.sim.trajectory import Trajectory, VelocityProfile
@@ -44,7 +52,7 @@ from simmer_tui.sim.wheels import WheelKinematics
 
 ALL = VelocitySpec(kind=VelocityKind.ALL, code="vv")
 DRIVES = tuple(DriveSpec(kind=kind, code=kind.value[:2], speed=4.0) for kind in DriveKind)
-ULTRA = SensorSpec(kind=Ultrasonic, number=1, code="u1")
+ULTRA = UltrasonicSpec(kind=Ultrasonic, number=1, code="u1")
 WALL = MazeSpec(((1, 1, 1), (1, 0, 1), (1, 1, 1)))
 
 
@@ -228,13 +236,13 @@ def test_a_small_solid_block_is_in_the_way() -> None:
 
 @pytest.mark.parametrize(("rays", "bearings"), [(1, [20.0]), (2, [5.0, 35.0]), (3, [5.0, 20.0, 35.0])])
 def test_rays_are_spread_over_the_field_of_view(rays: int, bearings: list[float]) -> None:
-    spec = SensorSpec(kind=Ultrasonic, number=1, code="u1", rotation=20.0, field_of_view=30.0, rays=rays)
+    spec = UltrasonicSpec(kind=Ultrasonic, number=1, code="u1", rotation=20.0, field_of_view=30.0, rays=rays)
     assert Ultrasonic(spec).bearings == bearings
 
 
 @pytest.mark.parametrize(("least", "contradicts"), [(3.9, False), (4.0, False), (4.1, True)])
 def test_a_least_range_is_not_above_the_greatest(least: float, contradicts: bool) -> None:
-    spec = SensorSpec(kind=Ultrasonic, number=1, code="u1", min_range=least, max_range=4.0)
+    spec = UltrasonicSpec(kind=Ultrasonic, number=1, code="u1", min_range=least, max_range=4.0)
     what = "the least range, 4.1, must not be above the greatest, 4"
     for asked in (Ultrasonic, Ultrasonic(spec)):
         found = asked.contradiction(spec)
@@ -314,7 +322,7 @@ def test_a_reading_is_missed_or_any_value_by_its_draws(draws: tuple[float, ...],
 
 
 def test_a_walk_goes_with_the_root_of_the_time_since_the_last_reading() -> None:
-    row = SensorSpec(kind=Gyro, number=1, code="g1", random_walk=0.5)
+    row = GyroSpec(kind=Gyro, number=1, code="g1", random_walk=0.5)
     faults = Faults(Gyro(row), cast(Any, FixedDraws(1.0, -3.0, 9.0)), Pings())
     nothing = cast(Any, FixedDraws())
     read = [faults.reading(10.0, nothing, time) for time in (0.0, 0.25, 0.25, 4.25)]
@@ -336,8 +344,9 @@ def test_readings_have_faults_only_if_a_column_says_so() -> None:
     assert not has_faults(Ultrasonic(ULTRA))
     assert has_faults(Ultrasonic(replace(ULTRA, read_time=0.1)))
     assert not has_faults(TimeOfFlight(replace(ULTRA, kind=TimeOfFlight, read_time=0.1)))
-    for column in ("random_walk", "dropout", "outlier"):
+    for column in ("dropout", "outlier"):
         assert has_faults(TimeOfFlight(replace(ULTRA, kind=TimeOfFlight, **{column: 0.1})))
+    assert has_faults(Gyro(GyroSpec(kind=Gyro, number=1, code="g1", random_walk=0.1)))
 
 
 @pytest.mark.parametrize(
@@ -360,8 +369,8 @@ def test_touching_is_not_overlapping_within_a_ten_billionth_of_an_inch(body: Rob
 
 def test_a_deviation_of_readings_is_at_least_that_of_a_grid() -> None:
     assert Ultrasonic(replace(ULTRA, error=0.2)).worst_case().error == pytest.approx(math.hypot(0.2, 0.05))
-    assert Gyro(SensorSpec(kind=Gyro, number=1, code="g1", error=0.3)).worst_case().error == 0.3
-    assert Gyro(SensorSpec(kind=Gyro, number=1, code="g1", error=0.05)).worst_case().error == 0.1
+    assert Gyro(GyroSpec(kind=Gyro, number=1, code="g1", error=0.3)).worst_case().error == 0.3
+    assert Gyro(GyroSpec(kind=Gyro, number=1, code="g1", error=0.05)).worst_case().error == 0.1
     expected, poses = np.array((0.0, 3.0)), np.zeros((2, 3))
     row = replace(ULTRA, error=0.1, absolute_error=0.3)
     assert Ultrasonic(row).model_error(expected, poses).tolist() == pytest.approx([0.4, 0.5])

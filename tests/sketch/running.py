@@ -35,7 +35,7 @@ class BoardRun:
 
     @property
     def text(self) -> str:
-        """What the boards sent."""
+        """The text that the boards sent."""
         return bytes(value for _, value in self.sent).decode("latin-1")
 
     @property

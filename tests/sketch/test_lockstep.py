@@ -11,11 +11,15 @@ import pytest
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.sets import bundled_sets, init_set
 from simmer_tui.errors import ConfigurationError
+from simmer_tui.links.backend import Message
+from simmer_tui.links.protocol.replies import ReplyForm, ReplyFormat
 from simmer_tui.robot.engine import Engine
-from simmer_tui.run.events import CommandResult, Event, LegEnded
+from simmer_tui.run.events import Action, ActionName, CommandResult, Event, LegEnded
 from simmer_tui.sim import Simulator
+from simmer_tui.sim.command import parse_command
+from simmer_tui.sim.records import Status
 from simmer_tui.sketch.compiler import find_compiler
-from simmer_tui.sketch.sketch_robot import SketchRobot, compile_set, with_boards
+from simmer_tui.sketch.sketch_robot import NOT_DRIVEN, SketchRobot, compile_set, with_boards
 from simmer_tui.sketch.wiring import wiring_of
 from tests.sketch.running import run_boards
 from tests.stepped_clock import Clock
@@ -201,6 +205,35 @@ def test_a_stop_at_any_moment_ends_the_wheels_by_the_costs(tmp_path: Path) -> No
     assert halves
     assert boards.simulator.pose.x == pytest.approx(x, abs=1e-3)
     assert boards.simulator.contacts == 0
+
+
+def test_a_restart_starts_the_boards_again(tmp_path: Path) -> None:
+    configuration = made_set(tmp_path / "set", JOINED, {"sensor.ino": SENSOR, "rover.ino": ROVER_BY_LINK})
+    boards = Boards(configuration)
+    boards.run_to(0.8)
+    first = boards.simulator.pose, list(boards.robot.lockstep.sent)
+    done = boards.robot.engine.perform(Action(ActionName.RESET))
+    assert not done.refused
+    assert boards.simulator.time == 0.0
+    boards.run_to(0.8)
+    boards.close()
+    assert (boards.simulator.pose, boards.robot.lockstep.sent) == first
+    assert first[0] != configuration.simulation.start_pose
+
+
+def test_others_may_read_and_not_drive(tmp_path: Path) -> None:
+    boards = Boards(made_set(tmp_path / "set", ROVER + MOTORS, {"rover.ino": STOPPABLE}))
+    engine = boards.robot.engine
+    results: list[CommandResult] = []
+    for text in ("u1", "d1-3", "ww-3;3", "zz"):
+        message = Message(text.encode(), (parse_command(text, "console"),), ReplyForm(ReplyFormat.TEXT))
+        boards.robot.submit(message, engine.session(), lambda given, data: results.extend(given))
+    boards.close()
+    assert [each.status for each in results] == [
+        *(Status.READING, Status.REFUSED, Status.REFUSED, Status.UNKNOWN)
+    ]
+    assert results[1].reason == results[2].reason == NOT_DRIVEN
+    assert boards.simulator.pose == boards.simulator.spec.start_pose
 
 
 LOSING = """

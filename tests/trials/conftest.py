@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -64,6 +65,10 @@ def made_result() -> Callable[..., TrialResult]:
             "real_seconds": 1.0,
             "simulator_seconds": 0.5,
         }
+        cause, why = fields.pop("cause", ""), fields.pop("why", "")
+        if cause:
+            verdict: dict[str, Any] = {"cause": {}} | (fields.get("verdict") or {})  # type: ignore[operator]
+            fields["verdict"] = verdict | {"cause": verdict["cause"] | {"kind": cause}, "last_moments": why}
         return TrialResult(**(usual | fields))  # type: ignore[arg-type]
 
     return make

@@ -98,7 +98,7 @@ def test_page_is_whole_escaped_and_needs_nothing_else(folder: TrialFolder) -> No
     assert "Success rate 0.600 (0.313 to 0.832). Most frequent cause: " in page
     assert "python &lt;b&gt;algo&lt;/b&gt;.py" in page
     assert "<b>" not in page
-    assert page.count("<svg") == 3
+    assert page.count("<div class='picture ") == 3
     assert page.endswith("</html>\n")
     assert not any(each in page for each in ("<script", "<link", "src=", "url("))
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 
 import pytest
 
 from simmer_tui.document.model import Figure
-from simmer_tui.document.svg import coordinate
+from simmer_tui.document.svg import coordinate, whole_figure
 from simmer_tui.report.causes import Kind
 from simmer_tui.sim.specs import MazeSpec
 from simmer_tui.trials.figures import histogram_figure, map_figure, start_cell
@@ -54,12 +55,14 @@ def test_bars_of_a_histogram() -> None:
         (34 + 1, 150 - 130, wide - 2, 65),  # a failure on top of it
         (34 + wide + 1, 150 - 65, wide - 2, 65),
         (34 + 16 * wide + 1, 150 - 65, wide - 2, 65),
-        (34, 171, 10, 10),
-        (34 + 130, 171, 10, 10),
     ]
     assert bars == [pytest.approx(each, abs=0.006) for each in expected]
     fills = [fill for (fill,) in of(root, "rect", "fill")]
-    assert fills == [SUCCESS, FAILURE, SUCCESS, SUCCESS, SUCCESS, FAILURE]
+    assert fills == [SUCCESS, FAILURE, SUCCESS, SUCCESS]
+    assert [mark.words for mark in figure.legend] == ["successful runs", "failed runs"]
+    assert [of(ElementTree.fromstring(mark.drawing), "rect", "fill") for mark in figure.legend] == [
+        [(SUCCESS,)], [(FAILURE,)],
+    ]  # fmt: skip
     counts, edges = texts(root)[:3], texts(root)[3:12]
     assert counts == [
         ("2", pytest.approx(34 + wide / 2, abs=0.006), 17.0),
@@ -70,17 +73,15 @@ def test_bars_of_a_histogram() -> None:
     assert edges == [
         (f"{1 + k / 2:.1f}", pytest.approx(34 + k * wide, abs=0.006), 164.0) for k in range(0, 18, 2)
     ]
-    assert texts(root)[12:] == [
-        ("s", 20.0, 164.0), ("successful runs", 50.0, 180.0), ("failed runs", 180.0, 180.0),
-    ]  # fmt: skip
-    assert (figure.title, figure.width, figure.height) == ("Histogram", 960.0, 190.0)
+    assert texts(root)[12:] == [("s", 20.0, 164.0)]
+    assert (figure.title, figure.width, figure.height) == ("Histogram", 960.0, 170.0)
 
 
 def test_all_edges_of_a_few_bins_are_labelled() -> None:
     """0 to 15 in steps of one: 16 edges."""
     root = drawn(histogram_figure([], [0.0, 14.5], "in"))
     assert [words for words, _, _ in texts(root)] == [
-        "1", "1", *(str(k) for k in range(16)), "in", "successful runs", "failed runs",
+        "1", "1", *(str(k) for k in range(16)), "in",
     ]  # fmt: skip
 
 
@@ -155,12 +156,18 @@ def test_ends_and_contacts_stand_where_they_were(results: list[TrialResult]) -> 
     assert of(root, "a", "href") == [("runs/4.html",)]
     x, y = ORIGIN_X + 240, ORIGIN_Y - 120
     assert (f"M{x - 4:.1f} {y - 4:.1f}l8 8m0 -8l-8 8",) in of(root, "path", "d")
-    # Legend and key stand below the axis, 26 points apart.
-    marks = {words: (x, y) for words, x, y in texts(root)}
+    assert figure.height == ORIGIN_Y + 24
+    # In a file the legend stands below the axis, in rows 26 points apart, and nothing is left out.
+    whole = whole_figure(figure)
+    marks = {words: (x, y) for words, x, y in texts(drawn(whole)) if y > ORIGIN_Y + 24}
+    assert list(marks) == [mark.words for mark in figure.legend]
     assert marks["contact"] == (34 + 26, ORIGIN_Y + 24 + 13 + 4)
-    assert marks[f"{Kind.LOST.value} 1"] == (34 + 26, ORIGIN_Y + 24 + 26 + 13 + 4)
-    assert figure.height == ORIGIN_Y + 24 + 26 + 26
-    assert map_figure(MAZE, results[:2]).height == ORIGIN_Y + 24 + 26
+    assert whole.height == ORIGIN_Y + 24 + 26
+    assert f"{Kind.LOST.value} 1" in marks
+    many = whole_figure(replace(figure, legend=figure.legend * 4))
+    rows = {y for _, _, y in texts(drawn(many)) if y > ORIGIN_Y + 24}
+    assert sorted(rows) == [ORIGIN_Y + 24 + 17 + 26 * row for row in range(len(rows))]
+    assert many.height == ORIGIN_Y + 24 + 26 * len(rows)
 
 
 # -- curve of a sweep --------------------------------------------------------------------------------

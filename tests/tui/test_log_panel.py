@@ -15,8 +15,7 @@ from simmer_tui.run.events import Action, ActionDone, ActionName, Notice, Notice
 from simmer_tui.sim.command import parse_command
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import CommandResult, Reading, Status
-from simmer_tui.sim.sensors import Ultrasonic
-from simmer_tui.sim.specs import SensorSpec
+from simmer_tui.sim.sensors import Ultrasonic, UltrasonicSpec
 from simmer_tui.tui.event_text import event_words
 from simmer_tui.tui.log_panel import LogPanel
 
@@ -56,7 +55,7 @@ def reset(number: int, source: str) -> LogEntry:
 
 def folded(first: int, last: int) -> LogEntry:
     """Readings first to last, the latest three kept."""
-    sensor = SensorSpec(kind=Ultrasonic, number=1, code="u1")
+    sensor = UltrasonicSpec(kind=Ultrasonic, number=1, code="u1")
     kept = []
     for number in range(max(last - 2, first), last + 1):
         reading = Reading(sensor, float(number), 0.0)

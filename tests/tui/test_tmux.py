@@ -468,7 +468,7 @@ class Terminal:
         self._reading.set()
 
     def hang_up(self) -> None:
-        """Have the terminal gone."""
+        """Take the terminal away."""
         self._closing = True
         self._thread.join()
         os.close(self.master)

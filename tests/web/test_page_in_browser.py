@@ -79,7 +79,7 @@ def test_in_timed_motion_the_pose_shown_is_right_and_fresh(tmp_path: Path, size:
         playback = Playback(index)
         for (_, moment, _), (x, y, heading) in zip(seen, numbers, strict=True):
             if moment <= index.duration:
-                pose = playback.state_at_time(moment)[1].pose
+                pose = playback.state_at(playback.index.find_time(moment), moment).pose
                 assert math.hypot(x - pose.x, y - pose.y) < 0.1
                 assert abs(heading - pose.heading) < 1.0
     ages = sorted(real - begun - moment for real, moment, _ in seen)

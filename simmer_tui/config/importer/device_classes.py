@@ -22,6 +22,7 @@ from simmer_tui.config.importer.python_values import Call, Class, Instance, Loca
 from simmer_tui.config.leftovers import is_leftover
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim.command import WORD, cut
+from simmer_tui.sim.rules import is_number
 
 _FOLDER = "devices"
 # A robot has a dozen devices; a folder with thousands of files is something else.
@@ -150,11 +151,11 @@ def _numbers(
     found: dict[str, ClassNumber] = {}
     for attribute, located in names.items():
         name, value = _meaning(attribute), located.value
-        is_number = isinstance(value, int | float) and not isinstance(value, bool)
+        is_known = is_number(value)
         if name == "position":
-            is_number = isinstance(value, list) and all(isinstance(each, int | float) for each in value)
+            is_known = isinstance(value, list) and all(isinstance(each, int | float) for each in value)
         # An attribute with the name itself wins over one with a similar name.
-        if name and is_number and (name not in found or attribute == name):
+        if name and is_known and (name not in found or attribute == name):
             found[name] = ClassNumber(value, places.get(attribute, ""), is_made=is_made)
     return found
 

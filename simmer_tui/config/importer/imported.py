@@ -23,7 +23,7 @@ from simmer_tui.config.settings import settings_from
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim.command import WORD, cut
 from simmer_tui.sim.obstacles import placement_problems
-from simmer_tui.sim.rules import NumberRule, Rule, describe
+from simmer_tui.sim.rules import NumberRule, Rule, describe, is_number
 from simmer_tui.sim.specs import (
     BLOCK,
     EMPTY,
@@ -189,11 +189,7 @@ class Fields:
     def numbers(self) -> dict[str, float]:
         """The fields that are plain numbers, by name."""
         found = {str(key): each.value for key, each in self.fields.items() if str(key).isidentifier()}
-        return {
-            key: value
-            for key, value in found.items()
-            if isinstance(value, int | float) and not isinstance(value, bool) and key.isascii()
-        }
+        return {key: value for key, value in found.items() if is_number(value) and key.isascii()}
 
     def silent(self) -> "Fields":
         """The same fields, without notes."""

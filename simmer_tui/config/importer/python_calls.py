@@ -54,7 +54,7 @@ class CallReader(ExpressionReader, ast.NodeVisitor):
 
     @abstractmethod
     def _forget(self, effects: Effects, why: str, line: int, seen: frozenset[int] = frozenset()) -> None:
-        """Make all unreadable that a statement may have changed."""
+        """Make unreadable whatever a statement may have changed."""
 
     def _effects_of(self, node: ast.AST) -> Effects:
         # A loop may ask thousands of times.

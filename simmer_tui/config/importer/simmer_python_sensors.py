@@ -99,7 +99,7 @@ def _origins(fields: Fields, spec: SensorSpec, guessed: bool) -> Iterator[str]:
 
 def _row(spec: SensorSpec) -> str:
     """The first ten columns of sensors.csv for a range sensor."""
-    numbers = (spec.x, spec.y, spec.z, spec.rotation, spec.error, spec.field_of_view)
+    numbers = (spec.x, spec.y, spec.z, spec.rotation, spec.error, spec.beam or 0.0)
     return f"{spec.id},{spec.code},1,{','.join(f'{number:g}' for number in numbers)},"
 
 
@@ -109,7 +109,7 @@ def _placed(
     """A sensor at the place of its description: their front is +y, their left +x, their turns clockwise."""
     left, forward = fields.point("position")
     number = free_number(kind, fields.code, taken)
-    return SensorSpec(kind=kind, number=number, code=fields.code, x=forward + 0.0, y=left + 0.0, **values)
+    return kind.spec_type(kind=kind, number=number, code=fields.code, x=forward + 0.0, y=left + 0.0, **values)
 
 
 def _doubled(fields: Fields, default: float) -> float:

@@ -55,7 +55,8 @@ class RequestStyle(StrEnum):
     LEGACY = "legacy"
 
 
-class Request(Struct, frozen=True):
+# Without garbage collection (gc=False): requests hold no cycles, and many thousands may wait.
+class Request(Struct, frozen=True, gc=False):
     """The commands of one message. An empty message (`[]`) asks for no reply, but for a log line.
 
     `data` is the message as sent; no bytes if it must not be passed on to a robot.

@@ -174,7 +174,7 @@ class ReplyFramer:
         self._end = None
 
     def doubt(self) -> None:
-        """Take note of a fault: stray bytes may arrive before the next reply."""
+        """Note a fault: stray bytes may arrive before the next reply."""
         self._doubtful = True
 
     def receive(self, data: bytes) -> bytes | None:
@@ -190,7 +190,7 @@ class ReplyFramer:
         return reply
 
     def silence(self) -> bytes | None:
-        """Take note that nothing has come for `idle_timeout` seconds. Returns the reply if that ends it."""
+        """Note that nothing has come for `idle_timeout` seconds. Returns the reply if that ends it."""
         return self._take(first=False) if self.idle_timeout is not None else None
 
     def take_discarded(self) -> tuple[int, bytes]:

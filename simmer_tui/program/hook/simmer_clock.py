@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from typing import Any, NoReturn
 
 # A loop that waits by reading the clock must end soon: 400,000 reads are two seconds.
-_LOOK = 5_000
+CLOCK_READ = 5_000
 """Nanoseconds that a read of a clock takes."""
 # The polling rate of a loop on a slow microcontroller.
 EMPTY_POLL = 2e-4
@@ -175,7 +175,7 @@ class ProgramTime:
         self.check_thread("looks at the clock")
         if self.is_away:
             return self.here + round((_REAL_TIME() - self.away_since) * 1e9)
-        self._debt += _LOOK
+        self._debt += CLOCK_READ
         return self._now + self._debt
 
     def pass_time(self, seconds: float) -> None:
@@ -187,14 +187,14 @@ class ProgramTime:
             self._debt += math.ceil(max(seconds, 0.0) * 1e9)
 
     def answered(self) -> None:
-        """Have the simulator answer everything that was sent: the arrived replies then do not depend on real
+        """Make the simulator answer everything that was sent: the arrived replies then do not depend on real
         time."""
         if self._told != self.sent:
             self.check_thread("talks to the robot")
             self._ask("S", self.here)
 
     def settle(self) -> None:
-        """Have the simulator's time catch up with ours, so that bytes are sent at our time."""
+        """Bring the simulator's time up to ours, so that bytes are sent at our time."""
         if self._debt:
             self._ask("S", self.here)
 
@@ -205,7 +205,7 @@ class ProgramTime:
             self._ask("S", until)
         else:
             # A loop that gives way must not hold time for ever.
-            self.turns.wait(max(until, self.here + _LOOK), listens=False)
+            self.turns.wait(max(until, self.here + CLOCK_READ), listens=False)
 
     def end_of(self, timeout: float | None) -> float:
         """The end of a wait that begins now, nanoseconds: a whole number, or infinity."""
@@ -229,7 +229,7 @@ class ProgramTime:
         return self.move(until, listens=True, outside=outside)
 
     def move(self, until: float, *, listens: bool, outside: bool = False) -> bool:
-        """Have the simulator move time until then, or until it wakes us. False if nothing will happen."""
+        """Make the simulator move time until then, or until it wakes us. False if nothing will happen."""
         if self._debt:
             return self._ask("S", self.here)
         return self._ask("W" if listens else "S", until, outside=outside)
@@ -704,7 +704,7 @@ def _refuse_select(name: str, *arguments: Any, **named: Any) -> NoReturn:
 
 
 def _wait_away(clock: ProgramTime, owner: Any, name: str) -> None:
-    """Have a function that waits for another process take no simulated time."""
+    """Make a function that waits for another process take no simulated time."""
     real = getattr(owner, name, None)
     if real is None:
         return

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def patch_when_imported(patches: Mapping[str, Callable[[Any], None]]) -> None:
-    """Have each module changed by the function of its name after its import."""
+    """Change each module, after its import, by the function of its name."""
     sys.meta_path.insert(0, _Finder(patches))
 
 

@@ -162,7 +162,7 @@ def as_pipe(stream: Any) -> Any:
 
 
 def install(clock: Any) -> None:
-    """Have the processes that this one starts take turns with it."""
+    """Let the processes that this one starts take turns with it."""
     processes = clock.processes
     for number, name in enumerate(("stdin", "stdout", "stderr")):
         if str(number) in processes.pipes and getattr(sys, name) is not None:
@@ -281,7 +281,7 @@ def _flags(words: list[str]) -> list[str]:
 
 
 def patch_subprocess(clock: Any, module: Any) -> None:
-    """Have the processes of the module subprocess take turns with ours."""
+    """Let the processes of the module subprocess take turns with ours."""
     processes, popen = clock.processes, module.Popen
     real_start, real_wait, real_communicate = popen._execute_child, popen.wait, popen.communicate
 
@@ -372,7 +372,7 @@ def _set(variables: dict[str, str | None]) -> None:
 
 
 def _enlarge(descriptors: Any) -> None:
-    """Have pipes take all that is written to them before anybody reads."""
+    """Make pipes take all that is written to them before anybody reads."""
     import fcntl
 
     change: Any = vars(fcntl)["fcntl"]

@@ -208,7 +208,7 @@ class SerialLine:
         return True
 
     def cancel(self) -> None:
-        """Have a wait of another thread look whether it is cancelled."""
+        """Make a wait of another thread check if it is cancelled."""
         if self._cancelling is not None:
             self._cancelling[1].send(b"x")
 

@@ -279,7 +279,7 @@ class Lock:
 
 
 def install(turns: Turns) -> None:
-    """Have the threads and locks of this process take turns."""
+    """Let the threads and locks of this process take turns."""
     Lock.turns = turns
     module: Any = threading
     module.Lock = module._allocate_lock = Lock

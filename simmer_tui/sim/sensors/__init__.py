@@ -26,12 +26,18 @@ from simmer_tui.sim.sensors.base import with_parameters as with_parameters
 from simmer_tui.sim.sensors.lidar import Lidar as Lidar
 from simmer_tui.sim.sensors.lidar import LidarSpec as LidarSpec
 from simmer_tui.sim.sensors.own_motion import Compass as Compass
+from simmer_tui.sim.sensors.own_motion import CompassSpec as CompassSpec
 from simmer_tui.sim.sensors.own_motion import Gyro as Gyro
+from simmer_tui.sim.sensors.own_motion import GyroSpec as GyroSpec
 from simmer_tui.sim.sensors.own_motion import Odometer as Odometer
+from simmer_tui.sim.sensors.own_motion import OdometerSpec as OdometerSpec
 from simmer_tui.sim.sensors.range_sensors import RangeSensor as RangeSensor
+from simmer_tui.sim.sensors.range_sensors import RangeSpec as RangeSpec
 from simmer_tui.sim.sensors.range_sensors import TimeOfFlight as TimeOfFlight
 from simmer_tui.sim.sensors.range_sensors import Ultrasonic as Ultrasonic
+from simmer_tui.sim.sensors.range_sensors import UltrasonicSpec as UltrasonicSpec
 from simmer_tui.sim.sensors.yes_or_no import LineSensor as LineSensor
+from simmer_tui.sim.sensors.yes_or_no import LineSpec as LineSpec
 from simmer_tui.sim.sensors.yes_or_no import LoadSensor as LoadSensor
 from simmer_tui.sim.specs import SensorKind
 

@@ -94,7 +94,7 @@ class Prior(Struct, frozen=True):
     """A parameter that calibration may estimate, with its prior about the set's value."""
 
     field: str
-    """The field of `SensorSpec`, or `OFFSET`."""
+    """The field of the row, or `OFFSET`."""
     label: str
     kind: ParameterKind
     spread: float
@@ -209,6 +209,28 @@ class Sensor(SensorKind):
         if spec.min_range and value < spec.min_range:
             return spec.min_range
         return math.inf if value > spec.max_range else value
+
+    @property
+    def threshold(self) -> float:
+        """Of a sensor that answers yes or no: the measured value from which it answers yes."""
+        # Halfway between no and yes.
+        return 0.5
+
+    @property
+    def tick(self) -> float:
+        """Step of a count, in its unit; 0 for a count without steps."""
+        return 0.0
+
+    @property
+    def random_walk(self) -> float:
+        """Standard deviation of its random walk after one second, in its unit: it grows with the square root
+        of time."""
+        return 0.0
+
+    @property
+    def cross_talk(self) -> float:
+        """Probability that it takes another sensor's sound, if that arrives first, for its own."""
+        return 0.0
 
     def ideal(self, true: float) -> float:
         """The value without any error, before the sensor's electronics."""

@@ -49,13 +49,13 @@ class Faults:
     def reading(self, true: float, random: np.random.Generator, time: float) -> float:
         """A reading as `Sensor.reading` has it, with the faults of that moment."""
         spec = self._sensor.spec
-        if spec.random_walk:
-            true += self._walk(spec.random_walk, time)
+        if walk := self._sensor.random_walk:
+            true += self._walk(walk, time)
         if self._sensor.pings and spec.read_time:
             own = true
-            if spec.cross_talk:
+            if cross_talk := self._sensor.cross_talk:
                 false_echo = self._pings.overheard(spec.id, own, time)
-                if false_echo is not None and self._random.random() < spec.cross_talk:
+                if false_echo is not None and self._random.random() < cross_talk:
                     true = false_echo
             # The true distance, not the reading: the sound returns from the surface that the sensor points
             # at.
@@ -82,4 +82,4 @@ class Faults:
 def has_faults(sensor: Sensor) -> bool:
     """True if a sensor needs `Faults`."""
     spec = sensor.spec
-    return bool(spec.random_walk or spec.dropout or spec.outlier or (sensor.pings and spec.read_time))
+    return bool(sensor.random_walk or spec.dropout or spec.outlier or (sensor.pings and spec.read_time))

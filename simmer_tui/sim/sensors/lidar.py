@@ -20,17 +20,16 @@ from simmer_tui.sim.angles import cos_sin_array
 from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.columns import CsvColumn
-from simmer_tui.sim.command import parse_value
+from simmer_tui.sim.command import counted, parse_value
 from simmer_tui.sim.maze import Maze, Rays, chosen_rays
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.recent_motion import BlockPlace, Motion, RecentMotion
 from simmer_tui.sim.records import LidarScan, RangeScan, Reading
 from simmer_tui.sim.sensors.base import Prior, World
-from simmer_tui.sim.sensors.range_sensors import RangeSensor
-from simmer_tui.sim.specs import SensorSpec
+from simmer_tui.sim.sensors.range_sensors import RangeSensor, RangeSpec
 
 
-class LidarSpec(SensorSpec, frozen=True, kw_only=True):
+class LidarSpec(RangeSpec, frozen=True, kw_only=True):
     """One row of sensors.csv for a lidar. The defaults are those of a RPLIDAR A1M8, with their sources in
     docs/sensors.md; `scan_rate` is in revolutions a second."""
 
@@ -45,12 +44,22 @@ class LidarSpec(SensorSpec, frozen=True, kw_only=True):
     missed_as_zero: bool = False
     """True if a ray that met nothing reads 0 and not infinity, as in the RPLIDAR's own software."""
 
+    @property
+    def beam(self) -> None:
+        """None: it looks all around."""
+        return None
+
+    @property
+    def view_words(self) -> tuple[str, ...]:
+        return (counted(self.rays, "ray"),)
+
 
 class Lidar(RangeSensor):
     """Distances all around, inches. Where a reading is one number, it is that of the first ray of the turn,
     which points along its Rotation."""
 
     name = "lidar"
+    short_name = "lidar"
     is_scan = True
     meaning = "ranges all around"
     spec_type = LidarSpec

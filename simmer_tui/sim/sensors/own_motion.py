@@ -23,11 +23,21 @@ from simmer_tui.sim.sensors.base import (
 from simmer_tui.sim.specs import SensorSpec
 
 
+class OdometerSpec(SensorSpec, frozen=True, kw_only=True):
+    """One row of sensors.csv for a wheel encoder."""
+
+    ticks_per_inch: float = 0.0
+    """Ticks to which readings are rounded; 0 means that they are not."""
+
+
 class Odometer(CountingSensor):
     """A wheel encoder, inches. With q its place and v its rolling direction (robot's frame), turning
     by a degrees rolls 2 pi (q x v) a / 360, translating by t rolls t . v."""
 
     name = "odom"
+    short_name = "odometer"
+    spec_type = OdometerSpec
+    spec: OdometerSpec
     meaning = "wheel encoder"
     unit = "in"
     slips = True
@@ -36,6 +46,11 @@ class Odometer(CountingSensor):
         *(columns.X, columns.Y, columns.ROTATION, columns.ERROR),
         *(*columns.ELECTRONICS, columns.READ_TIME, columns.TICKS),
     )
+
+    @property
+    def tick(self) -> float:
+        ticks = self.spec.ticks_per_inch
+        return 1.0 / ticks if ticks else 0.0
 
     def ideal(self, true: float) -> float:
         """Whole ticks, if it counts ticks: a new one at each edge that passes."""
@@ -56,10 +71,20 @@ class Odometer(CountingSensor):
         return cos, sin, 2.0 * math.pi * (spec.x * sin - spec.y * cos)
 
 
+class GyroSpec(SensorSpec, frozen=True, kw_only=True):
+    """One row of sensors.csv for a gyro."""
+
+    random_walk: float = 0.0
+    """Degrees in a second, growing with the square root of time."""
+
+
 class Gyro(CountingSensor):
     """The angle turned, degrees: only what was really turned."""
 
     name = "gyro"
+    short_name = "gyro"
+    spec_type = GyroSpec
+    spec: GyroSpec
     meaning = "angle turned"
     unit = "deg"
     slips = False
@@ -77,14 +102,29 @@ class Gyro(CountingSensor):
     )
     least_error = 0.003
 
+    @property
+    def random_walk(self) -> float:
+        return self.spec.random_walk
+
     def counted_on(self, turned: float, ahead: float, aside: float) -> float:
         return turned
+
+
+class CompassSpec(SensorSpec, frozen=True, kw_only=True):
+    """One row of sensors.csv for a compass."""
+
+    hard_iron: float = 0.0
+    soft_iron: float = 0.0
+    """Greatest deviations by iron, degrees: once, and twice, a turn."""
 
 
 class Compass(ObservingSensor):
     """The robot's heading and the sensor's own rotation, degrees, not wrapped."""
 
     name = "comp"
+    short_name = "compass"
+    spec_type = CompassSpec
+    spec: CompassSpec
     meaning = "compass heading"
     unit = "deg"
     is_heading = True

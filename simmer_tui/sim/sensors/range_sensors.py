@@ -12,6 +12,7 @@ from simmer_tui.sim import columns
 from simmer_tui.sim.angles import cos_sin, cos_sin_array
 from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.columns import CsvColumn
+from simmer_tui.sim.command import counted
 from simmer_tui.sim.maze import Rays
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import RangeScan
@@ -25,11 +26,40 @@ MOUNTED = 0.5
 """Prior standard deviation of a sensor's place, inches: people mount it by eye and with a ruler."""
 
 
+class RangeSpec(SensorSpec, frozen=True, kw_only=True):
+    """One row of sensors.csv for a sensor that measures a distance. Limits of 0 mean none."""
+
+    field_of_view: float = 0.0
+    """Degrees from edge to edge."""
+    rays: int = 5
+    vertical_field_of_view: float = 0.0
+    """Degrees from edge to edge; 0 for a sensor that sees a block by height alone."""
+    incidence_limit: float = 0.0
+    """Degrees from a wall's normal beyond which a ray has no echo."""
+
+    @property
+    def beam(self) -> float | None:
+        return self.field_of_view
+
+    @property
+    def view_words(self) -> tuple[str, ...]:
+        return f"{self.field_of_view:g} deg wide", counted(self.rays, "ray")
+
+
+class UltrasonicSpec(RangeSpec, frozen=True, kw_only=True):
+    """One row of sensors.csv for an ultrasonic sensor."""
+
+    cross_talk: float = 0.0
+    """Probability that another sensor's sound, if it arrives first, is read as its own echo."""
+
+
 class RangeSensor(ObservingSensor):
     """A distance, inches, from `Rays` rays spread evenly over the field of view, edges included."""
 
     unit = "in"
     is_range = True
+    spec_type: ClassVar[type[RangeSpec]] = RangeSpec
+    spec: RangeSpec
     missed = math.inf
     columns: ClassVar[tuple[CsvColumn, ...]] = (
         *(columns.X, columns.Y, columns.Z, columns.ROTATION, columns.ERROR, columns.FIELD_OF_VIEW),
@@ -53,7 +83,7 @@ class RangeSensor(ObservingSensor):
         Prior("absolute_error", "absolute error", ParameterKind.NOISE, 1.5, "in", usual=0.1),
     )
 
-    def __init__(self, spec: SensorSpec) -> None:
+    def __init__(self, spec: RangeSpec) -> None:
         super().__init__(spec)
         self.bearings: list[float] = (self.fan() + spec.rotation).tolist()
         """Directions of the rays in the robot's frame, degrees."""
@@ -176,10 +206,17 @@ class Ultrasonic(RangeSensor):
     """The shortest distance at which any of its rays meets something."""
 
     name = "ultra"
+    short_name = "ultrasonic"
     meaning = "ultrasonic range"
+    spec_type = UltrasonicSpec
+    spec: UltrasonicSpec
     devices = ("Ultrasonic",)
     pings = True
     columns = (*RangeSensor.columns, columns.CROSS_TALK)
+
+    @property
+    def cross_talk(self) -> float:
+        return self.spec.cross_talk
 
     def combined(self, distances: Sequence[float]) -> float:
         """The shortest distance, inches."""
@@ -194,6 +231,7 @@ class TimeOfFlight(RangeSensor):
     """The mean of its rays' distances."""
 
     name = "tof"
+    short_name = "time of flight"
     meaning = "time-of-flight range"
     columns = tuple(
         replace(column, default=47.0) if column is columns.MAX_RANGE else column

@@ -16,8 +16,9 @@ from msgspec.structs import fields
 
 from simmer_tui.sim.columns import ERROR, ROTATION, CsvColumn, X, Y, Z
 from simmer_tui.sim.command import cut
-from simmer_tui.sim.rules import NumberRule, RawTextRule, Rule, WordRule
+from simmer_tui.sim.rules import NumberRule, RawTextRule, Rule, WordRule, is_number
 from simmer_tui.sim.sensors.base import Sensor
+from simmer_tui.sim.sensors.range_sensors import RangeSpec
 from simmer_tui.sim.specs import SensorKind, SensorSpec
 
 # Characters of a cell of a table: no value of a sensor is longer.
@@ -31,7 +32,7 @@ _GIVEN = ("kind", "number", "code", "enabled")
 """Fields of a row that come from its ID, code and switch, never from a column."""
 
 
-_SAME = ("name", "meaning", "unit", "is_range", "is_yes_or_no", "counts")
+_SAME = ("name", "meaning", "unit", "short_name", "is_range", "is_yes_or_no", "counts")
 """Attributes that a kind and its description share."""
 _PLACED = (X, Y, Z, ROTATION, ERROR)
 """The columns of a kind whose own columns are not known."""
@@ -58,6 +59,7 @@ class RecordedKind(Struct, frozen=True, omit_defaults=True, kw_only=True):
     title: str
     meaning: str = "a device of the team's own"
     unit: str = ""
+    short_name: str = ""
     is_range: bool = False
     is_yes_or_no: bool = False
     counts: bool = False
@@ -89,11 +91,11 @@ def is_kind_name(text: object) -> bool:
     return type(text) is str and _KIND.fullmatch(text) is not None
 
 
-def _is_field(name: str) -> bool:
-    """True for a field that a column may fill: one of `SensorSpec`, or an additional one."""
-    if name in {each.name for each in fields(SensorSpec)}:
+def _is_field(name: str, row: type[SensorSpec]) -> bool:
+    """True for a field that a column may fill: one of a row's, or an additional one."""
+    if name in {each.name for each in fields(row)}:
         return name not in _GIVEN
-    return name.isidentifier() and not name.startswith("__") and not hasattr(SensorSpec, name)
+    return name.isidentifier() and not name.startswith("__") and not hasattr(row, name)
 
 
 def _recorded(column: CsvColumn, blank: SensorSpec) -> RecordedColumn:
@@ -107,7 +109,7 @@ def _recorded(column: CsvColumn, blank: SensorSpec) -> RecordedColumn:
         field=column.field,
         unit=column.unit,
         label=column.label,
-        is_number=isinstance(default, int | float) and not isinstance(default, bool),
+        is_number=is_number(default),
         words=words,
         default=_plain(default),
     )
@@ -128,27 +130,28 @@ def recorded_class(kind: RecordedKind) -> type[RecordedSensor]:
     two sets can be compared. Raises ValueError for a description that fits no class."""
     if not (is_kind_name(kind.name) and is_label(kind.title) and kind.title.isidentifier()):
         raise ValueError("a kind of sensor whose name is no name")
-    if not all(map(is_label, (kind.meaning, kind.unit))):
-        raise ValueError(f"the meaning or unit of the kind {kind.name} is no line of text")
+    if not all(map(is_label, (kind.meaning, kind.unit, kind.short_name))):
+        raise ValueError(f"the meaning, unit or short name of the kind {kind.name} is no line of text")
+    row = RangeSpec if kind.is_range else SensorSpec
     for column in kind.columns:
         if not all(map(is_label, (column.header, column.unit, column.label, *column.words))):
             raise ValueError(f"a column of the kind {kind.name} has a name that is no line of text")
-        if not _is_field(column.field):
+        if not _is_field(column.field, row):
             raise ValueError(f"the column {column.header!r} of the kind {kind.name} fills what is no field")
     values = {each: getattr(kind, each) for each in (*_SAME, "any_columns")}
     values["columns"] = _PLACED if kind.any_columns else tuple(_columns(kind.columns))
-    values |= {"spec_type": _spec_type(kind.columns), "__doc__": f"{kind.meaning}, described only."}
+    values |= {"spec_type": _spec_type(kind.columns, row), "__doc__": f"{kind.meaning}, described only."}
     return type(kind.title, (RecordedSensor,), values)
 
 
-def _spec_type(columns: Iterable[RecordedColumn]) -> type[Struct]:
-    """A class of rows that has a field for each of these columns."""
-    known = {each.name for each in fields(SensorSpec)}
+def _spec_type(columns: Iterable[RecordedColumn], row: type[SensorSpec]) -> type[Struct]:
+    """A class of rows, derived from `row`, that has a field for each of these columns."""
+    known = {each.name for each in fields(row)}
     own = {column.field: column for column in columns if column.field not in known}
     if not own:
-        return SensorSpec
+        return row
     more = [(name, Any, 0.0 if each.default is None else each.default) for name, each in own.items()]
-    return defstruct("RecordedSpec", more, bases=(SensorSpec,), frozen=True, kw_only=True)
+    return defstruct("RecordedSpec", more, bases=(row,), frozen=True, kw_only=True)
 
 
 def _columns(columns: Iterable[RecordedColumn]) -> Iterable[CsvColumn]:

@@ -20,10 +20,51 @@ TEST_POINTS = np.array(
 """Test points on the disc of a line sensor, (113, 2), in sixths of the radius."""
 
 
+class LineSpec(SensorSpec, frozen=True, kw_only=True):
+    """One row of sensors.csv for a line sensor."""
+
+    field_of_view: float = 0.0
+    """Degrees from edge to edge."""
+    threshold: float = 0.0
+    """Share of the seen floor that must have the colour for a 1."""
+    detects_white: bool = False
+    analog: bool = False
+    """True if it replies with the fraction of its test points, 0 to 1, instead of yes or no."""
+
+    @property
+    def is_yes_or_no(self) -> bool:
+        return not self.analog
+
+    @property
+    def is_inverted(self) -> bool:
+        return self.detects_white
+
+    @property
+    def beam(self) -> float:
+        return self.field_of_view
+
+    @property
+    def radius(self) -> float:
+        """Radius of the disc of floor that it sees, inches."""
+        return self.z * math.tan(math.radians(self.field_of_view / 2))
+
+    @property
+    def view_words(self) -> tuple[str, ...]:
+        return f"{self.field_of_view:g} deg wide", f"a disc {round(2 * self.radius, 2):g} in across"
+
+    @property
+    def yes_words(self) -> tuple[str, str]:
+        colour = "white" if self.detects_white else "black"
+        return colour, f"where at least {self.threshold:g} of the disc is {colour}"
+
+
 class LineSensor(ObservingSensor):
     """True if enough of a disc of floor is black: 113 test points, aligned with the global axes."""
 
     name = "ir"
+    short_name = "line sensor"
+    spec_type = LineSpec
+    spec: LineSpec
     meaning = "line sensor, 1 over its colour"
     is_yes_or_no = True
     detects_floor = True
@@ -35,10 +76,14 @@ class LineSensor(ObservingSensor):
         *(columns.READ_TIME, columns.DROPOUT, columns.OUTLIER, columns.ANSWER),
     )
 
-    def __init__(self, spec: SensorSpec) -> None:
+    def __init__(self, spec: LineSpec) -> None:
         super().__init__(spec)
-        self.radius = spec.z * math.tan(math.radians(spec.field_of_view / 2))
+        self.radius = spec.radius
         self._offsets = TEST_POINTS * self.radius / 6.0
+
+    @property
+    def threshold(self) -> float:
+        return self.spec.threshold
 
     def observe(self, world: World, pose: Pose) -> tuple[float, FloorPatch]:
         """The fraction of test points of the colour it detects, and the points."""
@@ -68,6 +113,8 @@ class LoadSensor(ObservingSensor):
     """True if the gripper holds something. Its Percent Error is the probability of the opposite answer."""
 
     name = "load"
+    short_name = "load sensor"
+    errs_by_opposite = True
     meaning = "1 while the gripper holds something"
     is_yes_or_no = True
     detects_block = True

@@ -110,7 +110,7 @@ class Canvas:
                 self._put(cell, ord(character), role, paper)
 
     def clear(self, where: Mask) -> None:
-        """Have some cells, (rows, columns), show only the ground."""
+        """Show only the ground in some cells, (rows, columns)."""
         cells = np.flatnonzero(where)
         self._put(cells, BLANK, Role.TEXT)
         self.cells.attributes[where] = 0

@@ -16,12 +16,12 @@ from simmer_tui.tui.maze.viewport import Viewport
 # A belief changes slightly with every reading, and each change of a level sends a part of the map.
 _HELD = 1.15
 """Factor by which a probability has to pass a threshold before its level changes."""
-_REDRAWN = 0.5
+HEAT_PERIOD = 0.5
 """Simulated seconds between two maps of a robot that drives."""
 # "100%", and as wide a gap to the number of the next cell.
 _NUMBER_COLUMNS = 8.0
 """Columns of a grid's cell from which its number is shown."""
-_LEAST_SHARE = 0.02
+LEAST_SHOWN_SHARE = 0.02
 
 
 class HeatMark(Struct, frozen=True, eq=False):
@@ -52,7 +52,7 @@ class HeatMap:
         """The mark to draw: the previous one, until it is time for another."""
         old = self._mark
         if old is not None and old.grid is not mark.grid:
-            is_early = not mark.stands and 0.0 <= mark.time - old.time < _REDRAWN
+            is_early = not mark.stands and 0.0 <= mark.time - old.time < HEAT_PERIOD
             same_grid = (old.grid.shape, old.grid.bounds) == (mark.grid.shape, mark.grid.bounds)
             return old if is_early and same_grid else mark
         return mark if old is None else old
@@ -81,7 +81,7 @@ def heat_numbers(grid: GridBelief, viewport: Viewport, *, tinted: bool) -> list[
         return []
     in_full = wide >= _NUMBER_COLUMNS
     found = []
-    for row, column in np.argwhere(places >= (_LEAST_SHARE if in_full else 0.1)).tolist():
+    for row, column in np.argwhere(places >= (LEAST_SHOWN_SHARE if in_full else 0.1)).tolist():
         share = float(places[row, column])
         text = f"{100 * share:.0f}%" if in_full else f"{min(int(10 * share + 1e-9), 9)}"
         # The lower right corner, from within.

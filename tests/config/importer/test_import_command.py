@@ -12,15 +12,24 @@ from simmer_tui.config.importer.imported import COURSE_MAZE, Imported, SettingVa
 from simmer_tui.config.importer.set_writer import settings_text, write_set
 from simmer_tui.config.loader import load
 from simmer_tui.config.settings import all_settings
-from simmer_tui.sim.sensors import Gyro, LineSensor, TimeOfFlight, Ultrasonic
-from simmer_tui.sim.specs import Axes, DriveKind, DriveSpec, RobotSpec, SensorSpec
+from simmer_tui.sim.sensors import (
+    Gyro,
+    GyroSpec,
+    LineSensor,
+    LineSpec,
+    RangeSpec,
+    TimeOfFlight,
+    Ultrasonic,
+    UltrasonicSpec,
+)
+from simmer_tui.sim.specs import Axes, DriveKind, DriveSpec, RobotSpec
 
 SENSORS = (
-    SensorSpec(kind=Ultrasonic, number=3, code="u3", x=1 / 3, y=-2.0, z=2.0, field_of_view=5.0),
-    SensorSpec(kind=TimeOfFlight, number=1, code="t1", field_of_view=25.0, max_range=47.0, resolution=0.1),
-    SensorSpec(kind=TimeOfFlight, number=2, code="t2", field_of_view=25.0, max_range=20.0, min_range=1.0),
-    SensorSpec(kind=LineSensor, number=1, code="i1", enabled=False, z=1.0, threshold=0.5),
-    SensorSpec(kind=Gyro, number=0, code="g0", gain=-1.0, drift=1e-7, wrap=360.0, error=0.5),
+    UltrasonicSpec(kind=Ultrasonic, number=3, code="u3", x=1 / 3, y=-2.0, z=2.0, field_of_view=5.0),
+    RangeSpec(kind=TimeOfFlight, number=1, code="t1", field_of_view=25.0, max_range=47.0, resolution=0.1),
+    RangeSpec(kind=TimeOfFlight, number=2, code="t2", field_of_view=25.0, max_range=20.0, min_range=1.0),
+    LineSpec(kind=LineSensor, number=1, code="i1", enabled=False, z=1.0, threshold=0.5),
+    GyroSpec(kind=Gyro, number=0, code="g0", gain=-1.0, drift=1e-7, wrap=360.0, error=0.5),
 )
 
 

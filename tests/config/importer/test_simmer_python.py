@@ -20,7 +20,16 @@ from simmer_tui.config.loader import load
 from simmer_tui.config.sets import find_set
 from simmer_tui.errors import ConfigurationError
 from simmer_tui.sim import Pose, Simulator
-from simmer_tui.sim.sensors import Compass, Gyro, LineSensor, Ultrasonic
+from simmer_tui.sim.sensors import (
+    Compass,
+    CompassSpec,
+    Gyro,
+    GyroSpec,
+    LineSensor,
+    LineSpec,
+    Ultrasonic,
+    UltrasonicSpec,
+)
 from simmer_tui.sim.specs import Axes, DriveKind, DriveSpec, RobotSpec, SensorSpec
 
 
@@ -238,7 +247,7 @@ def test_an_ultrasonic_sensor_changes_frame_and_keeps_its_rays() -> None:
         "Ultrasonic({'position': [-2.5, 1], 'height': 3.5, 'rotation': -90, 'error': 0.1, 'beamwidth': 30,"
         " 'num_rays': 5, 'min_range': 1, 'max_range': 40})"
     )
-    assert spec == SensorSpec(
+    assert spec == UltrasonicSpec(
         kind=Ultrasonic,
         number=0,
         code="u0",
@@ -267,12 +276,12 @@ def test_a_description_may_be_given_as_keywords() -> None:
 
 def test_a_gyroscope_counts_clockwise_and_drifts() -> None:
     spec, _ = sensor("Gyroscope({'error': 0.03, 'bias': 0.2})")
-    assert spec == SensorSpec(kind=Gyro, number=0, code="u0", error=0.06, gain=-1.0, drift=0.2, wrap=360.0)
+    assert spec == GyroSpec(kind=Gyro, number=0, code="u0", error=0.06, gain=-1.0, drift=0.2, wrap=360.0)
 
 
 def test_a_compass_reads_their_rotation() -> None:
     spec, _ = sensor("Compass({'error': 0.01, 'bias': 2, 'rotation': 45})")
-    assert spec == SensorSpec(
+    assert spec == CompassSpec(
         kind=Compass,
         number=0,
         code="u0",
@@ -286,7 +295,7 @@ def test_a_compass_reads_their_rotation() -> None:
 
 def test_a_line_sensor_looks_for_white() -> None:
     spec, imported = sensor("Infrared({'position': [1, -1], 'error': 0.05, 'bias': 0.1})")
-    assert spec == SensorSpec(
+    assert spec == LineSpec(
         kind=LineSensor,
         number=0,
         code="u0",
@@ -406,7 +415,7 @@ def test_a_class_of_time_of_flight_sensors_becomes_ultra_rows(name: str) -> None
     spec, imported = sensor(
         f"{name}({{'position': [1, 3], 'height': 2, 'fov': 25, 'num_rays': 5, 'max_range': 47}})"
     )
-    assert spec == SensorSpec(
+    assert spec == UltrasonicSpec(
         kind=Ultrasonic,
         number=0,
         code="u0",

@@ -118,6 +118,13 @@ class Bench:
         await self.clock.sock_connect(made, (HOST, self.ports[port].port))
         return made
 
+    def connect_now(self, port: int) -> socket.socket:
+        """A connection that the loop has no turn to accept meanwhile."""
+        made = socket.create_connection((HOST, self.ports[port].port))
+        made.setblocking(False)
+        self.sockets.append(made)
+        return made
+
     async def send(self, data: bytes, items: int) -> None:
         """One message on a connection of its own, closed at once; returns when so many commands
         have been answered."""

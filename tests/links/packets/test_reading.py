@@ -329,6 +329,26 @@ def test_when_there_are_too_many_connections_the_one_that_was_silent_longest_goe
     on_clock(scenario)
 
 
+def test_in_a_crowd_a_request_goes_first_and_the_newest_silent_connections_stay(on_clock: Any) -> None:
+    async def scenario(bench: Any) -> None:
+        *crowd, asker = [bench.connect_now(0) for _ in range(MOST_CONNECTIONS + 80)]
+        asker.sendall(b"[m0]")
+        reader = bench.connect_now(1)
+        await bench.clock.until(lambda: bench.outcomes)
+        assert bench.traffic.connections < MOST_CONNECTIONS / 2
+        assert await bench.rest(reader) == b"[m0:0.0]"
+        await bench.clock.until(lambda: bench.traffic.connections == MOST_CONNECTIONS)
+        await bench.clock.pass_by(1.1)
+        assert await bench.clock.sock_recv(crowd[0], 1) == b""
+        with pytest.raises(BlockingIOError):
+            crowd[-1].recv(1)
+        closed = [text for text in bench.notices if "connections at once are the most" in text]
+        assert len(closed) == 2
+        assert closed[1].startswith("79 more connections closed")
+
+    on_clock(scenario)
+
+
 def test_when_too_many_reads_wait_the_oldest_ends(on_clock: Any) -> None:
     async def scenario(bench: Any) -> None:
         oldest = await bench.begin_read()

@@ -28,7 +28,7 @@ from simmer_tui.links.protocol.replies import ReplyFormat
 from simmer_tui.sim import Simulator
 from simmer_tui.sim.command import Command, parse_value
 from simmer_tui.sim.records import CommandResult, Pose, Reading, Status
-from simmer_tui.sim.sensors import LineSensor, LoadSensor, Ultrasonic
+from simmer_tui.sim.sensors import LineSensor, LineSpec, LoadSensor, Ultrasonic
 from simmer_tui.sim.specs import SensorSpec
 
 HERE = Pose(0.0, 0.0, 0.0)
@@ -353,9 +353,9 @@ def test_a_robots_own_packets_are_merged_as_ours_are() -> None:
     [
         (SensorSpec(kind=LoadSensor, number=0, code="l0"), 1.0, b"True"),
         (SensorSpec(kind=LoadSensor, number=0, code="l0"), 0.0, b"False"),
-        (SensorSpec(kind=LineSensor, number=0, code="l0"), 0.0, b"False"),
-        (SensorSpec(kind=LineSensor, number=0, code="l0", analog=True), 0.73, b"0.73"),
-        (SensorSpec(kind=LineSensor, number=0, code="l0", analog=True), 1.0, b"1.0"),
+        (LineSpec(kind=LineSensor, number=0, code="l0"), 0.0, b"False"),
+        (LineSpec(kind=LineSensor, number=0, code="l0", analog=True), 0.73, b"0.73"),
+        (LineSpec(kind=LineSensor, number=0, code="l0", analog=True), 1.0, b"1.0"),
     ],
 )
 def test_a_yes_or_no_is_a_word_and_a_fraction_a_number(sensor: SensorSpec, value: float, word: bytes) -> None:

@@ -25,8 +25,7 @@ from simmer_tui.links.protocol.replies import (
 )
 from simmer_tui.sim.command import Command, parse_command
 from simmer_tui.sim.records import CommandResult, LidarScan, Pose, Reading, Status
-from simmer_tui.sim.sensors import Ultrasonic
-from simmer_tui.sim.specs import SensorSpec
+from simmer_tui.sim.sensors import Ultrasonic, UltrasonicSpec
 
 HERE = Pose(12.0, 30.0, 90.0)
 RANGES = [12.345, 11.22, math.inf]
@@ -52,7 +51,7 @@ def scan_of(ranges: list[float]) -> LidarScan:
 def result(command: str, ranges: list[float] | None = None, reply: float = math.nan) -> CommandResult:
     """The result of a command: a scan, a reading of one number, or a refusal."""
     asked = parse_command(command)
-    spec = SensorSpec(kind=Ultrasonic, number=1, code=asked.code)
+    spec = UltrasonicSpec(kind=Ultrasonic, number=1, code=asked.code)
     if ranges is not None:
         reading = Reading(spec, ranges[0], ranges[0], scan=scan_of(ranges))
         return CommandResult(1, 7.5, asked, Status.READING, ranges[0], HERE, HERE, reading=reading)

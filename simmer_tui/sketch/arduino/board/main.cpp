@@ -3,6 +3,10 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#if defined(__linux__)
+#include <signal.h>
+#include <ucontext.h>
+#endif
 
 #include "../core/Arduino.h"
 #include "clock.h"
@@ -27,14 +31,43 @@ extern "C" void __sanitizer_cov_trace_pc() {
 }
 
 namespace {
-void died(int number) {
-  // Only what is safe in a signal handler. The simulator finds the line by the address.
-  char text[64];
-  const int size = avr_snprintf(text, sizeof text, "simmer-board died %d %lu\n", number, board::place);
+#if defined(__linux__)
+// The address at which it died, where that can be had.
+uint32_t fault_address(const void* context) {
+  const mcontext_t& machine = static_cast<const ucontext_t*>(context)->uc_mcontext;
+#if defined(__x86_64__)
+  return static_cast<uint32_t>(machine.gregs[REG_RIP]);
+#elif defined(__aarch64__)
+  return static_cast<uint32_t>(machine.pc);
+#else
+  (void)machine;
+  return 0;
+#endif
+}
+#endif
+
+void report_death(int number, uint32_t address) {
+  // Only what is safe in a signal handler. The simulator finds the line by the addresses.
+  char text[80];
+  const uint32_t clock = static_cast<uint32_t>(board::now / board::MICROSECOND);
+  const int size = avr_snprintf(text, sizeof text, "simmer-board died %d %lu %lu %lu\n", number, address, board::place, clock);
   std::fwrite(text, 1, static_cast<size_t>(size), stderr);
   std::fflush(stderr);
   std::_Exit(3);
 }
+
+#if defined(__linux__)
+void died(int number, siginfo_t*, void* context) { report_death(number, fault_address(context)); }
+void listen_for_death(int number) {
+  struct sigaction action = {};
+  action.sa_sigaction = died;
+  action.sa_flags = SA_SIGINFO;
+  sigaction(number, &action, nullptr);
+}
+#else
+void died(int number) { report_death(number, 0); }
+void listen_for_death(int number) { std::signal(number, died); }
+#endif
 
 // "--drives 5,6,7": the pins of a list, each passed to a function.
 void for_pins(const char* list, void (*mark)(int)) {
@@ -47,7 +80,7 @@ void for_pins(const char* list, void (*mark)(int)) {
 }  // namespace
 
 int main(int count, char** arguments) {
-  for (int number : {SIGSEGV, SIGFPE, SIGILL, SIGABRT}) std::signal(number, died);
+  for (int number : {SIGSEGV, SIGFPE, SIGILL, SIGABRT}) listen_for_death(number);
   for (int at = 1; at + 1 < count; at += 2) {
     if (!std::strcmp(arguments[at], "--drives")) for_pins(arguments[at + 1], board::mark_driving);
     if (!std::strcmp(arguments[at], "--triggers")) for_pins(arguments[at + 1], board::mark_trigger);
