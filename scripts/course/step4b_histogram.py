@@ -9,6 +9,7 @@ Thrun, Burgard, Fox, Probabilistic Robotics, 2005, chapters 4 and 8: histogram f
 from __future__ import annotations
 
 import sys
+import time
 
 import numpy as np
 from step3_dead_reckoning import Motion, Odometry, turned
@@ -21,6 +22,7 @@ HEADINGS = 36  # directions, evenly spaced from 0
 TURN = 360.0 / HEADINGS  # deg, between two directions
 BLUR = 1.0  # in, change of a reading within a cell
 OUTLIER = 0.02  # likelihood of an unexplained reading: a single one proves little
+WAIT = 0.5  # s of real time before each look, to watch the belief; 0 for many trials
 SURE = 0.9  # probability around the best pose when sure
 
 
@@ -28,15 +30,12 @@ class Histogram:
     """A probability for every row (1 on top), column and heading."""
 
     def __init__(self, simulator: Simulator) -> None:
-        maze = simulator.maze
-        self.x = np.arange(STEP / 2, maze.width, STEP)
-        self.y = np.arange(STEP / 2, maze.height, STEP)[::-1]
+        self.x = np.arange(STEP / 2, simulator.maze.width, STEP)
+        self.y = np.arange(STEP / 2, simulator.maze.height, STEP)[::-1]
         self.heading = np.arange(HEADINGS) * TURN
         y, x, heading = np.meshgrid(self.y, self.x, self.heading, indexing="ij")
         poses = np.column_stack((x.ravel(), y.ravel(), heading.ravel()))
-        # `simmer-tui atlas atlas.npz --step 2 --headings 36` writes these ranges into a file.
-        ranges = np.minimum(simulator.true_ranges(poses, RANGES), NO_ECHO)
-        self._expected: Array = ranges.reshape(*x.shape, len(RANGES))
+        self._expected = np.minimum(simulator.true_ranges(poses, RANGES), NO_ECHO).reshape(*x.shape, -1)
         # Change of a reading over half a step of heading: small at a wall, large past a corner.
         aside = np.abs(np.roll(self._expected, 1, axis=2) - np.roll(self._expected, -1, axis=2)) / 8
         errors = np.array([simulator.sensor(code).error for code in RANGES])
@@ -51,9 +50,8 @@ class Histogram:
 
     def predict(self, motion: Motion) -> None:
         """Shift the belief as the robot has moved: each heading in its own direction."""
-        moved = turned(motion.forward, motion.left, self.heading + motion.turn / 2).T / STEP
-        for k, (x, y) in enumerate(moved):
-            self.belief[:, :, k] = shifted(shifted(self.belief[:, :, k], -y, 0), x, 1)
+        for k, (x, y) in enumerate(turned(motion.forward, motion.left, self.heading + motion.turn / 2).T):
+            self.belief[:, :, k] = shifted(shifted(self.belief[:, :, k], -y / STEP, 0), x / STEP, 1)
         whole, part = divmod(motion.turn / TURN, 1)
         before, after = (np.roll(self.belief, int(whole) + more, axis=2) for more in (0, 1))
         self._set((1 - part) * before + part * after)
@@ -87,6 +85,7 @@ def shifted(plane: Array, cells: float, axis: int) -> Array:
 
 def look(robot: Robot, histogram: Histogram) -> float:
     """Read the range sensors, weigh, and show the result; returns how far it is free ahead, 0 if unknown."""
+    time.sleep(WAIT)
     readings = robot.read(*RANGES)
     histogram.update(np.array(readings))
     robot.believe(grid=histogram.belief, note=f"{histogram.best()[1]:.0%} sure")
@@ -95,6 +94,7 @@ def look(robot: Robot, histogram: Histogram) -> float:
 
 def localize(robot: Robot, histogram: Histogram, odometry: Odometry) -> bool:
     """Turn on the spot and read the sensors until the robot is localized; if places look alike, drive on."""
+    robot.believe(grid=histogram.belief, note="anywhere")
     compass = np.radians(robot.read(*["c1"] * 25))  # it reads heading times (1 + error)
     heading = np.degrees(np.arctan2(np.sin(compass).mean(), np.cos(compass).mean())) % 360
     histogram.scatter(heading, 10 + 0.03 * heading)

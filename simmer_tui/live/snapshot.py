@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from msgspec.structs import replace
 
+from simmer_tui.live.route import Route, RouteKeeper
 from simmer_tui.report.live_verdict import LiveVerdict
 from simmer_tui.report.verdict import Verdict
 from simmer_tui.robot.engine import Engine
@@ -42,6 +43,9 @@ from simmer_tui.sketch.board_view import BoardView
 # Judged: nobody scrolls further back in a live list, and the log has all of them.
 EVENTS = 2000
 """Entries kept in the list of events."""
+# A turn and the drive after it.
+ENDS = 2
+"""Ends of movements in a snapshot."""
 KEPT_READINGS = 40
 """Readings of one folded entry that are kept to be unfolded: the latest."""
 # Judged: time to look up and read two lines.
@@ -123,12 +127,20 @@ class EventFeed(EventHandler[None]):
         """True from the line of a verdict until a program connects or the run restarts."""
         self.total = 0
         """Entries so far, those that have given way included."""
+        self._route = RouteKeeper()
+        self.ends: deque[MovementEnded] = deque(maxlen=ENDS)
+        """Ends of the latest movements, the newest first."""
 
     def take(self, reducer: Reducer, real_time: float, event: Event, number: int | None = None) -> None:
         """Add an event that the reducer has applied. `number` is by default the reducer's."""
         self._reducer, self._real_time = reducer, real_time
         self._number = reducer.number if number is None else number
         self.handle(event)
+
+    @property
+    def route(self) -> Route:
+        """Route of the movements that are over."""
+        return self._route.route
 
     def since(self, number: int) -> tuple[LogEntry, ...]:
         """The entries with events after number `number`. The first may be an older entry that has grown
@@ -182,7 +194,10 @@ class EventFeed(EventHandler[None]):
         """No entry: the command that set its velocity has one."""
 
     def on_leg_ended(self, event: LegEnded) -> None:
+        leg = event.leg
+        self._route.add(leg.centres(leg.end_time), leg.start_time, leg.end_time)
         if event.contact is not None:
+            self.ends.appendleft(event.as_movement())
             self.other(event.as_movement(), self._nearest(event.contact), wedged=self._reducer.wedged)
 
     def on_planned(self, event: MovementPlanned) -> None:
@@ -191,7 +206,9 @@ class EventFeed(EventHandler[None]):
     def on_ended(self, event: MovementEnded) -> None:
         # No entry shows wheels and turns, and entries are kept by the thousand.
         light = replace(event, trajectory=replace(event.trajectory, wheels={}, turns={}))
+        self._route.add(event.trajectory.centres(event.time), event.trajectory.start_time, event.time)
         nearest = None if event.contact is None else self._nearest(event.contact)
+        self.ends.appendleft(light)
         self.other(light, nearest, wedged=self._reducer.wedged)
 
     def on_program_ended(self, event: ProgramEnded) -> None:
@@ -207,6 +224,9 @@ class EventFeed(EventHandler[None]):
     def on_action(self, event: ActionDone) -> None:
         self.other(event)
         self.is_judged = self.is_judged and not event.restarts
+        if event.restarts:
+            self.ends.clear()
+            self._route.clear()
         self._advice = "" if event.restarts else self._advice
 
     def on_belief(self, event: Belief) -> None:
@@ -279,11 +299,14 @@ def _light(reading: Reading) -> Reading:
 class Snapshot:
     """A run at one moment. It never changes; any thread may read it.
 
+    One frame of the screen shows one snapshot: each current value on it is a function of this alone. Lists,
+    sparklines and the radar are history; they may lag, and have times of their own.
+
     `number` is that of the newest event. `entries` are the events since the number that was asked for, or, if
     `is_full`, all entries to show. `total` counts all entries so far. `rate` is recent commands a second.
     `waiting` is true if a command waits for a pause to end. `true_values` holds, by code, each sensor's value
     without error, if asked for. `pace` is that of the movements shown, simulated seconds a second, 0 as fast
-    as possible.
+    as possible; `pace_text` is the same in a word or two.
     """
 
     state: State
@@ -294,8 +317,13 @@ class Snapshot:
     rate: float = 0.0
     waiting: bool = False
     true_values: Mapping[str, float] = field(default_factory=dict)
+    ends: tuple[MovementEnded, ...] = ()
+    """Ends of the latest movements, the newest first."""
+    route: Route = field(default_factory=Route)
+    """Route of the movements that are over, since the start of the run."""
     mission: MissionState | None = None
     pace: float = 0.0
+    pace_text: str = ""
     verdict: Verdict | None = None
     """Outcome of the run, and its cause; None while it continues."""
     boards: tuple[BoardView, ...] = ()
@@ -346,9 +374,12 @@ class Recorder:
             number=self._reducer.number,
             entries=self._feed.since(since),
             total=self._feed.total,
+            ends=tuple(self._feed.ends),
+            route=self._feed.route,
             rate=self._measured_rate(state.commands),
             waiting=engine.has_waiting,
-            true_values=engine.simulator.true_values() if true_values else {},
+            # A movement that is shown at a pace is over already in the simulator.
+            true_values=engine.simulator.true_values(state.pose) if true_values else {},
             mission=self._mission_at(state),
             pace=throttle.pace if throttle is not None else 0.0,
             boards=self.boards(),

@@ -292,7 +292,7 @@ def listed_movements(history: RunHistory, moves: Columns) -> str:
     return " and ".join(name if count == 1 else f"{name} {times_text(count)}" for name, count in came.items())
 
 
-def ranges_text(seen: Attempt, lost: BeliefRow) -> str:
+def ranges_fit_text(seen: Attempt, lost: BeliefRow) -> str:
     """A sentence, with a space before it, on the ranges of the last movements before a wrong belief: whether
     they fit the place that was believed, in this maze. Empty where that is not clear."""
     history, spec = seen.history, seen.spec

@@ -430,8 +430,19 @@ function simmerPlayer(recording, live) {
 
   const shown = (value) => (Number.isFinite(value) ? String(Number(value.toFixed(2))) : Number.isNaN(value) ? "–" : "nothing");
 
+  // Age of a reading that is old, seconds; -1 while it still holds. The limits are those of the terminal: 1 in, 5 degrees,
+  // or 2 s in which the robot has moved.
+  function ageOf(reading) {
+    const then = poseAt(reading.taken), here = poseAt(now), age = now - reading.t;
+    const away = Math.hypot(here.x - then.x, here.y - then.y), turned = Math.abs(((here.h - then.h + 540) % 360 + 360) % 360 - 180);
+    return away > 1 || turned > 5 || (age > 2 && away + turned > 0) ? Math.max(age, 0) : -1;
+  }
+
   function showChip(reading, sensor, value, truth, box) {
     box.classList.toggle("fresh", Boolean(reading) && now - reading.t < FRESH);
+    const age = reading ? ageOf(reading) : -1;
+    box.classList.toggle("old", age >= 0);
+    box.dataset.age = age >= 1 ? `${Math.round(age)} s ago` : "";
     value.textContent = reading ? shown(reading.value) : "";
     const differs = reading && !sensor.counts && shown(reading.true) !== shown(reading.value);
     truth.textContent = differs ? shown(reading.true) : "";

@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from simmer_tui.config.mission_plan import cells_of
-from simmer_tui.report.belief_facts import BeliefFacts, has_read_range, listed_movements, ranges_text
+from simmer_tui.report.belief_facts import BeliefFacts, has_read_range, listed_movements, ranges_fit_text
 from simmer_tui.report.command_audit import multiplied_corrections
 from simmer_tui.report.contact_evidence import ContactEvidence
 from simmer_tui.report.device_health import DeviceHealth, health_of
@@ -498,7 +498,7 @@ class RunEvidence:
         place that it believed; empty where neither is clear."""
         if max(lost.distance, abs(lost.turn)) < CELL_SIZE or self.findings or self.seen.history.is_twin:
             return ""
-        return ranges_text(self.seen, lost)
+        return ranges_fit_text(self.seen, lost)
 
     def origin_of(self, row: RefusalRow) -> str:
         """A sentence, with a space before it, on a value of a command that is no value of a sensor: the reply

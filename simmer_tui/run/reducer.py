@@ -473,17 +473,18 @@ class Reducer:
     def _checkpoint(self, time: float, pose: Pose) -> Checkpoint:
         """The run at a simulated time, with its sums, the motion under way included."""
         travelled = driving = 0.0
-        if self._movement is not None:
-            trajectory = self._movement.trajectory
-            travelled, driving = trajectory.travelled(time), time - trajectory.start_time
-        elif self.leg is not None:
-            travelled, driving = self.leg.travelled(time), time - self.leg.start_time
+        under_way = self.leg if self._movement is None else self._movement.trajectory
+        contacts = self._now.contacts
+        if under_way is not None:
+            travelled, driving = under_way.travelled(time), time - under_way.start_time
+            contacts += under_way.contact is not None and under_way.contact.time <= time
         return replace(
             self._now,
             time=time,
             pose=pose,
             block=self._now.block if self._held is None else in_global_frame(self._held, pose),
             commands=self._commands,
+            contacts=contacts,
             distance=self._now.distance + travelled,
             spent=TimeSpent(self._driving + driving, self._link, dict(self._reading)),
         )

@@ -382,17 +382,19 @@ class Simulator:
 
     # -- true values, for programs that learn or localize --------------------------------------
 
-    def true_value(self, code: str) -> float:
-        """The reading of a sensor now, without random error. Raises UnknownSensorError."""
-        return self._observe(self._working(code), self.pose)[0]
+    def true_value(self, code: str, pose: Pose | None = None) -> float:
+        """The reading of a sensor now, without random error; as if the robot were at `pose`, if that is
+        given. Raises UnknownSensorError."""
+        return self._observe(self._working(code), self.pose if pose is None else pose)[0]
 
-    def true_values(self) -> dict[str, float]:
-        """Readings of all enabled sensors now, without random error, by code; NaN of a device that failed."""
+    def true_values(self, pose: Pose | None = None) -> dict[str, float]:
+        """Readings of all enabled sensors by code, as `true_value` gives them; NaN of a device that
+        failed."""
         values = {}
         for code, sensor in self._sensors.items():
             if sensor.spec.enabled:
                 try:
-                    values[code] = self.true_value(code)
+                    values[code] = self.true_value(code, pose)
                 except DeviceError:
                     values[code] = math.nan
         return values

@@ -51,6 +51,7 @@ def sketch_problems(
         problems += _unused_pins(board, found, uses)
         problems += _no_outputs(found, uses)
         problems += _interrupts(found)
+        problems += _deaf_ports(found)
         for sensor in wiring.sensors:
             if isinstance(sensor, WiredSonar) and sensor.board == name:
                 problems += _swapped_sonar(found, sensor)
@@ -153,6 +154,17 @@ def _interrupts(facts: SketchFacts) -> Iterator[Problem]:
             if each.number is None and pin not in kind.interrupts:
                 what = f"attachInterrupt on pin {kind.pin_name(pin)}, which has no interrupt; {there}"
                 yield Problem(each.spot, what)
+
+
+def _deaf_ports(facts: SketchFacts) -> Iterator[Problem]:
+    """SoftwareSerial ports at pins at which the board has no pin-change interrupt."""
+    kind = facts.kind
+    for port in facts.ports():
+        for pin in sorted((port.rx or Pins()) - kind.software_rx):
+            if port.name not in kind.serial and pin < kind.pins:
+                there = ", ".join(kind.pin_name(each) for each in sorted(kind.software_rx))
+                what = f"{port.name} cannot receive at pin {kind.pin_name(pin)} of the {kind.title}"
+                yield Problem(port.spot, f"{what}: SoftwareSerial can at {there}")
 
 
 def _swapped_sonar(facts: SketchFacts, sonar: WiredSonar) -> Iterator[Problem]:

@@ -4,17 +4,16 @@ They are first steps before anything has happened, the movement under way, the e
 answers.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
-from itertools import islice
+from collections.abc import Mapping, Sequence
 from textwrap import shorten
 
 from msgspec import Struct
 
-from simmer_tui.live.snapshot import LogEntry, Snapshot
+from simmer_tui.live.snapshot import Snapshot
 from simmer_tui.program.crash import own_frames
 from simmer_tui.report.verdict import Outcome, Verdict
 from simmer_tui.report.why import NOTHING_MOVED, WhyFact
-from simmer_tui.run.events import Event, EventHandler, MovementEnded, ProgramEnded, Result
+from simmer_tui.run.events import MovementEnded, ProgramEnded, Result
 from simmer_tui.run.facts import displacement
 from simmer_tui.run.mission import MissionState
 from simmer_tui.run.phrases import (
@@ -42,9 +41,6 @@ from simmer_tui.tui.sizes import BRIEF_ANSWER
 _FRAMES = 2
 _OUTPUT = 4
 """Last lines shown of an error output without frames."""
-# A turn and the drive after it.
-_ENDED = 2
-"""Ended movements shown below the one under way."""
 # Three lines of 36 columns, with their indent, are enough for the cause itself. `:why` shows all of it.
 _CAUSE = 98
 """Characters of a cause at the end of a run, unless its first sentence is longer."""
@@ -168,9 +164,8 @@ def scan_answer(snapshot: Snapshot, *, plain: bool) -> AnswerCard | None:
     return AnswerCard(sensor.code, "read last", tuple(lines), covers=False)
 
 
-def now_answer(snapshot: Snapshot, newest: Iterable[LogEntry], *, plain: bool) -> AnswerCard:
-    """The movement under way, the last two ended ones, and the belief's error. `newest` are events, the
-    newest first."""
+def now_answer(snapshot: Snapshot, *, plain: bool) -> AnswerCard:
+    """The movement under way, the last two ended ones, and the belief's error."""
     lines: list[StyledLine] = []
     going = movement_line(snapshot, plain=plain)
     velocity = snapshot.state.velocity
@@ -178,8 +173,7 @@ def now_answer(snapshot: Snapshot, newest: Iterable[LogEntry], *, plain: bool) -
         lines.append(going)
     elif velocity is not None:
         lines.append(((velocity_text(velocity), "good"), (" until the next command", "value")))
-    ended = _EndedLine()
-    lines += islice(filter(None, (ended.handle(each.event) for each in newest)), _ENDED)
+    lines += map(ended_line, snapshot.ends)
     belief = snapshot.state.belief
     if belief is not None:
         lines.append((("belief is off ", "value"), (off_text(belief), "belief")))
@@ -189,16 +183,6 @@ def now_answer(snapshot: Snapshot, newest: Iterable[LogEntry], *, plain: bool) -
     elif not lines:
         lines.append((("nothing has moved yet", "dim"),))
     return AnswerCard("now", "", tuple(lines), covers=False)
-
-
-class _EndedLine(EventHandler[StyledLine]):
-    """Line of a movement that is over; none for any other event."""
-
-    def other(self, event: Event) -> StyledLine:
-        return ()
-
-    def on_ended(self, event: MovementEnded) -> StyledLine:
-        return ended_line(event)
 
 
 def ended_line(ended: MovementEnded) -> StyledLine:

@@ -128,7 +128,7 @@ class SimmerApp(Shell):
         elif any(not entry.folds for entry in new):
             self._console.note_event()
 
-    def events_shown(self, snapshot: Snapshot) -> None:
+    def show_status(self, snapshot: Snapshot) -> None:
         brief = "events" not in self._plan.boxes
         entries = self._panes.log.entries if brief else ()
         status = status_line(snapshot, entries, brief=brief, plain=self._plain)

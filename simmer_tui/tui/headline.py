@@ -146,7 +146,7 @@ def _driver(snapshot: Snapshot, room: Room) -> list[str]:
         who = f"no program   {_ports(room)}"
     rate = f"{snapshot.rate:.0f}{' commands' if roomy else ''}/s" if state.client else ""
     seed = f"seed {state.seed}{'' if state.noise else ', noise off'}" if roomy else ""
-    return [who, rate, room.pace, seed]
+    return [who, rate, snapshot.pace_text, seed]
 
 
 def _ending(snapshot: Snapshot) -> str:

@@ -7,6 +7,7 @@ import re
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 from simmer_tui.config.loader import Configuration
 from simmer_tui.live.server import Server
@@ -33,7 +34,7 @@ class LiveSource:
         return self._server.ports
 
     @property
-    def pace(self) -> str:
+    def _pace(self) -> str:
         engine, pace = self._server.engine, self._server.pace
         if engine.timed:
             return f"timed {engine.time_scale:g}x"
@@ -47,7 +48,7 @@ class LiveSource:
 
     async def snapshot(self, since: int, true_values: bool) -> Snapshot:
         self._asked = time.monotonic()
-        return await self._server.snapshot(since, true_values)
+        return replace(await self._server.snapshot(since, true_values), pace_text=self._pace)
 
 
 _BAR = 40

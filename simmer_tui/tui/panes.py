@@ -3,9 +3,8 @@
 To add a panel of lines: write a function of a `Snapshot` and a `Room`, and list it in `PANELS`.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from itertools import chain
 from typing import Protocol
 
 from msgspec import Struct
@@ -47,11 +46,6 @@ class SnapshotSource(Protocol):
     @property
     def ports(self) -> Mapping[str, int]:
         """Ports that a program may connect to, by purpose; none for a run from a log."""
-        ...
-
-    @property
-    def pace(self) -> str:
-        """Speed of simulated time, in a word or two; empty if it is the usual one."""
         ...
 
     def has_news(self, known: int) -> bool:
@@ -127,10 +121,8 @@ class AnswerSlot:
         self._asked = None
         return had
 
-    def answer(
-        self, snapshot: Snapshot, newest: Iterable[LogEntry], phase: RunPhase, *, plain: bool
-    ) -> AnswerCard:
-        """The answer to show now; `newest` are the events, the newest first."""
+    def answer(self, snapshot: Snapshot, phase: RunPhase, *, plain: bool) -> AnswerCard:
+        """The answer to show now."""
         state = snapshot.state
         if self._asked is not None and state.moved != self._moved:
             if self._stays and state.moved_by and state.moved_by not in PEOPLE:
@@ -152,7 +144,7 @@ class AnswerSlot:
         steps = self.first_steps() if phase is RunPhase.WAITING else None
         if steps is not None:
             return steps
-        return scan_answer(snapshot, plain=plain) or now_answer(snapshot, newest, plain=plain)
+        return scan_answer(snapshot, plain=plain) or now_answer(snapshot, plain=plain)
 
 
 class SensorsPanel(LinePanel):
@@ -267,8 +259,8 @@ class Panes:
         self.chosen = "" if code == self.chosen else code
         self._lags.make_due()
 
-    def show(self, snapshot: Snapshot) -> bool:
-        """Show a snapshot, the same one in every pane. Returns True if the events, which may lag, show it."""
+    def show(self, snapshot: Snapshot) -> None:
+        """Show a snapshot, the same one in every pane; parts with history only when they are due."""
         before, self._snapshot = self._snapshot, snapshot
         self._lags.take(snapshot, before)
         self._take_entries(snapshot)
@@ -279,10 +271,8 @@ class Panes:
         self._show_numbers(snapshot)
         if self._lags.is_due("radar") and scene is not None and self.radar.display:
             self.radar.show(scene, self.maze.painter.look)
-        is_due = self._lags.is_due("events")
-        if is_due:
+        if self._lags.is_due("events"):
             self._show_events()
-        return is_due
 
     def show_again(self) -> None:
         """Update everything after a change of sizes."""
@@ -344,7 +334,7 @@ class Panes:
         if not width:
             return
         source = self._source
-        words = self._name, source.pace, source.ports, self.pointer, self.program_name
+        words = self._name, source.ports, self.pointer, self.program_name
         try:
             panel.show(lines(snapshot, Room(width, rows, self._plain, *words, self._wheels)))
         except Exception as error:  # noqa: BLE001 - a fault in a panel must not end the app
@@ -352,9 +342,7 @@ class Panes:
 
     def _choose_answer(self, snapshot: Snapshot) -> None:
         try:
-            # The list of events lags; this line is of the same moment as the maze.
-            newest = chain(reversed(self._waiting), reversed(self.log.entries))
-            self.answer = self.slot.answer(snapshot, newest, self.phase, plain=self._plain)
+            self.answer = self.slot.answer(snapshot, self.phase, plain=self._plain)
         except Exception as error:  # noqa: BLE001 - a fault in an answer must not end the app
             self.answer = AnswerCard("answer", "", (fault_line(error),), covers=False)
 

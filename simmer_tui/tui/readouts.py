@@ -48,7 +48,6 @@ class Room(Struct, frozen=True):
     Attributes:
         plain: true for ASCII.
         name: what is simulated.
-        pace: speed of simulated time, in a word or two.
         ports: ports that a program may connect to, by purpose; none for a run from a log.
         pointer: orders that give the reasons of a failure.
         program: name of the program that runs beside, if there is one.
@@ -59,7 +58,6 @@ class Room(Struct, frozen=True):
     rows: int = 6
     plain: bool = False
     name: str = ""
-    pace: str = ""
     ports: Mapping[str, int] = field(default_factory=dict)
     pointer: str = ""
     program: str = ""
@@ -76,7 +74,8 @@ def pose_line(snapshot: Snapshot, room: Room) -> StyledLine:
         off = off_text(state.belief), "belief"
         lefts = (*pose, ("  belief off ", "label"), off), (*pose, ("  off ", "label"), off)
     driven = f"{state.distance:.1f} in  ", "label"
-    contacts: StyledLine = ((counted(state.contacts, "contact"), "danger" if state.contacts else "label"),)
+    count, later = _contacts(snapshot)
+    contacts: StyledLine = ((f"{counted(count, 'contact')}{later}", "danger" if state.contacts else "label"),)
     rights: list[StyledLine] = [(("driven ", "label"), driven, *contacts), (driven, *contacts), contacts]
     least = contacts
     if snapshot.mission is not None:
@@ -111,7 +110,8 @@ def robot_lines(snapshot: Snapshot, room: Room) -> list[StyledLine]:
     doing = fact_line("state", *_state(snapshot))
     driven: StyledLine = (("   driven ", "label"), (f"{state.distance:.1f} in", "value"))
     role = "danger" if state.contacts else "bold"
-    contacts: StyledLine = (("   contacts ", "label"), (f"{state.contacts}", role))
+    count, later = _contacts(snapshot)
+    contacts: StyledLine = (("   contacts ", "label"), (f"{count}{later}", role))
     if room.rows < _WITH_BELIEF:
         return [head, pose, (*doing, *(contacts if state.contacts else driven))]
     believed = fact_line("belief", "none sent", "dim")
@@ -126,9 +126,17 @@ def robot_lines(snapshot: Snapshot, room: Room) -> list[StyledLine]:
     last: StyledLine = ()
     if state.contact is not None:
         last = ((f", last {clock_text(state.contact.time)} {side_text(state.contact)}", "label"),)
-    touched = (*fact_line("contacts", f"{state.contacts}", role), *last)
+    touched = (*fact_line("contacts", f"{count}{later}", role), *last)
     lines = [head, pose, believed, (*doing, *driven)]
     return [*lines, _wheels(snapshot, room) or touched, _block_line(snapshot)]
+
+
+def _contacts(snapshot: Snapshot) -> tuple[int, str]:
+    """Contacts of the run, or of its mission once that has ended; and those after it as `, later 1`."""
+    mission, count = snapshot.mission, snapshot.state.contacts
+    if mission is None or not mission.over or mission.contacts == count:
+        return count, ""
+    return mission.contacts, f", later {count - mission.contacts}"
 
 
 def _wheels(snapshot: Snapshot, room: Room) -> StyledLine:

@@ -105,7 +105,7 @@ class RecordedRun(EventHandler[None]):
     # -- as a source -----------------------------------------------------------------------------
 
     @property
-    def pace(self) -> str:
+    def _pace(self) -> str:
         return f"{self.playback_rate:g}x" if self.playing else "stopped"
 
     def has_news(self, known: int) -> bool:
@@ -124,7 +124,10 @@ class RecordedRun(EventHandler[None]):
             entries=self._feed.since(0 if is_full else since),
             is_full=is_full,
             total=self.entry + 1,
+            ends=tuple(self._feed.ends),
+            route=self._feed.route,
             true_values=readings if true_values else {},
+            pace_text=self._pace,
             mission=None if self._plan is None else mission_state(self._plan, state),
             verdict=self._end.verdict if self._end is not None and self.entry >= self._end.entry else None,
         )

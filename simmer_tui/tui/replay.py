@@ -160,10 +160,7 @@ class ReplayApp(Shell):
     def hints(self) -> Sequence[Hint]:
         return super().hints() if self._panes.log.has_focus else hints_of(IN_REPLAY)
 
-    def shown(self, snapshot: Snapshot, since: int) -> None:
-        self.events_shown(snapshot)
-
-    def events_shown(self, snapshot: Snapshot) -> None:
+    def show_status(self, snapshot: Snapshot) -> None:
         self._timeline.update_content(self._note or self.run_shown.index.note)
 
     def _arrange(self, width: int, height: int) -> None:

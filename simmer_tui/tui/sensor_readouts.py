@@ -10,6 +10,7 @@ from simmer_tui.live.snapshot import Snapshot
 from simmer_tui.run.events import TwinReading
 from simmer_tui.run.reducer import HISTORY
 from simmer_tui.run.state import SensorRow
+from simmer_tui.sim.angles import half_turn
 from simmer_tui.sim.command import counted
 from simmer_tui.sim.records import LidarScan
 from simmer_tui.sim.scan_rays import extremes
@@ -31,6 +32,44 @@ _TWIN_ROOM = 14
 # Ranges in the bundled mazes are seldom longer, and a scale that never changes is easy to read.
 RANGE_SCALE = 4 * CELL_SIZE
 """Least end of the gauges of ranges, inches."""
+
+
+# A program reads again after each of its movements; below these a reading still holds (the errors of ranges
+# are about as large).
+_MOVED, _TURNED = 1.0, 5.0
+"""Inches and degrees from the pose of a reading beyond which it is old."""
+_OLD = 2.0
+"""Simulated seconds after which a reading is old if the robot has moved since."""
+_LEAST_AGE = 1.0
+"""Seconds from which an age is shown beside its reading."""
+
+
+def age_of_reading(row: SensorRow, snapshot: Snapshot) -> float | None:
+    """Age of a reading that is old, simulated seconds; None while it still holds.
+
+    A reading is old once the robot is more than 1 in or 5 degrees away from the reading's pose, or 2 s later
+    if anything has moved meanwhile. Time after the end of the run does not count.
+    """
+    state, mission, verdict = snapshot.state, snapshot.mission, snapshot.verdict
+    time = state.time
+    if mission is not None and mission.over:
+        time = mission.time
+    elif verdict is not None and verdict.program is not None:
+        time = min(time, verdict.program.time)
+    age = max(time - row.time, 0.0)
+    turned = abs(half_turn(state.pose.heading - row.pose.heading))
+    away = math.hypot(state.pose.x - row.pose.x, state.pose.y - row.pose.y)
+    moved = state.moving or row.number < state.moved
+    is_old = moved and (away > _MOVED or turned > _TURNED or age > _OLD)
+    return age if is_old else None
+
+
+def age_text(age: float | None, room: int) -> str:
+    """Age of a reading in a few columns: `12s ago`, or `12s`; empty if it still holds or has no room."""
+    if age is None or age < _LEAST_AGE:
+        return ""
+    short = f"{age:.0f}s" if age < 99.5 else f"{min(age / 60, 99):.0f}m"
+    return next((text for text in (f"{short} ago", short) if len(text) <= room), "")
 
 
 class SensorLine(Struct, frozen=True):
@@ -134,6 +173,7 @@ class _SensorTable:
 
     def __init__(self, snapshot: Snapshot, width: int, view: SensorsView) -> None:
         self.rows, self.twins = snapshot.state.sensors, snapshot.state.twins
+        self.ages = {code: age_of_reading(row, snapshot) for code, row in self.rows.items()}
         self.true_values = snapshot.true_values
         self.newest = max((row.number for row in self.rows.values()), default=0)
         self.width, self.view = width, view
@@ -195,15 +235,25 @@ class _SensorTable:
         if sensor.kind.is_range and value == math.inf:
             return self._no_echo(sensor, begin, role)
         shown = _value_text(value, sensor).rjust(6 if self.full else 5)
-        line: StyledLine = (*begin, (shown, _near_role(sensor, value, role)))
+        line: StyledLine = (*begin, (shown, self._near(sensor, value, role)))
         if self.full or not (self._is_gauged(sensor) or self.view.truth):
             unit = "" if sensor.is_yes_or_no else sensor.unit
             line = (*line, (f" {unit}".ljust(3), "dim"))
         return (*line, *self._rest(sensor, row, self.width - length(line)))
 
-    def _role(self, row: SensorRow | None) -> str:
-        """Role of a reading: the newest stands out, a missing one is dim."""
-        return "dim" if row is None else "newest" if row.number == self.newest else "value"
+    def _role(self, row: SensorRow | None, usual: str = "value") -> str:
+        """Role of a reading: the newest stands out, an old or a missing one is dim."""
+        if row is None or self.ages[row.reading.sensor.code] is not None:
+            return "dim"
+        return "newest" if row.number == self.newest else usual
+
+    def _near(self, sensor: SensorSpec, value: float, usual: str) -> str:
+        """Role of a range: by its length if it is short and not old, otherwise the `usual` one."""
+        return usual if self.ages[sensor.code] is not None else _near_role(sensor, value, usual)
+
+    def _age(self, sensor: SensorSpec, room: int) -> str:
+        """Age of a sensor's reading, if it is old, in so many columns."""
+        return age_text(self.ages.get(sensor.code), room)
 
     def _unread(self, sensor: SensorSpec, begin: StyledLine) -> StyledLine:
         """A sensor that was never read: its direction and its kind, and no number."""
@@ -228,14 +278,14 @@ class _SensorTable:
         (near, at), (far, _) = found.nearest, found.farthest
         nearest: StyledLine = (
             (", nearest ", role),
-            (f"{near:.1f}", _near_role(sensor, near, role)),
+            (f"{near:.1f}", self._near(sensor, near, role)),
             (f" {sensor.unit} {bearing_sign(at, plain=plain)}", role),
         )
         for more in (nearest, ((f" farthest {far:.1f} {sensor.unit}", role),)):
             if length(line) + length(more) > self.width:
                 break
             line = (*line, *more)
-        return line
+        return between(line, ((self._age(sensor, self.width - length(line) - 1), "dim"),), self.width)
 
     def _no_echo(self, sensor: SensorSpec, begin: StyledLine, role: str) -> StyledLine:
         """A range without an echo: words, and no bar."""
@@ -248,6 +298,7 @@ class _SensorTable:
         bars = self._bar_columns(self.width - _BEFORE_BAR)[0]
         dots = (". " if self.view.plain else "· ") * (bars // 2 - 1)
         far = f"beyond {sensor.max_range:.0f}" if math.isfinite(sensor.max_range) else ""
+        far = self._age(sensor, self.width) or far
         return between((*line, (f" {dots}", "rule")), ((far, "dim"),), self.width)
 
     def _is_gauged(self, sensor: SensorSpec) -> bool:
@@ -278,14 +329,19 @@ class _SensorTable:
         if not self._is_gauged(sensor):
             name = kind_name(sensor.kind)
             turned = f" {heading_sign(value, plain=plain)}" if sensor.kind.is_heading else ""
-            return ((f" {name}", "dim"), (turned, "value")) if room > len(name) + len(turned) else ()
-        role = _near_role(sensor, value, "newest" if row.number == self.newest else "mark")
+            named: StyledLine = ((f" {name}", "dim"), (turned, self._role(row)))
+            named = named if room > length(named) - 1 else ()
+            return between(named, ((self._age(sensor, room - length(named) - 1), "dim"),), room)
+        role = self._near(sensor, value, self._role(row, "mark"))
         end = self._end(sensor)
         if not self.full:
+            age = self._age(sensor, room - 1)
+            if age:
+                return ((age.rjust(room), "dim"),)
             return (" ", "plain"), *gauge(value, end, max(room - 1, 0), plain=plain, role=role)
         past = self.view.past.get(sensor.code, row.history)
         bars, spark, tail = self._bar_columns(room - 1)
-        span = span_text(past, plain=plain)
+        span = self._age(sensor, tail) or span_text(past, plain=plain)
         # The sparkline never touches a span that fills its columns, such as 364–437.
         drawn = spark - (len(span) >= tail)
         return (
@@ -310,6 +366,9 @@ class _SensorTable:
             said = ", ".join(filter(None, (kind_name(kind).removesuffix(" sensor"), note)))
             line: StyledLine = (begin, (f" {self.view.dash:<4}{said}", "dim"))
             return between(line, (("not read", "dim"),), self.width)
+        # The oldest of them: they are read together.
+        ages = [age for sensor in group if (age := self.ages.get(sensor.code)) is not None]
+        note = age_text(max(ages, default=None), len(note)) or note
         # Digits of three columns each; the codes before them have six, and the note a gap.
         pad = " " if len(group) * 3 + len(note) + 7 <= self.width else ""
         return between((begin, *self._yes_or_no(group, pad)), ((note, "dim"),), self.width)
@@ -320,7 +379,13 @@ class _SensorTable:
             row, true = self.rows.get(sensor.code), self.true_values.get(sensor.code)
             text = self.view.dash if row is None else f"{row.reading.value:.0f}"
             role = self._role(row)
-            if row is not None and after and not self.view.plain and sensor.kind.detects_floor:
+            if (
+                row is not None
+                and role != "dim"
+                and after
+                and not self.view.plain
+                and sensor.kind.detects_floor
+            ):
                 is_white = bool(row.reading.value) == sensor.is_inverted
                 role = "white-tile" if is_white else "black-tile"
             pieces.append((f" {text}{after}", role))

@@ -166,10 +166,9 @@ class Shell(FaultReporting, TerminalApp):
             self._idle = stays and snapshot.rate == 0 and not snapshot.state.paused
             self._jumps = not stays and snapshot.pace == 0.0 and not is_moving
         self.frames += 1
-        has_events = self._panes.show(snapshot)
+        self._panes.show(snapshot)
         self.shown(snapshot, since)
-        if has_events:
-            self.events_shown(snapshot)
+        self.show_status(snapshot)
         self._make_room_for_answers()
         draw_at_once(self.screen_stack[0])
 
@@ -188,10 +187,10 @@ class Shell(FaultReporting, TerminalApp):
         """Update everything after a change of sizes."""
         self._panes.show_again()
         if self._snapshot is not None:
-            self.events_shown(self._snapshot)
+            self.show_status(self._snapshot)
 
-    def events_shown(self, snapshot: Snapshot) -> None:
-        """Called when the events of a snapshot are on the screen, which is less often than its state."""
+    def show_status(self, snapshot: Snapshot) -> None:
+        """Show a snapshot in the controls below the panes: called with each frame."""
 
     def shown(self, snapshot: Snapshot, since: int) -> None:
         """Called when a snapshot is on the screen; its entries are those after the event `since`."""

@@ -38,6 +38,7 @@ from textual.message import Message
 from textual.screen import Screen
 from textual.scroll_view import ScrollView
 from textual.strip import Strip
+from textual.widget import Widget
 
 from simmer_tui import platform_has
 from simmer_tui.errors import printable
@@ -105,7 +106,7 @@ def draw_at_once(screen: Screen[Any]) -> None:
     # By the default argument: Textual reads its version from a file at every call.
     if not is_known_version() or not screen.is_attached:
         return
-    for widget in screen.children:
+    for widget in screen.walk_children(Widget):
         if widget._repaint_required and widget.display:
             widget._repaint_required = False
             screen._dirty_widgets.add(widget)

@@ -12,6 +12,7 @@ from simmer_tui.errors import Problem
 from simmer_tui.sim.specs import WheelLayout, WheelsSpec
 from simmer_tui.sketch.sketch_check import facts_of, sketch_problems
 from simmer_tui.sketch.wiring import WiringParts, missing_sketches, read_wiring, wiring_lines
+from simmer_tui.sketch.wiring_draft import draft
 from tests.sketch.test_sketch_check import EYES, ROVER, WIRING
 from tests.sketch.test_wiring import TWO_BOARDS
 
@@ -50,6 +51,9 @@ def test_changed_wirings_and_sketches(cases: int, tmp_path: Path, mutate: Any) -
                 problems += missing_sketches(read, tmp_path)
                 taken += bool(read.motors)
                 problems += sketch_problems(read, facts_of(read, tmp_path, problems), parts.wheels)
+            paths = [tmp_path / "rover.ino", tmp_path / "eyes.ino"]
+            made = draft(paths, tmp_path, ["u1"], ["i1"])
+            assert read_wiring(made, parts, []) is not None
         except Exception as error:
             error.add_note(f"seed {seed}")
             raise

@@ -224,6 +224,15 @@ def test_a_duty_on_a_pin_without_pwm_is_told(tmp_path: Path, parts: WiringParts)
     ]
 
 
+def test_a_mega_receives_at_some_pins_only(tmp_path: Path, parts: WiringParts) -> None:
+    wiring = WIRING.replace('"eyes.ino"\nboard = "uno"', '"eyes.ino"\nboard = "mega"')
+    problems = found(tmp_path, parts, wiring, ROVER, EYES.replace("link(A1, A0)", "link(7, A0)"))
+    assert len(problems) == 1
+    assert problems[0].startswith(
+        "eyes.ino:2: link cannot receive at pin 7 of the Mega: SoftwareSerial can at 10,"
+    )
+
+
 def test_pins_that_cannot_be_known_are_no_problem(tmp_path: Path, parts: WiringParts) -> None:
     unknown = ROVER.replace("pins[side][0]", "first + side").replace("pins[side][1]", "this->second")
     assert found(tmp_path, parts, WIRING, unknown, EYES) == []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
 from collections.abc import Callable
 
 import numpy as np
@@ -13,6 +14,7 @@ from msgspec.structs import replace
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import MISSION_SET, bundled_sets
 from simmer_tui.live.snapshot import EVENTS, LogEntry, Recorder, Snapshot
+from simmer_tui.report.verdict import Outcome, Verdict
 from simmer_tui.robot.engine import Engine
 from simmer_tui.run.belief_grid import grid_belief
 from simmer_tui.run.events import (
@@ -24,6 +26,7 @@ from simmer_tui.run.events import (
     MissionEvent,
     Notice,
     NoticeKind,
+    ProgramEnded,
     Result,
     TwinReading,
 )
@@ -57,6 +60,7 @@ from simmer_tui.tui.readouts import (
 )
 from simmer_tui.tui.sensor_readouts import (
     SensorsView,
+    age_of_reading,
     direction_sign,
     range_role,
     rows_wanted,
@@ -181,7 +185,7 @@ def test_a_grid_has_its_best_cell_the_chance_of_the_truth_entropy_and_spread(run
     assert told == "belief   off 20.5 in 30 deg, <1 % true"
     believe_grid(run, 1)
     assert texts(robot_lines(run.snapshot(), Room(36, plain=True)))[2] == "belief   off 20.5 in, <1 % true"
-    lines = texts(now_answer(run.snapshot(), (), plain=True).lines)
+    lines = texts(now_answer(run.snapshot(), plain=True).lines)
     assert lines[:3] == [
         "belief is off 20.5 in", "best 30.0, 42.0 in 75 %, <1 % true", "entropy 2.0 of 5.0 bit, spread 20",
     ]  # fmt: skip
@@ -194,7 +198,8 @@ def test_the_pose_line_fits_any_width(run: Run, width: int) -> None:
 
 
 def header(snapshot: Snapshot, width: int, **given: object) -> str:
-    return text_of(header_line(snapshot, Room(width, name="maze", pace="pace 4x", **given)))  # type: ignore[arg-type]
+    paced = dataclasses.replace(snapshot, pace_text="pace 4x")
+    return text_of(header_line(paced, Room(width, name="maze", **given)))  # type: ignore[arg-type]
 
 
 def test_row_0_is_the_state(run: Run) -> None:
@@ -605,7 +610,7 @@ def test_a_failure_and_its_contacts_stay_on_a_narrow_screen(
         run.engine.tell(Belief(0.0, Pose(26.5, 46.0, 350.0), Pose(9.5, 42.0, 0.0), 2.0))
     run.engine.perform(Action(ActionName.NOISE, (0.0,)))
     run.engine.perform(Action(ActionName.TELEPORT, (15.5, 42.0, -170.0)))
-    failed = mission(result=Result.FAILED, reason="1 contact with a wall, 0 allowed")
+    failed = mission(result=Result.FAILED, reason="1 contact with a wall, 0 allowed", contacts=1)
     snapshot = dataclasses.replace(run.give("d1-100").snapshot(), mission=failed)
     line = text_of(pose_line(snapshot, Room(80, plain=False, pointer=":why :report")))
     assert "1 contact  FAILED :why" in line
@@ -683,3 +688,55 @@ def test_where_the_time_went_is_on_the_screen(course_spec: SimulationSpec) -> No
     assert [role for _, role in bar] == ["label", "driving", "sensing", "link"]
     assert len(text_of(bar)) == 36
     assert text_of(words).split() == ["drive", "10", "sense", "1", "link", "0", "s"]
+
+
+def test_contacts_after_the_end_of_a_mission_are_counted_apart(
+    run: Run, mission: Callable[..., MissionState]
+) -> None:
+    """The answer counts those of the mission: no two numbers on the screen may differ for the same word."""
+    failed = mission(result=Result.FAILED, reason="1 contact with a wall, 0 allowed", contacts=1)
+    run.give("d1-100")
+    snapshot = dataclasses.replace(run.give("d1--3", "d1-100").snapshot(), mission=failed)
+    assert snapshot.state.contacts == 2
+    for rows in (3, 4, 6):
+        shown = "\n".join(map(text_of, robot_lines(snapshot, Room(60, rows))))
+        assert re.search("contacts +1, later 1", shown)
+    assert "1 contact, later 1" in text_of(pose_line(snapshot, Room(110)))
+
+
+def role_of(run: Run, code: str, width: int = 36) -> tuple[str, str]:
+    """Role of a sensor's value, and the text of its row."""
+    view = SensorsView()
+    lines = sensor_lines(run.engine.simulator.spec.sensors, run.snapshot(), width, 17, view)
+    line = next(line.line for line in lines if line.code == code)
+    return next(role for text, role in line if any(map(str.isdigit, text)) and text.strip() != code), text_of(
+        line
+    )
+
+
+@pytest.mark.parametrize(
+    ("movement", "is_old"), [("d1-0.5", False), ("d1-3", True), ("r1-3", False), ("r1-30", True)]
+)
+def test_a_reading_from_before_a_movement_is_dim(run: Run, movement: str, is_old: bool) -> None:
+    """More than 1 in or 5 degrees: what it says need not be there any more."""
+    run.engine.perform(Action(ActionName.NOISE, (0.0,)))
+    assert role_of(run.give("c1", "u1"), "u1")[0] == "newest"
+    run.give(movement)
+    assert [role_of(run, code)[0] == "dim" for code in ("c1", "u1")] == [is_old, is_old]
+    assert role_of(run.give("u1"), "u1")[0] == "newest"
+
+
+@pytest.mark.parametrize("width", [13, 36, 51])
+def test_an_old_reading_says_its_age(run: Run, width: int) -> None:
+    """Only time in which something has moved counts, and none after the end."""
+    run.give("c1", "u1")
+    assert not re.search(r"\ds\b", role_of(run, "u1", width)[1])
+    run.give(*("d1-6", "d1--6") * 4)
+    row, age = run.snapshot().state.sensors["u1"], run.snapshot().state.time
+    seconds = f"{age - row.time:.0f}s"
+    assert seconds in role_of(run, "u1", width)[1]
+    assert width == 13 or seconds in role_of(run, "c1", width)[1]
+    verdict = Verdict(
+        outcome=Outcome.ENDED, text="", elapsed=0.0, line=0, program=ProgramEnded(row.time + 0.5, 0)
+    )
+    assert age_of_reading(row, dataclasses.replace(run.snapshot(), verdict=verdict)) in (None, 0.5)

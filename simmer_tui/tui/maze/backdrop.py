@@ -53,13 +53,15 @@ class Backdrop:
         *,
         loud: bool,
         heat: Levels | None = None,
+        tinted: bool = True,
     ) -> None:
         """Draw floor, walls and zones of a window. `loud` makes the tiles differ and the zones plain. `heat`
-        takes the place of tiles and zones, at each pixel by its level, (pixel rows, pixel columns)."""
+        takes the place of tiles and zones, at each pixel by its level, (pixel rows, pixel columns): as dots,
+        and as a tint if `tinted`."""
         self.viewport, self.signs, self.palette = viewport, signs, palette
         self.walls: Mask = np.array(scene.maze.cells) == WALL
         zones = zones_of(scene)
-        self.pixels = self._grounds(scene, zones, heat, loud=loud)
+        self.pixels = self._grounds(scene, zones, heat if tinted else None, loud=loud)
         paper, ink = _two_grounds(self.pixels)
         has_edge = (self.pixels == Role.EDGE).any(axis=-1)
         walled = ((self.pixels == Role.EDGE) | (self.pixels == Role.WALL)).mean(axis=-1)
@@ -71,6 +73,8 @@ class Backdrop:
             # The only ink is that of the walls' edges.
             ink = np.where(ink == Role.EDGE, ink, paper)
         self.cells = self._encoded(paper, ink)
+        if heat is not None:
+            self._draw_heat(signs.by_cell(heat).max(axis=-1))
         if zones.loading.any() or zones.drop.any():
             self._draw_zones(zones, ~has_edge & (walled == 0))
 
@@ -82,6 +86,10 @@ class Backdrop:
                 self.cells.write(each.row, place[1].start, each.text, self.palette[Role.BELIEF])
                 self.cells.background[place] = self.palette.array[self.under[place]]
                 self.named[place] = True
+                # Dots beside a number would be hard to tell from its digits.
+                for column in (place[1].start - 1, place[1].stop):
+                    if 0 <= column < self.named.shape[1] and not self.has_wall[each.row, column]:
+                        self.cells.characters[each.row, column] = BLANK
 
     def in_wall(self, x: FloatArray, y: FloatArray) -> Mask:
         """True for places in units of the window that are in a wall or outside the maze."""
@@ -177,6 +185,14 @@ class Backdrop:
             # Walls must not be brighter than the robot.
             attributes[(paper == Role.WALL) | (ink == Role.EDGE)] = Attribute.DIM
         return Cells(characters, foreground, colors[paper], attributes)
+
+    def _draw_heat(self, levels: Levels) -> None:
+        """Draw the levels of a grid's belief as dots, (rows, columns), except on walls."""
+        for level, sign in enumerate(self.signs.heats, 1):
+            there = (levels == level) & ~self.has_wall
+            self.cells.characters[there] = ord(sign)
+            self.cells.foreground[there] = self.palette[Role.HEAT_DOTS]
+            self.cells.background[there] = self.palette.array[self.under[there]]
 
     # -- zones -----------------------------------------------------------------------------------
 

@@ -79,9 +79,11 @@ class Canvas:
 
     def dots(self, role: Role, dots: FloatArray, spare: Mask | None = None) -> None:
         """Dots by their place in dots of the window (n, 2), half a unit apart."""
-        if not len(dots):
-            return
-        patterns = dot_patterns(dots, self.rows, self.columns)
+        if len(dots):
+            self.patterns(role, dot_patterns(dots, self.rows, self.columns), spare)
+
+    def patterns(self, role: Role, patterns: NDArray[np.uint32], spare: Mask | None = None) -> None:
+        """Dots as the braille pattern of every cell, (rows * columns,)."""
         cells = np.flatnonzero(patterns)
         if spare is not None:
             cells = cells[~spare.reshape(-1)[cells]]

@@ -2,31 +2,27 @@
 
 import math
 from collections.abc import Sequence
-from itertools import pairwise
+from operator import is_
 
 import numpy as np
 from msgspec import Struct
 
-from simmer_tui.sim.arrays import FloatArray
+from simmer_tui.sim.arrays import FloatArray, NDArray
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import FloorPatch
 from simmer_tui.sim.scan_rays import ScanRays
 from simmer_tui.sim.specs import RobotSpec
 from simmer_tui.tui.maze import shapes
 from simmer_tui.tui.maze.canvas import Canvas
-from simmer_tui.tui.maze.glyphs import Mask, heading_arrow
+from simmer_tui.tui.maze.glyphs import Mask, dot_patterns, heading_arrow
 from simmer_tui.tui.maze.palette import Role
 from simmer_tui.tui.maze.scene import BeliefMark, Scene, SensorView
 
 # Less than a whole dot, so that a slanting line has no gaps.
 _STEP_DOTS = 0.9
 """Distance of a line's samples, in dots."""
-# Two movements are usually a turn and the drive after it. Older ones have fewer dots, not a fainter colour,
-# which could not be seen on every floor.
-_TRAIL_GAPS = ((2, _STEP_DOTS), (4, 2.6), (math.inf, 4.2))
-"""For the last movements, up to the count given first, dots from one mark of the trail to the next."""
 _STANDSTILL = 0.05
-"""Inches; a movement shorter than this leaves no trail."""
+"""Inches of the shortest line."""
 # The cones of the bundled sets, 5 degrees, are hardly wider than one ray on a screen.
 _WIDE_FAN = 10.0
 """Degrees; a fan at least this wide is shown by its outer rays too."""
@@ -61,26 +57,52 @@ class DrawnRay(Struct, frozen=True, eq=False):
     places: FloatArray
 
 
-def draw_trail(canvas: Canvas, scene: Scene) -> None:
-    """Draw the path of the last movements: newer ones are denser."""
+class TrailDots:
+    """Dots of the pieces of a trail that do not change any more, kept from picture to picture."""
+
+    def __init__(self) -> None:
+        self._key: object = None
+        self._drawn: tuple[FloatArray, ...] = ()
+        self._patterns: NDArray[np.uint32] = np.zeros(0, dtype=np.uint32)
+
+    def patterns(self, canvas: Canvas, pieces: tuple[FloatArray, ...]) -> NDArray[np.uint32]:
+        """Braille pattern of every cell of the window, (rows * columns,)."""
+        key, drawn = canvas.viewport, self._drawn
+        grows = len(pieces) >= len(drawn) and all(map(is_, pieces, drawn))
+        if key != self._key or not grows:
+            self._key, drawn = key, ()
+            self._patterns = np.zeros(canvas.rows * canvas.columns, dtype=np.uint32)
+        for piece in pieces[len(drawn) :]:
+            self._patterns = self._patterns | _line_dots(canvas, piece)
+        self._drawn = pieces
+        return self._patterns
+
+
+def draw_trail(canvas: Canvas, scene: Scene, kept: TrailDots) -> None:
+    """Draw the whole route as a line, its last seconds brighter."""
     if not scene.trail:
         return
-    # All legs at once: there are dozens of them, most of a few points.
-    points = shapes.near_places(np.concatenate(scene.trail))
+    # The movement under way, and the piece that it will belong to, still grow.
+    old = kept.patterns(canvas, scene.trail[:-2]).copy()
+    for piece in scene.trail[-2:]:
+        old |= _line_dots(canvas, piece)
+    canvas.patterns(Role.TRAIL, old, canvas.backdrop.keeps_wall)
+    new = np.zeros_like(old)
+    for piece in scene.recent:
+        new |= _line_dots(canvas, piece)
+    # A cell has one colour; the older dots in it stay.
+    canvas.patterns(Role.TRAIL_NEW, np.where(new > 0, new | old, 0), canvas.backdrop.keeps_wall)
+
+
+def _line_dots(canvas: Canvas, line: FloatArray) -> NDArray[np.uint32]:
+    """Braille patterns, (rows * columns,), of a line through points (n, 2 or more)."""
+    points = shapes.near_places(np.asarray(line)[:, :2])
     along = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))))
-    ends = np.cumsum([len(leg) for leg in scene.trail])
-    # A movement begins where the one before has ended.
-    marks = [0.0, *along[ends - 1].tolist()]
-    legs = [leg for leg in pairwise(marks) if leg[1] - leg[0] >= _STANDSTILL]
-    dot = 0.5 / canvas.viewport.scale
-    parts = []
-    for age, (begin, end) in enumerate(reversed(legs)):
-        step = dot * next(gap for until, gap in _TRAIL_GAPS if age < until)
-        parts += [np.arange(begin, min(end, begin + shapes.MOST_SAMPLES * step), step), np.array((end,))]
-    if parts:
-        at = np.concatenate(parts)
-        places = np.stack((np.interp(at, along, points[:, 0]), np.interp(at, along, points[:, 1])), axis=-1)
-        canvas.line(Role.TRAIL, places, canvas.backdrop.keeps_wall)
+    step = min(_step(canvas), max(along[-1], _STANDSTILL))
+    count = min(math.ceil(along[-1] / step), shapes.MOST_SAMPLES) + 1
+    at = np.linspace(0.0, along[-1], count)
+    places = np.stack((np.interp(at, along, points[:, 0]), np.interp(at, along, points[:, 1])), axis=-1)
+    return dot_patterns(2 * canvas.viewport.to_units(places), canvas.rows, canvas.columns)
 
 
 def draw_rays(canvas: Canvas, scene: Scene) -> list[DrawnRay]:

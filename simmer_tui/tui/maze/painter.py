@@ -53,6 +53,7 @@ class Painter:
         self.heat = True
         """True if a grid's belief is drawn as a map."""
         self._heat_map = HeatMap()
+        self._trail = lines.TrailDots()
         self._drawn: dict[str, tuple[tuple[object, ...], tuple[object, ...], Backdrop]] = {}
         """For each kind of backdrop the last: what it was drawn from, compared by identity and by value."""
 
@@ -69,7 +70,7 @@ class Painter:
         robot = DrawnRobot(canvas, scene) if is_near(pose.x, pose.y, pose.heading) else None
         # From the least important to the robot, since each replaces earlier marks in its cells.
         if scene.show_trail:
-            lines.draw_trail(canvas, scene)
+            lines.draw_trail(canvas, scene, self._trail)
         if belief is not None:
             lines.draw_particles(canvas, belief)
         if scene.show_rays:
@@ -133,8 +134,7 @@ class Painter:
         def draw() -> Backdrop:
             signs = self.signs
             levels = self._heat_map.levels(mark, scene.maze, viewport, signs.across, signs.down)
-            tints = levels if self.tints else None
-            made = Backdrop(scene, viewport, signs, self.palette, loud=False, heat=tints)
+            made = Backdrop(scene, viewport, signs, self.palette, loud=False, heat=levels, tinted=self.tints)
             made.write_numbers(heat_numbers(mark.grid, viewport, tinted=self.tints))
             return made
 
@@ -216,9 +216,12 @@ def _legend(scene: Scene | None, painter: Painter) -> list[LegendEntry]:
 def _ground_entries(scene: Scene, painter: Painter) -> list[LegendEntry]:
     """Colours of the floor: levels of heat, or tiles that differ clearly."""
     if painter.heat and scene.heat is not None:
-        first = painter.depth is ColorDepth.COLORS_256  # the lowest level has no tint there
-        tints = list(zip(HEATS, _HEAT_WORDS, strict=True))[first:] if painter.tints else ()
-        return [LegendEntry("  ", Role.TEXT, word, dark) for (dark, _), word in tints]
+        levels = zip(HEATS, painter.signs.heats, _HEAT_WORDS, strict=True)
+        shown = [
+            LegendEntry(2 * sign, Role.HEAT_DOTS, word, dark if painter.tints else None)
+            for (dark, _), sign, word in reversed(list(levels))
+        ]
+        return [*shown, LegendEntry("  ", Role.TEXT, "ruled out", Role.BLACK_TILE if painter.tints else None)]
     if not scene.is_loud(painter.floor):
         return []
     black = painter.signs.fills.get(Role.LOUD_BLACK)
@@ -276,7 +279,7 @@ def paste_overview(painter: Painter, cells: Cells, scene: Scene, layout: Layout,
     small.background[:] = painter.palette[Role.BACKGROUND]
     # Everything else would be noise in few cells.
     bare = replace(
-        scene, trail=(), views=(), scans=(), belief=None, heat=None, contact=None, past_contacts=()
+        scene, trail=(), recent=(), views=(), scans=(), belief=None, heat=None, contact=None, past_contacts=()
     )
     small.paste(painter.cells(bare, whole), FRAME_CELLS, FRAME_CELLS)
     draw_frame(small, inset, whole, painter.signs, painter.palette)

@@ -58,6 +58,8 @@ class Role(IntEnum):
     LOADING_LINE = ("7f93b8", 104, 6), ("5470a5", 61, 4), ("9dbcf5", 111, 6)
     DROP_GROUND = ("15221f", 234, 0), ("e6f3ee", 194, 15), ("000000", 16, 0)
     DROP_LINE = ("5d8f80", 72, 2), ("3f7a68", 29, 2), ("7fcbb0", 79, 2)
+    # The last seconds of the trail, and all of it before.
+    TRAIL_NEW = ("a9c1ff", 147, 12), ("153f9f", 19, 6), ("b4c9ff", 147, 12)
     TRAIL = ("5c8bfc", 69, 12), ("3066e4", 26, 6), ("5c8bfc", 69, 12)
     RAY_WEAK = ("8c8958", 101, 8), ("837838", 94, 8), ("98945c", 101, 8)
     RAY_STRONG = ("ffe45e", 221, 15), ("554100", 22, 8), ("ffe45e", 221, 15)
@@ -95,6 +97,9 @@ class Role(IntEnum):
     HEAT_2_WHITE = ("421d57", 53, 0), ("eee2f9", 189, 15), ("421d57", 53, 0)
     HEAT_3_BLACK = ("48185c", 54, 0), ("e6cafa", 225, 15), ("48185c", 54, 0)
     HEAT_3_WHITE = ("561d6e", 54, 0), ("edd9fb", 225, 15), ("561d6e", 54, 0)
+    # Its dots, sparse to dense by level: they are seen where the tints, which leave marks their contrast, are
+    # not.
+    HEAT_DOTS = ("9a66c0", 97, 5), ("8f52bd", 97, 5), ("a878c8", 134, 5)
     LINK_TIME = ("c4ccd6", 252, 7), ("2b3440", 237, 0), ("e2e7ee", 254, 7)
 
 

@@ -25,8 +25,9 @@ MazePoint = tuple[float, float]
 # A program that follows a line reads its sensors far more often; one that reads rarely causes no flicker.
 LOUD_SECONDS = 10.0
 """Time after a line sensor's reading during which the floor keeps its contrast, seconds."""
-
-
+# The time in which people remember what they saw; about five movements.
+RECENT = 10.0
+"""Simulated seconds of the trail that are brighter."""
 # More would hide the floor; the report has all of them.
 MOST_CONTACTS = 50
 """Earlier contacts that are marked."""
@@ -70,7 +71,9 @@ class Scene(Struct, frozen=True, kw_only=True, eq=False):
 
     Attributes:
         floor: tiles, (4 * maze rows, 4 * maze columns) uint8, the first row on top, 0 black, 1 white.
-        trail: centres of the robot in its last movements, (n, 2) each, oldest first.
+        trail: centres of the robot since the start of the run in pieces, (n, 2 or more) each, oldest first;
+            all but the last two never change.
+        recent: the same of the last seconds; its pieces may be parts of others.
         views: in the order in which they were read. The last is drawn brightly, and so is the one
             of the sensor with the code `chosen`.
         scans: newest scan of each lidar. `scan_is_newest` is true if one was read after all views.
@@ -91,6 +94,7 @@ class Scene(Struct, frozen=True, kw_only=True, eq=False):
     block_heading: float = 0.0
     block_held: bool = False
     trail: tuple[FloatArray, ...] = ()
+    recent: tuple[FloatArray, ...] = ()
     views: tuple[SensorView, ...] = ()
     scans: tuple[ScanRays, ...] = ()
     scan_is_newest: bool = False
@@ -165,6 +169,8 @@ def scene_of(
     rows = sorted(state.sensors.values(), key=lambda row: row.number)
     fresh = (row for row in rows if row.reading.scan is None and _is_fresh(row, state))
     touched = _touched(state)
+    route, latest = snapshot.route, state.legs[-1:]
+    recent = (*route.since(state.time - RECENT), *(latest if state.moving else ()))
     block, zones = state.block, snapshot.mission.plan if snapshot.mission is not None else None
     return Scene(
         maze=spec.maze,
@@ -175,7 +181,8 @@ def scene_of(
         block_size=block.size,
         block_heading=block.heading,
         block_held=state.holding,
-        trail=state.legs,
+        trail=(*route.pieces, *latest),
+        recent=recent,
         views=tuple(filter(None, (_view(row, maze) for row in fresh))),
         scans=tuple(filter(None, map(_scan_rays, rows))),
         scan_is_newest=bool(rows) and rows[-1].reading.scan is not None,

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+import re
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -13,10 +16,11 @@ from simmer_tui.sim import Pose
 from simmer_tui.sim.specs import MazeSpec, RobotSpec
 from simmer_tui.tui.maze.heat import HeatMap, HeatMark, heat_numbers
 from simmer_tui.tui.maze.painter import Painter, legend_cells
-from simmer_tui.tui.maze.palette import ZONES, Role
+from simmer_tui.tui.maze.palette import HEATS, ZONES, Look, Role, palette_for
 from simmer_tui.tui.maze.scene import Scene
 from simmer_tui.tui.maze.viewport import Viewport
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode
+from tests.tui.maze.color_science import contrast
 
 CELLS = tuple(tuple(0 if (row, column) == (1, 2) else 1 for column in range(8)) for row in range(4))
 SCENE = Scene(
@@ -131,6 +135,45 @@ def test_without_tints_small_cells_have_tenths() -> None:
 HEAT = mark(of_cells(1.0))
 
 
+@pytest.mark.quick_cases(6)
+@pytest.mark.parametrize("depth", list(ColorDepth))
+@pytest.mark.parametrize("glyphs", list(GlyphMode))
+def test_every_terminal_tells_the_levels_apart(glyphs: GlyphMode, depth: ColorDepth) -> None:
+    """By density, whatever colours there are: four cells of the maze, one of each level."""
+    painter = Painter(glyphs, depth)
+    heat = mark(of_cells(0.7, 0.2, 0.06, 0.0))
+    scene = replace(SCENE, heat=heat, pose=Pose(500.0, 500.0, 0.0))
+    cells = painter.cells(scene, WINDOW)
+    signs = [" ", *painter.signs.heats]
+    seen = [chr(cells.characters[1, 8 * cell + 2]) for cell in range(4)]
+    assert seen == [signs[3], signs[2], signs[1], " "]
+    assert " 72%" in cells.text(3)  # of the sum
+
+
+@pytest.mark.parametrize("look", list(Look))
+@pytest.mark.parametrize("depth", [ColorDepth.TRUECOLOR, ColorDepth.COLORS_256, ColorDepth.COLORS_16])
+def test_levels_are_seen_beside_each_other(look: Look, depth: ColorDepth) -> None:
+    """Brightness of a whole cell: its dots cover about a half of it if all are there."""
+
+    def bright(level: int) -> float:
+        tint = palette[
+            HEATS[level - 1][0] if level and depth is not ColorDepth.COLORS_16 else Role.BLACK_TILE
+        ]
+        share = (0, 2, 4, 8)[level] / 16
+        return (1 - share) * luminance(tint) + share * luminance(palette[Role.HEAT_DOTS]) + 0.05
+
+    palette = palette_for(depth, look)
+    shown = [bright(level) for level in range(4)]
+    steps = [max(pair) / min(pair) for pair in pairwise(shown)]
+    assert min(steps) >= 1.09, steps
+    assert math.prod(steps) >= 1.5, steps
+
+
+def luminance(packed: int) -> float:
+    """Relative luminance of a colour, 0 to 1."""
+    return contrast((packed >> 16, packed >> 8 & 255, packed & 255), (0, 0, 0)) * 0.05 - 0.05
+
+
 @pytest.mark.quick_cases(8)
 @pytest.mark.parametrize("depth", list(ColorDepth))
 @pytest.mark.parametrize("glyphs", list(GlyphMode))
@@ -166,7 +209,5 @@ def test_the_legend_names_the_levels() -> None:
         painter = Painter(GlyphMode.QUADRANT, depth)
         return "".join(map(chr, legend_cells(scene, painter, 100).characters[0]))
 
-    assert "possible" in legend(ColorDepth.TRUECOLOR)
-    assert "most likely" in legend(ColorDepth.COLORS_256)
-    assert "possible" not in legend(ColorDepth.COLORS_256)
-    assert "likely" not in legend(ColorDepth.COLORS_16)
+    for depth in ColorDepth:
+        assert re.search(r"⣿⣿ most likely +⢕⢕ likely +⡈⡈ possible +ruled out", legend(depth)), depth

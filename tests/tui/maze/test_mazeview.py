@@ -341,7 +341,7 @@ def test_scene_that_cannot_be_drawn_shows_why_and_the_next_one_shows(course: Sce
     async def steps(pilot: Pilot[None], view: Spy) -> None:
         view.show(course)
         await pilot.pause()
-        view.show(replace(course, trail=(np.arange(15.0).reshape(3, 5),)))
+        view.show(replace(course, trail=(np.arange(15.0),)))
         await pilot.pause()
         assert "cannot be drawn" in lines(view)[0]
         assert view.fault

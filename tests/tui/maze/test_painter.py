@@ -99,18 +99,23 @@ def dots(cells: Cells, painter: Painter, role: Role, rows: slice) -> int:
     return sum(int(cells.characters[place] - BRAILLE).bit_count() for place in marks)
 
 
-def test_an_older_trail_has_fewer_dots_of_the_same_color(painter: Painter, bare: Scene) -> None:
-    lanes = [22.0, 16.0, 10.0, 4.0]
-    legs = [np.array([(2.0, y), (20.0, y)]) for y in lanes]
-    scene = replace(
-        bare, trail=(legs[0], legs[1][::-1], legs[2], legs[3][::-1], np.array([(2.0, 4.0), (2.0, 1.0)]))
-    )
-    cells = draw(painter, scene)
+def test_the_trail_is_one_line_and_its_last_seconds_are_brighter(painter: Painter, bare: Scene) -> None:
+    legs = [np.array([(2.0, y), (20.0, y)]) for y in (22.0, 16.0, 10.0, 4.0)]
+    cells = draw(painter, replace(bare, trail=tuple(legs), recent=(legs[3],)))
     counts = [dots(cells, painter, Role.TRAIL, slice(2 * row, 2 * row + 1)) for row in range(4)]
-    assert counts[0] * 3 < counts[3]
-    assert counts[1] < counts[3] * 0.6
-    assert counts[2] < counts[3] * 0.6
-    assert not ink(draw(painter, replace(scene, show_trail=False)), painter, Role.TRAIL)
+    new = dots(cells, painter, Role.TRAIL_NEW, slice(6, 7))
+    # As many dots, however old it is, and no gap in a line.
+    assert counts == [new, new, new, 0]
+    assert new >= 18.0 * 2 * 8 / 12
+    assert not ink(draw(painter, replace(bare, trail=tuple(legs), show_trail=False)), painter, Role.TRAIL)
+
+
+def test_a_trail_that_grows_is_drawn_as_one_that_is_new(painter: Painter, bare: Scene) -> None:
+    """Finished pieces are drawn once; another window, or another run, begins anew."""
+    legs = tuple(np.array([(2.0, y), (20.0, y), (20.0, y - 3.0)]) for y in (22.0, 16.0, 10.0, 4.0))
+    for trail, zoom in ((legs[:2], 8.0), (legs[:3], 8.0), (legs, 8.0), (legs, 5.0), (legs[2:], 5.0)):
+        fresh = draw(Painter(painter.glyphs, painter.depth), replace(bare, trail=trail), zoom)
+        assert not fresh.differs(draw(painter, replace(bare, trail=trail), zoom)).any()
 
 
 def test_turning_ages_no_trail(painter: Painter, bare: Scene) -> None:

@@ -1,0 +1,115 @@
+"""Route of the robot since the start of a run, as lines that are simplified by their shape."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from msgspec import Struct
+
+from simmer_tui.sim.arrays import FloatArray
+
+# Half a dot is 0.3 in at 120 x 36 and 0.17 in at 200 x 60; this holds up to 30 columns a maze cell.
+TOLERANCE = 0.1
+"""Inches by which a simplified line may differ from the route."""
+_PIECE = 24.0
+"""Inches of a piece of the route: two maze cells, so that a mission's route has a dozen."""
+# A turn of a differential drive on the spot moves its centre by less.
+_STANDSTILL = 0.05
+"""Inches; a movement shorter than this leaves no line."""
+# A mission has about 20, an hour of driving some thousands.
+_MOST_PIECES = 4000
+"""Pieces kept; of more the oldest half is simplified further, to one."""
+_COARSE = 1.0
+"""Inches by which that half may differ: a dot of the usual screens."""
+
+
+class Route(Struct, frozen=True, eq=False):
+    """Pieces of the route, oldest first, each (n, 3): x and y in inches, simulated seconds. A piece never
+    changes once another follows, so it can be drawn once."""
+
+    pieces: tuple[FloatArray, ...] = ()
+
+    def since(self, time: float) -> list[FloatArray]:
+        """The parts of the pieces from a simulated time on."""
+        found: list[FloatArray] = []
+        for piece in reversed(self.pieces):
+            if piece[-1, 2] < time:
+                break
+            later = piece[piece[:, 2] > time]
+            if len(later) < len(piece):
+                at = [np.interp(time, piece[:, 2], piece[:, axis]) for axis in (0, 1)]
+                later = np.concatenate(([(*at, time)], later))
+            found.append(later)
+        return found[::-1]
+
+
+class RouteKeeper:
+    """Collects the movements of a run as its route."""
+
+    def __init__(self) -> None:
+        self._closed: list[FloatArray] = []
+        self._open: FloatArray = np.empty((0, 3))
+        self._length = 0.0
+
+    def clear(self) -> None:
+        """Begin anew: the run restarts."""
+        self.__init__()  # type: ignore[misc]
+
+    def add(self, centres: Sequence[tuple[float, float]], begin: float, end: float) -> None:
+        """Add a movement: the robot's centres, (n, 2) inches, from a simulated time to another."""
+        line = timed_line(np.array(centres, dtype=np.float64), begin, end)
+        length = float(np.hypot(*np.diff(line[:, :2], axis=0).T).sum())
+        if length < _STANDSTILL:
+            return
+        if len(self._open) and not np.allclose(self._open[-1, :2], line[0, :2], atol=2 * _STANDSTILL):
+            self._close()  # the robot was put elsewhere
+        self._open = simplified(np.concatenate((self._open, line)), TOLERANCE / 2)
+        self._length += length
+        if self._length >= _PIECE:
+            self._close()
+
+    @property
+    def route(self) -> Route:
+        """The route so far."""
+        return Route((*self._closed, self._open) if len(self._open) else tuple(self._closed))
+
+    def _close(self) -> None:
+        self._closed.append(self._open)
+        # The next piece begins with the end of this one: it may be simplified, and its end not.
+        self._open, self._length = np.empty((0, 3)), 0.0
+        if len(self._closed) > _MOST_PIECES:
+            old = np.concatenate(self._closed[: _MOST_PIECES // 2])
+            self._closed[: _MOST_PIECES // 2] = [simplified(old, _COARSE)]
+
+
+def timed_line(points: FloatArray, begin: float, end: float) -> FloatArray:
+    """Points (n, 2) with the times at which an even motion passes them, (n, 3)."""
+    along = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))))
+    share = along / along[-1] if along[-1] > 0.0 else np.linspace(0.0, 1.0, len(points))
+    return np.column_stack((points, begin + share * (end - begin)))
+
+
+def simplified(line: FloatArray, tolerance: float) -> FloatArray:
+    """Points of a line (n, 2 or more) that are needed to stay within a distance of all of them, by Ramer
+    (1972) and Douglas and Peucker (1973); only the first two columns count."""
+    kept = np.zeros(len(line), dtype=np.bool_)
+    kept[[0, -1]] = True
+    spans = [(0, len(line) - 1)]
+    while spans:
+        first, last = spans.pop()
+        if last - first < 2:
+            continue
+        start, chord = line[first, :2], line[last, :2] - line[first, :2]
+        away = line[first + 1 : last, :2] - start
+        squared = float(chord @ chord)
+        # From the nearest place of the chord itself, not of the line through it: a route may turn back.
+        share = np.clip(away @ chord / squared, 0.0, 1.0) if squared > 0.0 else np.zeros(len(away))
+        distance = np.hypot(*(away - share[:, None] * chord).T)
+        farthest = int(distance.argmax())
+        if distance[farthest] > tolerance:
+            middle = first + 1 + farthest
+            kept[middle] = True
+            spans += [(first, middle), (middle, last)]
+    shorter: FloatArray = line[kept]
+    return shorter
