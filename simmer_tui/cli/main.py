@@ -57,7 +57,7 @@ SUBCOMMANDS = {
     ),
     "atlas": ("atlas_command:run_atlas", "compute expected readings at every pose of a grid, as a file"),
     "rerun": ("log_commands:run_rerun", "run a logged run again and compare every reply"),
-    "doctor": ("machine_commands:run_doctor", "check this terminal and machine, in ten lines"),
+    "doctor": ("machine_commands:run_doctor", "check this terminal and machine, in eleven lines"),
     "env": ("author_commands:run_env", "print the variables for programs that an IDE starts"),
     "completion": ("help_command:run_completion", "print completion for a shell"),
     "ports": ("machine_commands:run_ports", "list the serial ports a robot may be on"),
