@@ -30,7 +30,6 @@ _FILES = {
     "robot.cpp": "int main() {}\n",
     "Main.ino": "",
     "lab.ipynb": "{}",
-    "robot.ino": "void loop() {}",
     "data.csv": "a,b\n1,2\n",
     "run.jsonl": "{}\n",
 }
@@ -84,9 +83,8 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ),
         ("other.py", ["there is no file other.py in", "cd", '--run "python other.py"']),
         ("robot.cpp", ["must be compiled", "g++ -o robot", "--run ./robot"]),
-        ("Main.ino", ["sketch", "simmer-tui --serial PORT"]),
+        ("Main.ino", ["init my-robot --sketch Main.ino makes a robot", "simmer-tui --serial PORT"]),
         ("lab.ipynb", ["notebook", "Start simmer-tui"]),
-        ("robot.ino", ["simmer-tui init my-robot --sketch robot.ino makes a robot of it"]),
         ("--run python wander.py", ['needs quotes: --run "python wander.py"']),
         ("--run “python wander.py”", ["quotes of documents", 'type --run "python wander.py"']),
         ("--config “good”", ["quotes of documents", 'type --config "good"']),
