@@ -143,8 +143,7 @@ class Lockstep:
         self.laptop_listens = False
         """True if `run` returns before the first byte for the laptop arrives."""
         self._drivers = tuple(each for each in self.boards if each.driving)
-        for each in self.boards:
-            self._receive(each)
+        self._has_begun = False
 
     @property
     def reached(self) -> int:
@@ -156,6 +155,10 @@ class Lockstep:
         a byte arrives at the laptop, or if that takes too long. Raises BoardError."""
         begun = real.perf_counter()
         count = 0
+        if not self._has_begun:
+            self._has_begun = True
+            for each in self.boards:
+                self._receive(each)
         while True:
             if self.laptop_listens and self.sent:
                 until = min(until, self.sent[0][0])

@@ -248,8 +248,12 @@ class SketchRobot(LockstepWorld):
         board.process = process
         board.events.clear()
         self._set_levels(board)
-        self.lockstep.reset(board)
-        self.changed(board, board.driving)
+        try:
+            self.lockstep.reset(board)
+        except BoardError as error:
+            self._fail(str(error))
+        else:
+            self.changed(board, board.driving)
 
     def close(self) -> None:
         """End the boards."""

@@ -270,6 +270,7 @@ def test_edges_are_lost_while_an_interrupt_writes(tmp_path: Path) -> None:
         ("int zero = 0; Serial.println(10 / zero);", "died at rover.ino:3 after 0.5"),
         ("volatile int *place = 0; *place = 1;", "died at rover.ino:3 after 0.5"),
         ('asm volatile("1: jmp 1b");', "hangs at rover.ino:3 after 0.5"),
+        ("}\nint *nothing = 0;\nint first = *nothing;\nvoid more() {", "died after 0 s"),
     ],
 )
 def test_a_board_that_dies_or_hangs_is_told_with_its_line(tmp_path: Path, body: str, said: str) -> None:

@@ -21,12 +21,12 @@ namespace {
 // The system's calls, which have other names on Windows.
 #ifdef _WIN32
 int duplicate(int file) { return _dup(file); }
-void replace_file(int file, int by) { _dup2(by, file); }
+const char* const NOWHERE = "NUL";
 long read_file(int file, void* data, size_t size) { return _read(file, data, static_cast<unsigned>(size)); }
 long write_file(int file, const void* data, size_t size) { return _write(file, data, static_cast<unsigned>(size)); }
 #else
 int duplicate(int file) { return dup(file); }
-void replace_file(int file, int by) { dup2(by, file); }
+const char* const NOWHERE = "/dev/null";
 long read_file(int file, void* data, size_t size) { return ::read(file, data, size); }
 long write_file(int file, const void* data, size_t size) { return ::write(file, data, size); }
 #endif
@@ -77,10 +77,10 @@ uint32_t place = 0;
 uint32_t grant_flags = 0;
 
 void open_channel() {
-  // What the sketch prints with printf() must not come between the records.
   channel_in = duplicate(0);
   channel_out = duplicate(1);
-  replace_file(1, 2);
+  // A board has no terminal: printf() of a sketch prints nowhere, and getchar() has nothing to read.
+  if (!std::freopen(NOWHERE, "r", stdin) || !std::freopen(NOWHERE, "w", stdout)) std::_Exit(2);
 #ifdef _WIN32
   _setmode(channel_in, _O_BINARY);
   _setmode(channel_out, _O_BINARY);

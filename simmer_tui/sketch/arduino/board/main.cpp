@@ -87,6 +87,7 @@ int main(int count, char** arguments) {
     if (!std::strcmp(arguments[at], "--boot")) board::boot = std::strtoull(arguments[at + 1], nullptr, 10);
     if (!std::strcmp(arguments[at], "--asked")) for_pins(arguments[at + 1], board::mark_asked);
   }
+  std::signal(SIGINT, SIG_IGN);  // Ctrl-C is for the simulator, which ends its boards
   board::open_channel();
   board::now = board::boot;
   board::exchange(board::Reason::Horizon);
