@@ -91,6 +91,30 @@ def test_a_program_and_its_board_run_twice_the_same(tmp_path: Path) -> None:
     assert main(["rerun", log, "--sketch", str(folder)]) == 2
 
 
+READY = """
+void setup() { Serial.begin(9600); Serial.println("ready"); }
+void loop() { if (Serial.available()) { Serial.read(); Serial.println(millis()); } }
+"""
+READS = """
+import serial, time
+time.sleep(0.3)
+port = serial.Serial("COM6", 9600, timeout=5)
+print(port.readline())
+port.write(b"?")
+print(int(port.readline()) < 1000)
+"""
+
+
+def test_opening_the_usb_port_resets_the_board(tmp_path: Path) -> None:
+    folder = tmp_path / "set"
+    made_set(folder, ROVER + MOTORS, {"rover.ino": READY})
+    program, log = tmp_path / "laptop.py", tmp_path / "run.jsonl"
+    program.write_text(READS, "utf-8")
+    done = run(folder, log, "--run", f"{sys.executable} {program}")
+    assert done.stdout.endswith("b'ready\\r\\n'\nTrue\n"), done.stdout + done.stderr
+    assert main(["rerun", str(log), "--sketch", str(folder)]) == 0
+
+
 def test_a_board_that_dies_fails_the_mission(tmp_path: Path) -> None:
     folder = tmp_path / "set"
     text = "void setup() {}\nvoid loop() {\n  delay(100);\n  volatile int *place = 0; *place = 1;\n}\n"
