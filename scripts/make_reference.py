@@ -548,8 +548,8 @@ def _constants_of(path: Path) -> Constants:
 
 
 def _escaped(text: str) -> str:
-    """Text, escaped so that Markdown leaves it unchanged."""
-    return "".join(f"\\{each}" if each in "\\`*_{}[]<>#|" else each for each in text)
+    """Text, escaped so that Markdown leaves it unchanged, MkDocs' as well as that of code hosts."""
+    return "".join("&lt;" if each == "<" else f"\\{each}" if each in "\\`*_{}[]>#" else each for each in text)
 
 
 def causes() -> str:

@@ -173,6 +173,7 @@ def test_messages_of_the_reference_have_the_constants_and_words_of_the_code(
         "has no Main.m and no config.py: name the file to import",
         "name the config.py of simmer-python",
         "... is a folder: name a file to write to",  # either of two words
+        "it must be x0, y0, x1, y1 with x0 &lt; x1 and y0 &lt; y1",  # MkDocs would show a backslash
     ):
         assert message in messages, message
 

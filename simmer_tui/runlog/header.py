@@ -21,7 +21,8 @@ from simmer_tui.config.settings import all_settings, settings_from
 from simmer_tui.errors import RunLogError, reason_of
 from simmer_tui.run.events import Real
 from simmer_tui.run.state import Checkpoint, MissionProgress
-from simmer_tui.runlog.log_records import Count, LoggedPose, RealSeconds, logged_pose
+from simmer_tui.runlog.line_form import logged_pose
+from simmer_tui.runlog.log_records import Count, LoggedPose, RealSeconds
 from simmer_tui.runlog.logged_devices import (
     LoggedDevice,
     logged_devices,
@@ -43,7 +44,7 @@ from simmer_tui.sim.specs import Axes, DriveKind
 from simmer_tui.version import __version__
 
 # Goes up with every change that an older reader would misread; logs of other formats are refused.
-FORMAT = 3
+FORMAT = 1
 """Version of the log format that this program writes and reads."""
 _SUFFIXES = (".csv", ".toml")
 # A log is simulated from the seed in its header, and always without the real robot.

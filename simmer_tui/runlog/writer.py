@@ -23,8 +23,9 @@ from simmer_tui.run.events import Event, Notice, NoticeKind
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import checkpoint_of
 from simmer_tui.runlog.closing import Closing
-from simmer_tui.runlog.encode import LogEncoder, checkpoint_record
+from simmer_tui.runlog.encode import LogEncoder
 from simmer_tui.runlog.header import TakenOver, header_of
+from simmer_tui.runlog.line_form import logged_pose
 from simmer_tui.runlog.log_records import encode_line
 from simmer_tui.runlog.run_command import RunCommand
 from simmer_tui.sim.command import typed_path
@@ -176,8 +177,7 @@ class RunLog(Closing):
             raise RunLogError(f"cannot log to {shown}: {why}") from None
         except ValueError as error:  # a NUL in the name
             raise RunLogError(f"cannot log to {shown}: {error}") from None
-        timed = configuration.settings.motion.motion == "timed"
-        self._encoder = LogEncoder(timed, lambda: self._present)
+        self._encoder = LogEncoder(logged_pose(simulator.pose), lambda: self._present)
         self._reducer = Reducer(checkpoint_of(simulator, mission=mission))
         self._last_checkpoint = 0
         self._begun = clock()
@@ -199,10 +199,9 @@ class RunLog(Closing):
             self._write(record)
         # Only where nothing is under way: a reader that begins there knows no movement before it.
         is_due = self.lines - self._last_checkpoint >= CHECKPOINT_EVERY
-        if is_due and self._reducer.still and self._encoder.complete:
+        if is_due and self._reducer.still:
             self._last_checkpoint = self.lines
-            self._encoder.begin_block()
-            self._write(checkpoint_record(self._reducer.checkpoint(), real_time))
+            self._write(self._encoder.checkpoint(self._reducer.checkpoint(), real_time))
 
     @property
     def _present(self) -> tuple[int, float]:
@@ -214,7 +213,6 @@ class RunLog(Closing):
 
     def close(self) -> None:
         """Stop writing. May be called more than once."""
-        # A movement that has not ended gets its plan at least.
         for record in self._encoder.rest(self._clock() - self._begun):
             self._write(record)
         try:
