@@ -31,7 +31,7 @@ from simmer_tui.report.page import report_page
 from simmer_tui.report.run_statistics import CommandTable, RunStatistics
 from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.runlog.rerun import Rerun
-from simmer_tui.sim.command import WORD, counted, cut
+from simmer_tui.sim.command import WORD, counted, cut, typed_path
 from simmer_tui.sim.rules import IntegerRule, NumberRule
 from simmer_tui.version import __version__
 from simmer_tui.whole_file import whole_file, write_whole
@@ -160,6 +160,12 @@ def run_export(options: argparse.Namespace) -> int:
 
 def _rerun_options(parser: OneLineParser) -> None:
     add_log_argument(parser)
+    parser.add_argument(
+        "--sketch",
+        metavar="DIR",
+        type=Path,
+        help="run the boards too, by the sketches of this set: they get the laptop's bytes from the log",
+    )
     add_device_options(parser)
     add_json_option(parser)
 
@@ -174,7 +180,25 @@ def run_rerun(options: argparse.Namespace) -> int:
         rerun = Rerun(path, options.config)
     with rerun:
         _run_through(rerun.steps(), rerun.size, "rerun")
-        return _report_rerun(rerun, path, as_json=options.json)
+        if options.sketch is None and rerun.header.sketches:
+            rerun.notes.append(
+                f"boards drove this robot: simmer-tui rerun {typed_path(path)} --sketch DIR runs them too"
+            )
+        code = _report_rerun(rerun, path, as_json=options.json)
+    if options.sketch is None or code:
+        return code
+    return _rerun_boards(path, options.sketch)
+
+
+def _rerun_boards(path: Path, folder: Path) -> int:
+    """Run the boards of a log again. Returns the exit code."""
+    # Few logs have boards, and a compiler takes its time.
+    from simmer_tui.runlog.board_rerun import BoardRerun
+
+    with BoardRerun(path, folder) as rerun:
+        difference = rerun.difference()
+        say(difference or f"{path}: {counted(rerun.count, 'fact')} of the boards repeated, all the same")
+    return ExitCode.NO if difference else ExitCode.DONE
 
 
 def _report_rerun(rerun: Rerun, path: Path, *, as_json: bool) -> int:

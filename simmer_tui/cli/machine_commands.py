@@ -76,6 +76,7 @@ def run_doctor(options: argparse.Namespace) -> int:
         "serial": (True, _serial()),
         "runs": _runs(),
         "grading": _grading(),
+        "sketches": (True, _sketches()),
         "extras": (True, _extras()),
     }
     if options.json:
@@ -85,6 +86,16 @@ def run_doctor(options: argparse.Namespace) -> int:
             print_lines(f"{'ok' if fine else '!!'}  {about:<9} {text}")
     # Any other lack affects only one feature.
     return ExitCode.NO if ports_needed or not set_check[0] else ExitCode.DONE
+
+
+def _sketches() -> str:
+    """The C++ compiler of sketches."""
+    from simmer_tui.sketch.compiler import NO_COMPILER, find_compiler
+
+    compiler = find_compiler()
+    if compiler is None:
+        return NO_COMPILER
+    return f"compiled by {compiler.name}: {compiler.version or 'it does not run'}"
 
 
 def _program() -> str:

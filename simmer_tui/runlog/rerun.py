@@ -208,7 +208,7 @@ class Rerun(Closing):
         simulator = Simulator(self.configuration.simulation, header.seed)
         simulator.noise = header.noise
         if header.number == 0:
-            _set_up(simulator, header)
+            set_up_simulator(simulator, header)
         simulator.listener = self
         return simulator
 
@@ -477,7 +477,7 @@ def _contact_values(contact: ContactFields | Contact | None) -> object:
     return (contact.point, time, contact.cell, flags)
 
 
-def _set_up(simulator: Simulator, header: Header) -> None:
+def set_up_simulator(simulator: Simulator, header: Header) -> None:
     """Repeat a person's changes between the start and the log's beginning."""
     simulator.advance(header.t)
     simulator.set_bias(header.bias)

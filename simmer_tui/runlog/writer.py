@@ -7,7 +7,7 @@ import os
 import stat
 import time
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from itertools import count
@@ -152,10 +152,11 @@ class RunLog(Closing):
         file: Callable[[Path], LineFile] | None = None,
         prefix: ReplayedPrefix | None = None,
         run: RunCommand | None = None,
+        sketches: Mapping[str, str] | None = None,
     ) -> None:
         """Write the header. An existing file is never overwritten. `file` opens it, by default by the
-        ending of its name. The events of a `prefix` come first. `run` is the command of the run's program.
-        Raises RunLogError."""
+        ending of its name. The events of a `prefix` come first. `run` is the command of the run's program,
+        `sketches` are those of its boards. Raises RunLogError."""
         self.path = path
         self.stopped = ""
         """Reason why writing has stopped, or empty."""
@@ -182,7 +183,7 @@ class RunLog(Closing):
         self._begun = clock()
         now = datetime.fromtimestamp(self._begun).astimezone()
         taken_over = None if prefix is None else prefix.origin
-        self._write(header_of(configuration, simulator, now, mission, taken_over, run))
+        self._write(header_of(configuration, simulator, now, mission, taken_over, run, sketches))
         if self.stopped:
             raise RunLogError(self.stopped)
         self._on_stop = on_stop
