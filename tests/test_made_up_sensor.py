@@ -125,7 +125,7 @@ def test_dialects_help_and_files_know_what_it_is(configuration: Configuration, t
     simulator = Simulator(configuration.simulation, 7)
     answers = [(parse_command(code), simulator.execute(code)) for code in ("h2", "a9")]
     assert encode(RequestStyle.FRAMED, "text", answers).message() == b"[h2:20.95,a9:False]"
-    assert "h2     read temp2: temperature" in help_text(configuration.settings.keys, simulator.spec)
+    assert "h2     read temp2: temp" in help_text(configuration.settings.keys, simulator.spec)
     spec = configuration.simulation
     write_set(Imported(spec.maze, spec.robot, spec.sensors, spec.drives, {}, ()), tmp_path / "copy")
     assert load(tmp_path / "copy", kinds=KINDS).simulation.sensors == spec.sensors

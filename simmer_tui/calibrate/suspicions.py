@@ -37,6 +37,9 @@ prior of the kind's bias, else what a report says matters."""
 # A movement in the opposite direction has a probability of 0.01 by chance: four have one in a hundred
 # million.
 _FEWEST_MOVEMENTS = 4
+# A person looks at a suspicion once, before the calibration is used: one missed costs more than in a report.
+_ERROR = 0.01
+"""Probability that a robot without a fault has any suspicion."""
 # A movement that a wall blocked shows nothing about its drive.
 _MOVED = 0.5
 """Share of the commanded distance from which a movement counts as made."""
@@ -48,14 +51,14 @@ def suspicions(found: Fit) -> tuple[Finding, ...]:
     totals = np.zeros((len(found.poses), 3))
     totals[before + 1] = totals_between(found.poses[before], found.poses[before + 1], *law)
 
-    return kept([*_claims(found.run, totals, found), *_drives(found, totals[before + 1])])
+    return kept([*_claims(found.run, totals, found), *_drives(found, totals[before + 1])], _ERROR)
 
 
 def suspicions_without_path(run: MeasuredRun) -> tuple[Finding, ...]:
     """The same if no path was found: counting sensors, compared with the commanded movements."""
     totals = np.zeros((run.stops, 3))
     totals[run.stops_before_movements() + 1] = [each.asked(run.spec.drives) for each in run.movements]
-    return kept([*_claims(run, totals)])
+    return kept([*_claims(run, totals)], _ERROR)
 
 
 def _claims(run: MeasuredRun, totals: FloatArray, found: Fit | None = None) -> Iterator[Claim]:

@@ -199,15 +199,18 @@ def report_document(run: RunStatistics, name: str, path: str | None = None) -> D
     without one they take the last run."""
     # The last output of a failed program says why it failed; that of a successful one has no news.
     failed = run.verdict.outcome.is_failure
+    # The way to be sure stands on the first screen, and is the last line of a long report.
+    surely = try_again(run, name if path is None else path)
     parts: list[DocumentPart] = [
         *_verdict(run.verdict),
-        try_again(run, name if path is None else path),
+        surely,
         *fact_tables(run.evidence),
         *((output(run.verdict),) if failed else ()),
         Bullets("Notes", run.notes, "notes"),
         *report_tables(run, name),
         *(() if failed else (output(run.verdict),)),
         again(name if path is None else path),
+        surely,
     ]
     return Document(f"Run {name}", parts)
 

@@ -129,18 +129,20 @@ class DeviceUnderTest:
         return self.claim(probability, FindingKind.GAIN, value, what, fit.count, interval=interval)
 
 
-def kept(tests: Iterable[Claim]) -> tuple[Finding, ...]:
-    """The findings of all tests of a run that hold an error of 0.1 % together, the surest first."""
-    standing = holm(tests, lambda each: each.probability)
+def kept(tests: Iterable[Claim], rate: float = FALSE_FINDING_RATE) -> tuple[Finding, ...]:
+    """The findings of all tests of a run that hold a familywise error together, the surest first."""
+    standing = holm(tests, lambda each: each.probability, rate)
     return tuple(each.finding for each in standing if each.finding is not None)
 
 
-def holm(tests: Iterable[_T], probability: Callable[[_T], float]) -> Iterator[_T]:
-    """The tests that hold an error of 0.1 % together, the surest first, by the p-value of each: S. Holm, "A
+def holm(
+    tests: Iterable[_T], probability: Callable[[_T], float], rate: float = FALSE_FINDING_RATE
+) -> Iterator[_T]:
+    """The tests that hold a familywise error together, the surest first, by the p-value of each: S. Holm, "A
     simple sequentially rejective multiple test procedure", Scandinavian Journal of Statistics 6 (1979)."""
     ranked = sorted(tests, key=probability)
     for place, each in enumerate(ranked):
-        if probability(each) * (len(ranked) - place) > FALSE_FINDING_RATE:
+        if probability(each) * (len(ranked) - place) > rate:
             return
         yield each
 

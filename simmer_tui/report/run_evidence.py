@@ -458,7 +458,9 @@ class RunEvidence:
         """Sentences on the commands that arrived, and on the exactness of all readings and movements: not
         beside a finding, or a large error that the set declares."""
         refused, of = self.refused_share
-        arrived = f"{counted(of, 'command')} arrived, {refused} refused."
+        # The share is of what was answered in time; what a program sent arrived all the same.
+        sent = of if len(self.seen.typed) else max(of, self.seen.commands)
+        arrived = f"{counted(sent, 'command')} arrived, {refused} refused."
         exact = "" if self.findings or self.declared else self.health.text
         return f"{arrived} {exact}".rstrip()
 

@@ -188,8 +188,9 @@ def _beside(side: Box, sensors: int, panels: Panels, answer: int) -> dict[str, B
 
 
 def _stacked(room: Box, panels: Panels) -> dict[str, Box]:
-    """Panels below one another, with a row between them if there is room."""
+    """Panels below one another, with a row between them if there is room. One without rows has no box."""
     boxes = {}
+    panels = [(name, rows) for name, rows in panels if rows]
     at, rest = room.y, room.height
     gap = 1 if rest >= sum(rows + 1 for _, rows in panels) - 1 else 0
     for name, rows in panels:

@@ -583,9 +583,10 @@ def test_a_mission_that_failed_says_why_and_its_log_says_the_same(tmp_path: Path
     assert code == 1
     told = err.splitlines()[-1]
     assert re.match(
-        "verdict: Failed after .*: u2, which looks at the wall, was not read; then w1-200 was", told
+        r"verdict: Failed after .*: w1-200 was sent\. No range sensor had been read\. Contact at", told
     ), err
     assert "The program sent no belief." in err
+    assert "1 command arrived, 0 refused." in err
     assert re.search(r"^  \d+\.\d s: the robot touched the wall", err, re.MULTILINE)
     assert f"verdict: {build_report(log).verdict.text}" == told
 

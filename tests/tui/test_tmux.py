@@ -312,7 +312,7 @@ class Typed:
     def __init__(self, log: Path) -> None:
         self._log = log
         self._place = 0
-        self._commands: list[str] = []
+        self._numbered: dict[str, str] = {}  # a movement has two lines of one number
 
     @property
     def commands(self) -> list[str]:
@@ -321,13 +321,14 @@ class Typed:
             text = file.read()
         whole = text[: text.rfind("\n") + 1]
         self._place += len(whole)
-        self._commands += re.findall(r'"cmd":"([^"]*)","source":"console"', whole)
-        return self._commands
+        for number, command in re.findall(r'"n":(\d+),"cmd":"([^"]*)","source":"console"', whole):
+            self._numbered[number] = command
+        return [*self._numbered.values()]
 
     def until(self, *commands: str) -> None:
         """Wait until these have been given, and no others."""
-        until(lambda: len(self.commands) >= len(commands), lambda: str(self._commands[-20:]))
-        assert self._commands == [*commands]
+        until(lambda: len(self.commands) >= len(commands), lambda: str(self.commands[-20:]))
+        assert self.commands == [*commands]
 
 
 @contextlib.contextmanager

@@ -179,7 +179,7 @@ _ORDERS = (
     OrderSpec(":pace N|off", "how fast movements are shown, times real speed", _pace),
     OrderSpec(":vv VX VY OMEGA [T]", "drive so fast, in/s and deg/s, for T (or 1) seconds", _velocity),
     OrderSpec(":stop", "stop the robot", _alone, ActionName.STOP),
-    OrderSpec(":send TEXT", "send text to the board, as the laptop's program would; \\n ends a line", _text),
+    OrderSpec(":send TEXT", "send text to the board; \\n ends a line", _text),
     OrderSpec(":pins [BOARD]", "pins of a board, as its sketch sets them", _code),
     OrderSpec(":pause", "let commands wait", _alone, ActionName.PAUSE),
     OrderSpec(":resume", "continue after a pause", _alone, ActionName.RESUME),
