@@ -158,12 +158,12 @@ def last_reply(seen: Seen) -> str:
     if reply is None or reply[2].lower() == "inf":
         return ""
     code = reply[1]
-    row = seen.number(rf"\b{code} [^\d\n-]{{0,4}} *(-?\d+(?:\.\d+)?)(?: |$)")
+    row = re.search(rf"\b{code} [^\d\n-]{{0,4}} *(-?\d+(?:\.\d+)?)(?: |$)", seen.text)
     if row is None:
         return ""
-    # A row has one digit behind the point, or none from 1000 on.
-    rounding = 0.051 if abs(row) < 1000 else 0.51
-    return "" if abs(row - float(reply[2])) <= rounding else f"{code}: {reply[2]}, row {row}"
+    # A row has one digit behind the point, or none where there is no room for it.
+    rounding = 0.051 if "." in row[1] else 0.51
+    return "" if abs(float(row[1]) - float(reply[2])) <= rounding else f"{code}: {reply[2]}, row {row[1]}"
 
 
 def pose(seen: Seen) -> str:

@@ -73,8 +73,8 @@ STILLS = {
     "light": Still((120, 36), "light"),
     "ascii": Still((80, 24), glyphs=GlyphMode.ASCII),
     "wander": Still((120, 36), program="wander.py --steps 60"),
-    # It turns once; then its map shows where it can be.
-    "heat": Still((120, 36), program="course/step4b_histogram.py", set="default", pace=1.0, moment=1.0),
+    # After its first turn: the map shows several places where it can be.
+    "heat": Still((120, 36), program="course/step4b_histogram.py", set="default", pace=1.0, moment=0.6),
     "solve": Still((120, 36)),
 }
 """Pictures of docs/screen.md by name."""

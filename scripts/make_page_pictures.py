@@ -36,7 +36,7 @@ PAGES = {
 def take(page: Tab, name: str) -> None:
     """Run a mission, and take a picture of its page."""
     size, dark, options = PAGES[name]
-    command = [*SIMMER_TUI, "--no-ui", *RUN, *options, "--time-scale", "4", "--run", PROGRAM]
+    command = [*SIMMER_TUI, "--no-ui", *RUN, *options, "--run", PROGRAM]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as run:
         try:
             assert run.stderr is not None

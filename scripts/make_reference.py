@@ -36,6 +36,7 @@ from simmer_tui.config import (
     robot_csv,
     sensors_csv,
     set_document,
+    wiring_toml,
 )
 from simmer_tui.config.csv_table import ENABLED
 from simmer_tui.config.settings import all_settings
@@ -208,6 +209,10 @@ def files() -> str:
             "## dialect.toml\n",
             "The language of a team's own robot: [dialect.toml](../dialects.md).\n",
             table(("key", "allowed", "meaning"), _dialect_keys()),
+            "## wiring.toml\n",
+            "The boards that run a team's own sketches: [Your sketch in the simulator](../sketch.md). A "
+            "motor has the pins of its driver, a sensor the keys of its part.\n",
+            table(("key", "allowed", "meaning"), _wiring_keys()),
             "## settings.toml\n",
             "[Settings](settings.md).\n",
             f"## {course.COURSE_FILE}\n",
@@ -240,6 +245,21 @@ def _dialect_keys() -> Iterator[tuple[str, ...]]:
     ):
         for key, meaning in keys.items():
             yield f"{_code(key)} of {name}", "", meaning
+
+
+def _wiring_keys() -> Iterator[tuple[str, ...]]:
+    for name, values in (
+        ("[boards.NAME]", wiring_toml.BOARD_TABLE),
+        ("[laptop]", wiring_toml.LAPTOP),
+        ("[[wires]]", wiring_toml.WIRE),
+        ("[[motors]]", wiring_toml.all_keys("motors")),
+        ("[[sensors]]", wiring_toml.all_keys("sensors")),
+        ("[[servos]]", wiring_toml.SERVO),
+        ("gripper of [[servos]]", wiring_toml.GRIPPER_ANGLES),
+    ):
+        for value in values:
+            meaning = f"{value.help}, {value.unit}" if value.unit else value.help
+            yield f"{_code(value.name)} of {name}", value.rule.allowed, meaning
 
 
 def _sensor_columns() -> Iterator[tuple[str, ...]]:
@@ -528,8 +548,8 @@ def _constants_of(path: Path) -> Constants:
 
 
 def _escaped(text: str) -> str:
-    """Text, escaped so that Markdown leaves it unchanged."""
-    return "".join(f"\\{each}" if each in "\\`*_{}[]<>#|" else each for each in text)
+    """Text, escaped so that Markdown leaves it unchanged, MkDocs' as well as that of code hosts."""
+    return "".join("&lt;" if each == "<" else f"\\{each}" if each in "\\`*_{}[]>#" else each for each in text)
 
 
 def causes() -> str:

@@ -2,7 +2,7 @@
 
 A number that a page takes from the code has a comment behind it, which readers do not see:
 
-    at most 4,096<!--=run.belief_grid.MOST_ROWS:,--> rows
+    at most 1,000<!--=run.belief_grid.MOST_ROWS:,--> rows
 
 The comment names a constant of the package, or a default below. Behind the name may stand a format (`:,`), or
 `!w` for a number as a word. A number may be multiplied or divided: `100*report.finding.LEAST_SHARE:g`. A

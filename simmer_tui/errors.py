@@ -6,6 +6,7 @@
     ├── PortError               a port that is taken or may not be used
     ├── ProgramError            the program of `--run` cannot be started
     ├── DeviceError             a team's own device failed: in which line of its file, and how
+    ├── BoardError              a board that runs a sketch has died or hangs, with the line
     ├── UnknownSensorError      a code that no sensor has (a KeyError too)
     ├── RunLogError             a log that cannot be written, read or understood
     ├── ExportError             a picture of a run that cannot be made
@@ -82,6 +83,10 @@ class PlacementError(SimmerError):
 
 class DeviceError(SimmerError):
     """A team's own device raised an error, or returned no valid reading; the message has file and line."""
+
+
+class BoardError(SimmerError):
+    """A board that runs a sketch has died or hangs; the text has the line of the sketch."""
 
 
 class UnknownSensorError(SimmerError, KeyError):

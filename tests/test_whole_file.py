@@ -19,6 +19,7 @@ TEMPORARY = {
     "trials/cluster.py": "a temporary folder on another machine",
     "trials/logged_trial.py": "a temporary folder",
     "links/serial_link.py": "a record that grows line by line",
+    "sketch/build.py": "a temporary folder, which gets its name when it is complete",
 }
 """Modules that write files on their own, and the reason."""
 posix = pytest.mark.skipif(sys.platform == "win32", reason="modes and links are those of POSIX")

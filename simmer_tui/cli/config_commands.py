@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from simmer_tui.cli.command_line import (
@@ -27,8 +27,18 @@ from simmer_tui.config.importer.imported import check_mission
 from simmer_tui.config.importer.set_writer import set_files
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.new_set import SCHEMA_FOLDER as SCHEMAS
-from simmer_tui.config.new_set import term_files, with_comments, with_dialect, with_mission
+from simmer_tui.config.new_set import (
+    decoded,
+    enabled_codes,
+    schema_path,
+    term_files,
+    with_comments,
+    with_dialect,
+    with_mission,
+)
+from simmer_tui.config.sensors_csv import FILE as SENSORS_FILE
 from simmer_tui.config.set_document import CHECK, DIFFERENCES, problems_document, set_document
+from simmer_tui.config.set_sketches import SKETCH_ENDINGS, WIRING_FILE, is_sketch_path
 from simmer_tui.config.set_summary import summarize
 from simmer_tui.config.sets import (
     LOCAL_FOLDER,
@@ -36,19 +46,26 @@ from simmer_tui.config.sets import (
     bundled_folder,
     bundled_sets,
     find_set,
+    has_set,
     read_files,
     set_name,
     write_files,
 )
+from simmer_tui.config.settings import NO_WHEELS
+from simmer_tui.config.settings_file import FILE as SETTINGS_FILE
 from simmer_tui.dialect.frames import FrameKind
 from simmer_tui.document.model import Document
-from simmer_tui.errors import ConfigurationError, Problem
+from simmer_tui.errors import ConfigurationError, Problem, reason_of
 from simmer_tui.sim.command import counted, typed_path
 
 
 def _init_options(parser: OneLineParser) -> None:
     parser.add_argument(
-        "directory", metavar="DIR", type=Path, help="the folder to write; made if it does not exist"
+        "directory",
+        metavar="DIR",
+        type=Path,
+        nargs="?",
+        help="the folder to write; made if it does not exist (with --sketch, by default: config)",
     )
     sets = ", ".join(bundled_sets())
     parser.add_argument("--from", dest="source", metavar="SET", help=f"copy this set: {sets}, or a folder")
@@ -61,10 +78,24 @@ def _init_options(parser: OneLineParser) -> None:
         help="add a dialect.toml to be edited, for messages that are lines, in brackets, bytes or binary",
     )
 
+    parser.add_argument(
+        "--sketch",
+        metavar="FILE.ino",
+        type=Path,
+        nargs="+",
+        help="draft a wiring.toml from these sketches, one for each board, beside the set in DIR",
+    )
+
 
 @subcommand("init", _init_options)
 def run_init(options: argparse.Namespace) -> int:
     """Copy a configuration set into a folder, to be edited there."""
+    if options.sketch is not None:
+        _take_directory(options)
+    if options.directory is None:
+        run_init.parser().error("the following arguments are required: DIR")
+    if options.sketch is not None and has_set(options.directory):
+        return _draft_beside(options)
     source = bundled_folder() if options.source is None else find_set(options.source)
     mission = options.mission or options.term
     if mission and source == bundled_folder():
@@ -73,6 +104,13 @@ def run_init(options: argparse.Namespace) -> int:
     if options.dialect is not None:
         files = with_dialect(files, FrameKind(options.dialect))
     files = with_comments(with_mission(files) if mission else files, name if name in bundled_sets() else "")
+    if options.sketch is not None:
+        drafted = _drafted(options.sketch, options.directory, decoded(SENSORS_FILE, files[SENSORS_FILE]))
+        files = with_comments({**files, **drafted})
+        if b"[[motors]]" in drafted[WIRING_FILE]:
+            # Motors turn wheels, which most sets do not describe.
+            none, two = f'layout = "{NO_WHEELS}"'.encode(), b'layout = "diff"  # ?'
+            files[SETTINGS_FILE] = files[SETTINGS_FILE].replace(none, two, 1)
     if options.term:
         files = term_files(files)
     wrote = _write(options.directory, files)
@@ -84,8 +122,58 @@ def run_init(options: argparse.Namespace) -> int:
             f"Edit {LOCAL_FOLDER} and course.toml in it, then: {check}",
         )
     else:
-        print_lines(wrote, f"Edit them, then: {check}")
+        marked = f'Look at every line of {WIRING_FILE} with "# ?"' if options.sketch else "Edit them"
+        print_lines(wrote, f"{marked}, then: {check}")
     return ExitCode.DONE
+
+
+def _take_directory(options: argparse.Namespace) -> None:
+    """Take DIR out of the sketches before which it was not given: `init --sketch rover.ino my-robot`."""
+    last = options.sketch[-1]
+    is_named_so = last.suffix.lower() in SKETCH_ENDINGS
+    if options.directory is None and len(options.sketch) > 1 and not (is_named_so or is_sketch_path(last)):
+        options.directory = options.sketch.pop()
+    if options.directory is None:
+        options.directory = Path(LOCAL_FOLDER)
+
+
+def _draft_beside(options: argparse.Namespace) -> int:
+    """Write a wiring.toml beside the files of a set, whose other files stay."""
+    if options.source or options.mission or options.term or options.dialect:
+        what = "has a set already; only --sketch adds a file to one"
+        raise ConfigurationError([Problem(str(options.directory), what)])
+    sensors = (
+        (options.directory / SENSORS_FILE).read_bytes()
+        if (options.directory / SENSORS_FILE).is_file()
+        else b""
+    )
+    made = with_comments(_drafted(options.sketch, options.directory, decoded(SENSORS_FILE, sensors)))
+    if (options.directory / schema_path(WIRING_FILE)).exists():
+        del made[schema_path(WIRING_FILE)]  # the same in every set
+    print_lines(_write(options.directory, made))
+    print_lines(f'Look at every line with "# ?", then: simmer-tui check {typed_path(options.directory)}')
+    return ExitCode.DONE
+
+
+def _drafted(sketches: Sequence[Path], directory: Path, sensors: str) -> dict[str, bytes]:
+    """A wiring.toml for sketches, with the codes of a set's sensors. Raises ConfigurationError."""
+    from simmer_tui.sketch.wiring_draft import draft
+
+    codes = enabled_codes(sensors)
+    ranges = [code for name, code in codes.items() if name.startswith("ultra")]
+    others = [code for name, code in codes.items() if name.startswith("ir")]
+    problems = [
+        Problem(str(sketch), "there is no such sketch; name an .ino file, or its folder")
+        for sketch in sketches
+        if not any(sketch.glob("*.ino"))
+        and not (sketch.is_file() and sketch.suffix.lower() in SKETCH_ENDINGS)
+    ]
+    if problems:
+        raise ConfigurationError(problems)
+    try:
+        return {WIRING_FILE: draft(sketches, directory, ranges, others).encode()}
+    except (OSError, ValueError) as error:
+        raise ConfigurationError([Problem("--sketch", f"cannot be read: {reason_of(error)}")]) from None
 
 
 def add_mission_option(parser: argparse.ArgumentParser) -> None:
@@ -126,6 +214,7 @@ def run_check(options: argparse.Namespace) -> int:
         directory, overrides = find_set(options.directory), overrides_from(options)
         configuration = load(directory, overrides, devices=DeviceUse.CHECK)
         course = _course_of(Path(options.directory or ""))
+        wiring, problems = _sketches(configuration)
     except ConfigurationError as error:
         if not options.json:
             raise
@@ -134,8 +223,8 @@ def run_check(options: argparse.Namespace) -> int:
     if options.against is not None:
         return _check_against(options.against, configuration, as_json=options.json)
     if options.json:
-        print_json(set_document(configuration))
-        return ExitCode.DONE
+        print_json(set_document(configuration, problems))
+        return ExitCode.NO if problems else ExitCode.DONE
     text = summarize(configuration)
     try:
         # A terminal in the C locale has no characters for the drawing of the maze.
@@ -145,7 +234,32 @@ def run_check(options: argparse.Namespace) -> int:
     sys.stdout.write(text)
     if course:
         print_lines("", course)
-    return 0
+    if wiring:
+        print_lines("", *wiring)
+    if problems:
+        print_lines("", f"The wiring and its sketches have {counted(len(problems), 'problem')}:")
+        print_lines(*(f"  {problem}" for problem in problems))
+    return ExitCode.NO if problems else ExitCode.DONE
+
+
+def _sketches(configuration: Configuration) -> tuple[list[str], list[Problem]]:
+    """The lines about a set's wiring and boards, which run for a second, and the problems with its sketches;
+    none for a set without a wiring. Raises ConfigurationError if the wiring itself has mistakes."""
+    if WIRING_FILE not in configuration.files:
+        return [], []
+    from simmer_tui.sketch.bench_check import bench_lines
+    from simmer_tui.sketch.motion_check import motor_lines
+    from simmer_tui.sketch.sketch_check import facts_of, sketch_problems
+    from simmer_tui.sketch.wiring import wiring_lines, wiring_of
+
+    wiring = wiring_of(configuration)
+    if wiring is None:
+        return [], []
+    problems: list[Problem] = []
+    facts, wheels = facts_of(wiring, configuration.directory, problems), configuration.simulation.wheels
+    problems += sketch_problems(wiring, facts, wheels)
+    lines = [*wiring_lines(wiring), *motor_lines(wiring, wheels)]
+    return [*lines, *bench_lines(configuration, wiring, problems)], problems
 
 
 def _course_of(folder: Path) -> str:

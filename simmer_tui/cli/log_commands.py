@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
+from collections import deque
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
 from io import TextIOWrapper
 from pathlib import Path
-
-from rich.progress import DownloadColumn, TaskProgressColumn, TimeRemainingColumn
 
 from simmer_tui.cli.command_line import (
     ExitCode,
@@ -20,10 +19,10 @@ from simmer_tui.cli.command_line import (
     print_lines,
     say,
     subcommand,
+    window_console,
     writing,
 )
 from simmer_tui.cli.log_options import add_device_options, add_log_argument, configuration_of, log_of
-from simmer_tui.cli.progress_bar import progress_bar
 from simmer_tui.document.model import Bullets, DataColumn, Document, data_table
 from simmer_tui.errors import ExportError, RunLogError
 from simmer_tui.report.animation import USUAL_SECONDS, shots, write_gif
@@ -32,7 +31,7 @@ from simmer_tui.report.page import report_page
 from simmer_tui.report.run_statistics import CommandTable, RunStatistics
 from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.runlog.rerun import Rerun
-from simmer_tui.sim.command import WORD, counted, cut
+from simmer_tui.sim.command import WORD, counted, cut, typed_path
 from simmer_tui.sim.rules import IntegerRule, NumberRule
 from simmer_tui.version import __version__
 from simmer_tui.whole_file import whole_file, write_whole
@@ -161,6 +160,12 @@ def run_export(options: argparse.Namespace) -> int:
 
 def _rerun_options(parser: OneLineParser) -> None:
     add_log_argument(parser)
+    parser.add_argument(
+        "--sketch",
+        metavar="DIR",
+        type=Path,
+        help="run the boards too, by the sketches of this set: they get the laptop's bytes from the log",
+    )
     add_device_options(parser)
     add_json_option(parser)
 
@@ -175,7 +180,25 @@ def run_rerun(options: argparse.Namespace) -> int:
         rerun = Rerun(path, options.config)
     with rerun:
         _run_through(rerun.steps(), rerun.size, "rerun")
-        return _report_rerun(rerun, path, as_json=options.json)
+        if options.sketch is None and rerun.header.sketches:
+            rerun.notes.append(
+                f"boards drove this robot: simmer-tui rerun {typed_path(path)} --sketch DIR runs them too"
+            )
+        code = _report_rerun(rerun, path, as_json=options.json)
+    if options.sketch is None or code:
+        return code
+    return _rerun_boards(path, options.sketch)
+
+
+def _rerun_boards(path: Path, folder: Path) -> int:
+    """Run the boards of a log again. Returns the exit code."""
+    # Few logs have boards, and a compiler takes its time.
+    from simmer_tui.runlog.board_rerun import BoardRerun
+
+    with BoardRerun(path, folder) as rerun:
+        difference = rerun.difference()
+        say(difference or f"{path}: {counted(rerun.count, 'fact')} of the boards repeated, all the same")
+    return ExitCode.NO if difference else ExitCode.DONE
 
 
 def _report_rerun(rerun: Rerun, path: Path, *, as_json: bool) -> int:
@@ -226,6 +249,14 @@ def _wrote(path: Path) -> str:
 def _run_through(positions: Iterable[int], size: int, what: str) -> None:
     """Run the steps of some work, each the number of bytes done of `size`. A terminal (standard error) shows
     a progress bar meanwhile."""
+    if not window_console(stderr=True).is_terminal:
+        deque(positions, maxlen=0)
+        return
+    # Imported where it is shown: it takes as long as the report of 2,000 commands.
+    from rich.progress import DownloadColumn, TaskProgressColumn, TimeRemainingColumn
+
+    from simmer_tui.cli.progress_bar import progress_bar
+
     columns = TaskProgressColumn(), DownloadColumn(), TimeRemainingColumn()
     with progress_bar("{task.description}", *columns) as progress:
         task = progress.add_task(what, total=size)

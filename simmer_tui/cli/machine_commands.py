@@ -31,7 +31,7 @@ from simmer_tui.errors import ConfigurationError, PortError
 from simmer_tui.links import port_list
 from simmer_tui.links.link import port_requests
 from simmer_tui.links.ports import take_port
-from simmer_tui.runlog.saved_runs import BEFORE, saved_runs_folder
+from simmer_tui.runlog.saved_runs import BEFORE, saved_runs, saved_runs_folder
 from simmer_tui.sim.command import WORD, counted, cut
 from simmer_tui.tui.sizes import SMALLEST_COLUMNS, SMALLEST_ROWS
 from simmer_tui.tui.terminal import GlyphMode, choose
@@ -76,6 +76,7 @@ def run_doctor(options: argparse.Namespace) -> int:
         "serial": (True, _serial()),
         "runs": _runs(),
         "grading": _grading(),
+        "sketches": (True, _sketches()),
         "extras": (True, _extras()),
     }
     if options.json:
@@ -85,6 +86,16 @@ def run_doctor(options: argparse.Namespace) -> int:
             print_lines(f"{'ok' if fine else '!!'}  {about:<9} {text}")
     # Any other lack affects only one feature.
     return ExitCode.NO if ports_needed or not set_check[0] else ExitCode.DONE
+
+
+def _sketches() -> str:
+    """The C++ compiler of sketches."""
+    from simmer_tui.sketch.compiler import NO_COMPILER, find_compiler
+
+    compiler = find_compiler()
+    if compiler is None:
+        return NO_COMPILER
+    return f"compiled by {compiler.name}: {compiler.version or 'it does not run'}"
 
 
 def _program() -> str:
@@ -184,7 +195,8 @@ def _runs() -> Check:
         fine = fine and os.access(path, os.W_OK)
         break
     lack = "" if fine else ", which cannot be written"
-    return fine, f"the last {BEFORE + 1} are saved in {folder}{lack}"
+    saved = counted(len(saved_runs(folder)), "run")
+    return fine, f"{saved} saved in {folder}, of at most {BEFORE + 1}{lack}"
 
 
 def _grading() -> Check:

@@ -35,6 +35,7 @@ from simmer_tui.version import __version__, requirement
 if TYPE_CHECKING:
     from simmer_tui.cli.run_life import FrontEnd
     from simmer_tui.live.server import Server
+    from simmer_tui.sketch.sketch_robot import SketchSet
     from simmer_tui.web.page_server import PageServer
 
 # Names, not functions: importing all commands would make every start as slow as the slowest.
@@ -56,7 +57,7 @@ SUBCOMMANDS = {
     ),
     "atlas": ("atlas_command:run_atlas", "compute expected readings at every pose of a grid, as a file"),
     "rerun": ("log_commands:run_rerun", "run a logged run again and compare every reply"),
-    "doctor": ("machine_commands:run_doctor", "check this terminal and machine, in ten lines"),
+    "doctor": ("machine_commands:run_doctor", "check this terminal and machine, in eleven lines"),
     "env": ("author_commands:run_env", "print the variables for programs that an IDE starts"),
     "completion": ("help_command:run_completion", "print completion for a shell"),
     "ports": ("machine_commands:run_ports", "list the serial ports a robot may be on"),
@@ -84,6 +85,11 @@ def build_parser() -> OneLineParser:
     parser.add_argument("--version", action="version", version=f"simmer-tui {__version__}")
     run = parser.add_argument_group("run")
     add_config_option(run)
+    run.add_argument(
+        "--sketch",
+        metavar="DIR",
+        help="as --config; sketches on its boards drive it",
+    )
     text = "do the set's mission (default set: ./config or mission); with --no-ui exit code 1: it failed"
     add_flag(run, "--mission", text)
     add_flag(run, "--no-ui", "run without the screen")
@@ -186,15 +192,41 @@ def _server(options: argparse.Namespace) -> Server:
         from simmer_tui.cli.access_token import add_token_of
 
         add_token_of(options.token_file, overrides)
-    if not options.mission:
-        return Server(with_possible_clock(load(find_set(options.config), overrides), options))
-    from simmer_tui.run.mission import plan_run
-
-    directory = find_mission_set(options.config)
-    if problems := without_effect(overrides):
+    if options.sketch is not None:
+        options.config = _sketch_set(options)
+    find = find_mission_set if options.mission else find_set
+    directory = find(options.config)
+    if options.mission and (problems := without_effect(overrides)):
         raise ConfigurationError(problems)
-    configuration, plan = plan_run(with_possible_clock(load(directory, overrides), options))
-    return Server(configuration, plan=plan)
+    configuration, sketches = load(directory, overrides), None
+    if options.sketch is not None:
+        configuration, sketches = _compiled(configuration)
+    configuration, plan = with_possible_clock(configuration, options), None
+    if options.mission:
+        from simmer_tui.run.mission import plan_run
+
+        configuration, plan = plan_run(configuration)
+    return Server(configuration, plan=plan, sketches=sketches)
+
+
+def _sketch_set(options: argparse.Namespace) -> str:
+    """The set of `--sketch`. Raises ConfigurationError."""
+    if options.config is not None:
+        raise ConfigurationError([Problem("--sketch", "names the set already: leave --config out")])
+    return str(options.sketch)
+
+
+def _compiled(configuration: Configuration) -> tuple[Configuration, SketchSet]:
+    """A set's configuration with its boards, and their compiled sketches. Raises ConfigurationError."""
+    from simmer_tui.config.set_sketches import WIRING_FILE
+    from simmer_tui.sketch.sketch_robot import compile_set, with_boards
+    from simmer_tui.sketch.wiring import wiring_of
+
+    wiring = wiring_of(configuration)
+    if wiring is None:
+        what = f"the set {configuration.name} has no {WIRING_FILE}, which says what runs on its boards"
+        raise ConfigurationError([Problem("--sketch", what)])
+    return with_boards(configuration, wiring), compile_set(wiring, configuration.directory)
 
 
 def with_possible_clock(configuration: Configuration, options: argparse.Namespace) -> Configuration:

@@ -56,7 +56,8 @@ _COMPILED = {
 }
 """The compilers of program texts."""
 _DOCUMENTS = {
-    ".ino": "is a sketch for a board. simmer-tui ports lists the boards, simmer-tui --serial PORT drives one",
+    ".ino": "is a sketch for a board. simmer-tui init my-robot --sketch {file} makes a robot of it, "
+    "simmer-tui --serial PORT drives a real board",
     ".ipynb": "is a notebook. Start simmer-tui in this terminal, and run the notebook's cells beside it",
 }
 """Files that nothing here starts."""
@@ -143,7 +144,7 @@ def _program_advice(found: _Program, given: Sequence[str], unknown: Sequence[str
     file = next((word for word in words if Path(word).suffix and not is_python(word)), words[0])
     shown, suffix = Path(file).name, Path(file).suffix.lower()
     if suffix in _DOCUMENTS:
-        return f'"{shown}" {_DOCUMENTS[suffix]}'
+        return f'"{shown}" {_DOCUMENTS[suffix].format(file=file)}'
     if suffix in _COMPILED:
         compiled = _COMPILED[suffix].format(file=file, stem=Path(file).stem)
         return f'"{shown}" must be compiled: {compiled}; then {prog} --run ./{Path(file).stem}'

@@ -205,6 +205,7 @@ class RunLife:
         server.engine.watch(_Connection(self._connected.set).handle)
         if front.judges:
             server.engine.watch(MissionEnd(lambda: front.finish(0)).handle)
+            server.boards_ended = lambda: front.finish(ExitCode.NO)
         server.start(None, client_left, probe_left=lambda: None)
         if self.page is not None:
             self.page.start()

@@ -56,7 +56,7 @@ class Dialect(Struct, frozen=True):
 
 # 9000 and 9001 are those of the MATLAB simulator since 2020, 61200 and 61201 those of simmer-python since
 # 2023: programs have them written into their code.
-COMMANDS = DialectPort("commands", "port", 9000, "port that takes commands, 0 for any free one")
+COMMANDS = DialectPort("commands", "port", 9000, "port for commands, 0: any free")
 REPLIES = DialectPort(
     "replies", "reply_port", 9001, "port that sends replies, 0 for any free one", REPLY_BACKLOG
 )

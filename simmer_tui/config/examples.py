@@ -14,7 +14,7 @@ _PROGRAMS = (EXAMPLE, "solve.py", "robot_emulator.py")
 """Samples of one file; the modules of solve.py (`solve_*.py`) are beside it."""
 _FOLDERS = ("course", "c", "matlab", "arduino")
 """Programs of the course, those in other languages, and sketches for the robot itself."""
-_SUFFIXES = (".py", ".c", ".h", ".m", ".ino", ".md", ".toml")
+_SUFFIXES = (".py", ".c", ".h", ".m", ".ino", ".md", ".toml", ".csv")
 
 
 def examples_folder() -> Path:

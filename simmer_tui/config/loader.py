@@ -19,6 +19,7 @@ from simmer_tui.config.mission_toml import FILE as MISSION_FILE
 from simmer_tui.config.mission_toml import MissionSpec, load_mission
 from simmer_tui.config.robot_csv import load_robot
 from simmer_tui.config.set_devices import DeviceStatus, set_devices
+from simmer_tui.config.set_sketches import WIRING_FILE
 from simmer_tui.config.sets import FILES, find_set, init_set, set_name
 from simmer_tui.config.settings import NO_WHEELS, Settings, settings_from
 from simmer_tui.config.settings_file import LoadedSettings, Override, load_settings
@@ -185,7 +186,8 @@ def _dialect(
     elif TEAM in listeners:
         what = f"names {TEAM}, but the set has no {DIALECT_FILE}; {_WRITES_ONE}"
         problems.append(Problem(loaded.places["server.listeners"], what))
-    if settings.server.pty and TEAM not in listeners:
+    has_line = TEAM in listeners or (directory / WIRING_FILE).exists()
+    if settings.server.pty and not has_line:
         what = f"is the serial port of a set with a {DIALECT_FILE}; {_WRITES_ONE}"
         problems.append(Problem(loaded.places["server.pty"], what))
     return dialect, settings
@@ -230,5 +232,5 @@ def simulation_of(
 
 def _texts(directory: Path) -> dict[str, str]:
     """The files of a set, unchanged: line ends and byte-order marks stay."""
-    paths = [directory / name for name in (*FILES, FLOOR_FILE, MISSION_FILE, DIALECT_FILE)]
+    paths = [directory / name for name in (*FILES, FLOOR_FILE, MISSION_FILE, DIALECT_FILE, WIRING_FILE)]
     return {path.name: path.read_bytes().decode() for path in paths if path.is_file()}

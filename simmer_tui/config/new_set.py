@@ -20,6 +20,7 @@ from simmer_tui.config import (
     robot_csv,
     sensors_csv,
     settings_file,
+    wiring_toml,
 )
 from simmer_tui.config.csv_table import (
     COMMENT,
@@ -34,6 +35,7 @@ from simmer_tui.config.csv_table import (
 )
 from simmer_tui.config.dialects import DIALECT_FILE
 from simmer_tui.config.examples import EXAMPLE, example_files
+from simmer_tui.config.set_sketches import WIRING_FILE
 from simmer_tui.config.sets import (
     LOCAL_FOLDER,
     MISSION_SET,
@@ -75,11 +77,11 @@ def with_comments(files: Mapping[str, bytes], nominal: str = "") -> dict[str, by
     """
     made: dict[str, bytes] = {}
     for name, data in files.items():
-        if name.endswith(".py"):
-            made[name] = data  # a device, whose hash must not change
+        if not name.endswith((".csv", ".toml")):
+            made[name] = data  # a device or a sketch, whose hash must not change
             continue
         text = decoded(name, data)
-        if name == DIALECT_FILE:
+        if name in (DIALECT_FILE, WIRING_FILE):
             text = naming_schema(name, text)
         elif name in (settings_file.FILE, mission_toml.FILE):
             complete = with_all_settings(text, {"nominal": nominal}) if name == settings_file.FILE else text
@@ -125,7 +127,7 @@ def with_mission(files: Mapping[str, bytes]) -> dict[str, bytes]:
 
 def with_dialect(files: Mapping[str, bytes], kind: FrameKind) -> dict[str, bytes]:
     """The files of a set with a dialect.toml of a kind, a small language with the codes of the set."""
-    drives, sensors = (_codes(text) for text in _device_tables(files).values())
+    drives, sensors = (enabled_codes(text) for text in _device_tables(files).values())
     ranges = [code for name, code in sensors.items() if name.startswith(_RANGES)]
     text = _DIALECT_HEAD + _bundled_files("dialects")[f"{kind}.toml"].decode()
     for word, code in (
@@ -148,7 +150,7 @@ def _device_tables(files: Mapping[str, bytes]) -> dict[str, str]:
     return texts
 
 
-def _codes(text: str) -> dict[str, str]:
+def enabled_codes(text: str) -> dict[str, str]:
     """The codes of the enabled rows of a table, by ID."""
     return {
         row.get(ID, "").lower(): row.get(POLL_CHARACTER, "")
@@ -228,6 +230,7 @@ def schemas() -> dict[str, Schema]:
         settings_file.FILE: settings_schema(),
         mission_toml.FILE: mission_schema(),
         DIALECT_FILE: dialect_schema(),
+        WIRING_FILE: wiring_schema(),
     }
 
 
@@ -296,6 +299,29 @@ def dialect_schema() -> Schema:
         each = _object(name) | {"properties": _described(keys, kinds)}
         properties[name] = {"type": "array", "items": each}
     properties["unknown"] = _object("unknown") | {"properties": _described(dialect_toml.UNKNOWN_KEYS, kinds)}
+    return {"$schema": _DRAFT, **whole}
+
+
+def wiring_schema() -> Schema:
+    """The schema of wiring.toml. Which pins a driver or part needs is left to the reader."""
+
+    def table(title: str, values: Iterable[Value]) -> Schema:
+        described = {value.name: value.rule.schema | {"description": value.help} for value in values}
+        return _object(title) | {"properties": described}
+
+    whole, gripper = _object("The boards of a set and their wires, SimMeR-TUI"), wiring_toml.GRIPPER_ANGLES
+    rows = {
+        "wires": table("wire", wiring_toml.WIRE),
+        "motors": table("motor", wiring_toml.all_keys("motors")),
+        "sensors": table("sensor", wiring_toml.all_keys("sensors")),
+        "servos": table("servo", wiring_toml.SERVO),
+    }
+    rows["servos"]["properties"]["gripper"] = table("gripper", gripper)
+    whole["properties"] = {
+        "boards": {"type": "object", "additionalProperties": table("board", wiring_toml.BOARD_TABLE)},
+        "laptop": table("laptop", wiring_toml.LAPTOP),
+        **{name: {"type": "array", "items": each} for name, each in rows.items()},
+    }
     return {"$schema": _DRAFT, **whole}
 
 

@@ -117,8 +117,8 @@ def problems_document(problems: Iterable[Problem]) -> Document:
     return Document("Set", [CHECK.filled([(False, None, None)]), PROBLEMS.filled(rows)])
 
 
-def set_document(configuration: Configuration) -> Document:
-    """A whole set as tables."""
+def set_document(configuration: Configuration, sketch_problems: Sequence[Problem] = ()) -> Document:
+    """A whole set as tables, with the problems of its wiring and sketches."""
     spec, settings, mission = configuration.simulation, configuration.settings, configuration.mission
     start = spec.start_pose
     drives = [
@@ -126,8 +126,8 @@ def set_document(configuration: Configuration) -> Document:
         for each in spec.drives
     ]
     parts = [
-        CHECK.filled([(True, configuration.name, str(configuration.directory))]),
-        PROBLEMS,
+        CHECK.filled([(not sketch_problems, configuration.name, str(configuration.directory))]),
+        PROBLEMS.filled([(problem.where, problem.what) for problem in sketch_problems]),
         WARNINGS.filled([(each,) for each in set_warnings(configuration)]),
         _MAZE.filled([(CELL_SIZE, spec.maze.cells, spec.maze.floor)]),
         _ROBOT.filled([(spec.robot.radius, spec.robot.vertices, start)]),

@@ -11,6 +11,7 @@ from simmer_tui.config.device_file import DEVICE_FOLDER as DEVICES
 from simmer_tui.config.device_file import read_devices
 from simmer_tui.config.given_path import drive_hint, given_path
 from simmer_tui.config.leftovers import is_leftover
+from simmer_tui.config.set_sketches import WIRING_FILE, sketch_files
 from simmer_tui.errors import ConfigurationError, Problem, reason_of
 from simmer_tui.sim.command import first_of, typed_path
 from simmer_tui.sim.rules import did_you_mean
@@ -74,7 +75,7 @@ def find_set(name_or_path: str | None) -> Path:
     """
     if name_or_path is None:
         local = Path(LOCAL_FOLDER)
-        return local if _has_set(local) else bundled_folder()
+        return local if has_set(local) else bundled_folder()
     shown = str(name_or_path)
     if not name_or_path.strip():
         raise ConfigurationError([Problem("the configuration set", "its name is blank; name a folder")])
@@ -91,7 +92,7 @@ def find_set(name_or_path: str | None) -> Path:
     sets = bundled_sets()
     if is_other:
         what = "is not a folder; a set is a folder with five files, and simmer-tui init DIR makes one"
-        if _has_set(folder.parent):
+        if has_set(folder.parent):
             what = f"is not a folder; the set of this file is {typed_path(folder.parent)}"
         raise ConfigurationError([Problem(shown, what)])
     if name_or_path in sets:
@@ -105,9 +106,7 @@ def find_set(name_or_path: str | None) -> Path:
 def _folders_here() -> list[str]:
     """The names of the folders in the working directory that have a set."""
     with contextlib.suppress(OSError):
-        return sorted(
-            path.name for path in Path().iterdir() if _has_set(path) or _has_set(path / LOCAL_FOLDER)
-        )
+        return sorted(path.name for path in Path().iterdir() if has_set(path) or has_set(path / LOCAL_FOLDER))
     return []
 
 
@@ -123,7 +122,7 @@ def find_mission_set(name_or_path: str | None) -> Path:
     return local if (local / mission_toml.FILE).is_file() else bundled_sets()[MISSION_SET]
 
 
-def _has_set(folder: Path) -> bool:
+def has_set(folder: Path) -> bool:
     """True if a folder has any of the five files."""
     return any((folder / name).is_file() for name in FILES)
 
@@ -131,7 +130,7 @@ def _has_set(folder: Path) -> bool:
 def _set_in(folder: Path) -> Path:
     """The folder itself, or `config` in it if only that has a set, as in the folder of a course."""
     inner = folder / LOCAL_FOLDER
-    return inner if _has_set(inner) and not _has_set(folder) else folder
+    return inner if has_set(inner) and not has_set(folder) else folder
 
 
 def init_set(destination: Path, source: Path) -> tuple[Path, ...]:
@@ -144,8 +143,8 @@ def init_set(destination: Path, source: Path) -> tuple[Path, ...]:
 
 
 def read_files(source: Path) -> dict[str, bytes]:
-    """The files of a set by name, its own device files by their paths in it. Raises ConfigurationError
-    if there are none, or if one cannot be copied."""
+    """The files of a set by name, its own device files and sketches by their paths in it. Raises
+    ConfigurationError if there are none, or if one cannot be copied."""
     found = (path for path in source.iterdir() if not is_leftover(path.name) and path.is_file())
     paths = sorted(path for path in found if path.suffix.lower() in (".csv", ".toml"))
     if not paths:
@@ -156,6 +155,8 @@ def read_files(source: Path) -> dict[str, bytes]:
     devices = sorted(path.name for path in (source / DEVICES).glob("*.py") if not is_leftover(path.name))
     own = [f"{DEVICES}/{name}" for name in devices]
     files |= {device.path: device.data for device in read_devices(source, own, DEVICES, problems)}
+    if WIRING_FILE in files:
+        files |= read_all(sketch_files(source, files[WIRING_FILE]), source)
     if problems:
         raise ConfigurationError(problems)
     return files

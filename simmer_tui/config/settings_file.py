@@ -59,7 +59,8 @@ def load_settings(
             places[name] = overrides[name].option
             _take_option(item, overrides[name], values, problems)
     # After the options, because each of these depends on given values.
-    _apply_meant(overrides, values, problems)
+    _apply_seed_option(overrides, values, problems)
+    _apply_serial_option(overrides, values, problems)
     if values.get("motion.clock") in ("program", ELSE_REAL):
         values["motion.motion"] = "timed"  # a clock that moves while the program waits needs it
     _apply_keys(values)
@@ -112,22 +113,30 @@ def _report_unknown(name: str, known: Iterable[str], file: TomlFile) -> None:
     file.add_problem(name, f"is not a setting{hint}")
 
 
-_MEANT = (
-    ("seed", "randerror", "repeatable errors", "different ones"),
-    ("serial.port", "sim", "a real robot", "the simulated one"),
-)
-"""Settings that, given as options, are meant to be used: each turns off another. With the words of both."""
+def _apply_seed_option(
+    overrides: Mapping[str, Override], values: dict[str, Any], problems: list[Problem]
+) -> None:
+    """Turn unrepeatable errors off if a seed is given as an option: it is meant to be used."""
+    if "seed" not in overrides:
+        return
+    if "randerror" in overrides and values.get("randerror", False):
+        other = overrides["randerror"].option
+        what = f"asks for repeatable errors and {other} for different ones; give one of the two"
+        problems.append(Problem(overrides["seed"].option, what))
+    values["randerror"] = False
 
 
-def _apply_meant(overrides: Mapping[str, Override], values: dict[str, Any], problems: list[Problem]) -> None:
-    """Turn off the settings that would make a given option useless: a seed, or a robot's port."""
-    for given, off, asked, otherwise in _MEANT:
-        if given not in overrides or values.get(given) == "":
-            continue
-        if off in overrides and values.get(off, False):
-            what = f"asks for {asked} and {overrides[off].option} for {otherwise}; give one of the two"
-            problems.append(Problem(overrides[given].option, what))
-        values[off] = False
+def _apply_serial_option(
+    overrides: Mapping[str, Override], values: dict[str, Any], problems: list[Problem]
+) -> None:
+    """Turn the simulated robot off if a robot's port is given as an option: it is meant to be used."""
+    if "serial.port" not in overrides or not values.get("serial.port"):
+        return
+    if "sim" in overrides and values.get("sim", False):
+        other = overrides["sim"].option
+        what = f"asks for a real robot and {other} for the simulated one; give one of the two"
+        problems.append(Problem(overrides["serial.port"].option, what))
+    values["sim"] = False
 
 
 def _apply_keys(values: dict[str, Any]) -> None:

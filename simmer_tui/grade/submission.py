@@ -15,6 +15,7 @@ from simmer_tui.config.importer.files import read_path
 from simmer_tui.config.importer.set_writer import write_set
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.set_devices import SETTING
+from simmer_tui.config.set_sketches import WIRING_FILE
 from simmer_tui.config.settings import ServerSettings, all_settings, settings_from, value_of
 from simmer_tui.config.settings_file import Override, load_settings
 from simmer_tui.config.toml_file import TomlFile
@@ -109,6 +110,12 @@ def _composed(home: Path, own: Path, course: Path, *, dialects: bool) -> Path:
             "(dialects = true in course.toml would allow it)"
         )
         raise ConfigurationError([Problem(DIALECT_FILE, what)])
+    if (own / WIRING_FILE).is_file():
+        what = (
+            "a grading runs programs and no boards: leave it out, and let the program drive the set's robot "
+            "(a dialect.toml describes its language)"
+        )
+        raise ConfigurationError([Problem(WIRING_FILE, what)])
     goal = home / _SET
     if goal.exists():
         shutil.rmtree(goal)

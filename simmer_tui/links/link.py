@@ -93,17 +93,19 @@ def port_requests(server: ServerSettings) -> list[tuple[Dialect, list[PortReques
     If the first port of a dialect with typed commands is set to 0, all ports at their defaults are any too.
     """
     served = dialects.served(server.listeners)
+    return [(each, [port_request(server, port) for port in each.ports]) for each in served]
+
+
+def port_request(server: ServerSettings, port: DialectPort) -> PortRequest:
+    """The port to take for one port of the table."""
     # Tests and CI use --port 0: the other ports, at their defaults, would still collide.
+    served = dialects.served(server.listeners)
     any_free = 0 in (port_number(server, each.ports[0]) for each in served if each.typed)
-    defaults = {port.default for port in dialects.all_ports()}
-
-    def request(port: DialectPort) -> PortRequest:
-        number = port_number(server, port)
-        taken = 0 if any_free and number in defaults else number
-        falls_back = port is dialects.SERIAL and number == port.default
-        return PortRequest(taken, port.purpose, port.option, port.backlog, falls_back)
-
-    return [(each, [request(port) for port in each.ports]) for each in served]
+    defaults = {each.default for each in dialects.all_ports()}
+    number = port_number(server, port)
+    taken = 0 if any_free and number in defaults else number
+    falls_back = port is dialects.SERIAL and number == port.default
+    return PortRequest(taken, port.purpose, port.option, port.backlog, falls_back)
 
 
 def port_number(server: ServerSettings, port: DialectPort) -> int:

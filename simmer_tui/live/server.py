@@ -29,7 +29,7 @@ from simmer_tui.links.access import AccessCheck
 from simmer_tui.links.backend import BackendSwitch, CommandBudget, Message
 from simmer_tui.links.clock_link import CLOCK
 from simmer_tui.links.driver_lock import NOT_SERVED, DriverLock
-from simmer_tui.links.link import Link, LinkContext, open_links, port_requests, typed_message
+from simmer_tui.links.link import Link, LinkContext, open_links, port_request, port_requests, typed_message
 from simmer_tui.links.owners import OwnerLookup
 from simmer_tui.links.ports import Listener, PortRequest, take_port
 from simmer_tui.links.processes import ProcessLookup
@@ -55,6 +55,8 @@ if TYPE_CHECKING:  # Modules that only some runs need are imported in those.
     from simmer_tui.run.run_history import RunHistory
     from simmer_tui.runlog.saved_runs import SavedRun
     from simmer_tui.runlog.writer import LineFile, ReplayedPrefix, RunLog
+    from simmer_tui.sketch.board_link import BoardLink
+    from simmer_tui.sketch.sketch_robot import SketchRobot, SketchSet
 
 _T = TypeVar("_T")
 # An environment variable, since other users can read the arguments of a process.
@@ -94,6 +96,7 @@ class Server:
         take: Callable[[str, PortRequest], Listener] = take_port,
         simulator: Simulator | None = None,
         prefix: ReplayedPrefix | None = None,
+        sketches: SketchSet | None = None,
     ) -> None:
         """Take the ports and put the robot at its start. Raises PortError.
 
@@ -102,7 +105,8 @@ class Server:
 
         `robot_link` opens the connection to a real robot, by default its serial port. With a `plan` the run
         is a mission; configuration and plan come from `plan_run`. With a `prefix` the robot is `simulator`,
-        and the events of the prefix are passed to watchers before `start`.
+        and the events of the prefix are passed to watchers before `start`. With `sketches` the team's boards
+        drive it; the configuration is that of `with_boards`.
         """
         settings = configuration.settings
         self.configuration = configuration
@@ -139,6 +143,12 @@ class Server:
         self._token = settings.server.token or os.environ.get(TOKEN, "").strip()
         self._take = take
         self._listeners: dict[str, Listener] = {}
+        self.sketches = sketches
+        """The compiled sketches of the boards, if the robot is driven by them."""
+        self.boards: SketchRobot | None = None
+        """The boards, once they run."""
+        self.boards_ended: Callable[[], None] = lambda: None
+        """Called in the robot's thread when a board has died or hangs."""
         self._take_ports(settings.server)
         self.terminal = self._take_terminal(settings.server.pty)
         """The pseudo-terminal that leads to the robot, if there is one."""
@@ -168,6 +178,8 @@ class Server:
         """The run in the folder of saved runs, if there is one."""
         self._backend = BackendSwitch(self.engine)
         self._backend.query = self._mission_query()
+        self.board_link: BoardLink | None = None
+        """The line between laptop and boards, if there is one."""
         self.robot: RealRobot | None = None
         """The connection to the real robot, if clients drive one. Other threads only read its properties."""
         self._robot_link = robot_link or _serial_link
@@ -180,6 +192,8 @@ class Server:
     def _take_ports(self, server: ServerSettings) -> None:
         """Take all ports. Raises PortError."""
         taken = self._listeners
+        if self.sketches is not None and self.sketches.wiring.laptop is not None:
+            taken[SERIAL.purpose] = self._take_port(server.host, port_request(server, SERIAL))
         for dialect, requests in port_requests(server):
             try:
                 for request in requests:
@@ -481,7 +495,16 @@ class Server:
             file=file,
             prefix=self.prefix,
             run=run_command(command, self._token) if command else None,
+            sketches=self._logged_sketches,
         )
+
+    @property
+    def _logged_sketches(self) -> dict[str, str] | None:
+        if self.sketches is None:
+            return None
+        from simmer_tui.sketch.sketch_robot import logged_sketches
+
+        return logged_sketches(self.sketches)
 
     def _log_stopped(self, why: str) -> None:
         if not self._thread.is_alive():
@@ -642,7 +665,9 @@ class Server:
             if self.prefix is None:
                 self.referee.begin()
             self._check_mission(self.referee)
-        if not settings.sim:
+        if self.sketches is not None:
+            self._start_boards(self.sketches)
+        elif not settings.sim:
             self._use_robot(settings.serial.port)
         context = LinkContext(
             self.engine,
@@ -661,10 +686,46 @@ class Server:
             variables=lambda: self.told_variables,
         )
         self._links += open_links(context)
+        if self.boards is not None and SERIAL.purpose in self._listeners:
+            from simmer_tui.sketch.board_link import BoardLink
+
+            self.board_link = BoardLink(context, self.boards)
+            self._links.append(self.board_link)
         if self.clock is not None:
             from simmer_tui.links.clock_link import ClockLink
 
             self._links.append(ClockLink(context))
+
+    def _start_boards(self, sketches: SketchSet) -> None:
+        """Start the boards: from now on simulated time passes with them."""
+        from simmer_tui.sketch.sketch_robot import TICK, SketchRobot
+
+        boards = self.boards = SketchRobot(sketches, self.engine)
+        for name, built in sketches.built.items():
+            for warning in built.warnings:
+                self.engine.tell(Notice(NoticeKind.ROBOT, f"board {name}: {warning}"))
+        boards.on_end = self._boards_over
+        # A run without a screen has no recorder, and needs none.
+        if "recorder" in self.__dict__:
+            self.recorder.boards = boards.views
+        self._backend.use(boards)
+        if self.clock is not None:
+            self.clock.boards = boards.run_clock_to
+            self.clock.when_real = lambda: self._tick(TICK)
+        else:
+            self._tick(TICK)
+
+    def _boards_over(self) -> None:
+        """A board has died or hangs: a mission has failed, and the run is over, as after a crash."""
+        assert self.boards is not None, "boards have ended"
+        if self.referee is not None:
+            self.referee.end(self.boards.failed)
+        self.boards_ended()
+
+    def _tick(self, period: float) -> None:
+        """Bring the boards to the present regularly: by the real clock it passes without a command."""
+        self.engine.now()
+        self._loop.call_later(period, self._tick, period)
 
     def _check_mission(self, referee: Referee) -> None:
         """Check a mission's time limit regularly: in real time it passes without a command."""
@@ -682,6 +743,8 @@ class Server:
         """Close all connections, their listeners and the look-ups of processes."""
         for link in self._links:
             link.close()
+        if self.boards is not None:
+            self.boards.close()
         self._close_listeners()
         self._processes.close()
         if self._owners is not None:

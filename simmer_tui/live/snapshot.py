@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -38,6 +38,7 @@ from simmer_tui.runlog.writer import steady_clock
 from simmer_tui.sim.path import Contact
 from simmer_tui.sim.records import LidarScan, Reading, Status, VelocityChange
 from simmer_tui.sim.scan_rays import extremes
+from simmer_tui.sketch.board_view import BoardView
 
 # Judged: nobody scrolls further back in a live list, and the log has all of them.
 EVENTS = 2000
@@ -325,6 +326,8 @@ class Snapshot:
     pace_text: str = ""
     verdict: Verdict | None = None
     """Outcome of the run, and its cause; None while it continues."""
+    boards: tuple[BoardView, ...] = ()
+    """The team's boards, if they drive the robot."""
     advice: str = ""
     """Advice on a mistake of a new program's connection, or empty."""
 
@@ -348,6 +351,8 @@ class Recorder:
         self._clock = steady_clock()
         self._rate = 0.0
         self._rated = (time.monotonic(), 0)
+        self.boards: Callable[[], tuple[BoardView, ...]] = tuple
+        """The boards of the run as they are now."""
 
     def watch(self, event: Event) -> None:
         """Add an event."""
@@ -377,6 +382,7 @@ class Recorder:
             true_values=engine.simulator.true_values(state.pose) if true_values else {},
             mission=self._mission_at(state),
             pace=throttle.pace if throttle is not None else 0.0,
+            boards=self.boards(),
             advice=self._feed.advice_at(self._clock()),
             verdict=self._verdict.verdict if self._verdict is not None and self._feed.is_judged else None,
         )

@@ -7,7 +7,6 @@ everything after it is new. A log with different replies is not taken over.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -191,8 +190,6 @@ class TakeOver:
                 while logged is not None and logged.line <= line:
                     event = logged.event
                     logged = next(events, None)
-                    if line == moment.line and _end_of(event) > moment.time + SAME_TIME:
-                        continue  # the end of a movement that is under way at the moment
                     link.line = line
                     link.handle(event)
                     yield event
@@ -231,22 +228,6 @@ class _Teller(EventHandler[None]):
             self.other(event)
         else:
             self._server.referee.check(event.time)
-
-
-class _End(EventHandler[float]):
-    """The simulated time of a movement's end or a result; minus infinity for other events."""
-
-    def other(self, event: Event) -> float:
-        return -math.inf
-
-    def on_ended(self, event: MovementEnded) -> float:
-        return event.time
-
-    def on_result(self, event: CommandResult) -> float:
-        return event.time
-
-
-_end_of = _End().handle
 
 
 class _LinkFollower(EventHandler[None]):

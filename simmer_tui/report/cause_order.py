@@ -127,7 +127,7 @@ def _made(run: RunEvidence, rule: CauseRule, fact: Fact) -> Cause:
     seen, text, culprits = run.seen, fact.text, fact.culprits
     advice = rule.advice if fact.advice is None else fact.advice
     if fact.has_behind or rule is NO_RULE:
-        declared, marked = _declared(run, culprits)
+        declared, marked = _declared(run)
         behind, codes = _behind(run)
         if marked and rule.kind is not Kind.TOO_SLOW:
             named = " and ".join(marked)
@@ -177,13 +177,12 @@ def _behind(run: RunEvidence) -> tuple[str, tuple[str, ...]]:
     return f"{text} {told}.".strip(), of
 
 
-def _declared(run: RunEvidence, known: Sequence[str]) -> tuple[str, tuple[str, ...]]:
+def _declared(run: RunEvidence) -> tuple[str, tuple[str, ...]]:
     """Sentences on devices with a large error that their set declares, and their codes."""
     if run.seen.task is None:
         return "", ()
-    told = {code: text for code, text in run.declared.items() if code not in known}
-    codes = tuple(told)[:_NAMED]
-    return " ".join(f"By this robot's set, {code} {told[code]}." for code in codes), codes
+    codes = tuple(run.declared)[:_NAMED]
+    return " ".join(f"By this robot's set, {code} {run.declared[code]}." for code in codes), codes
 
 
 # -- commands ----------------------------------------------------------------------------------------------

@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from simmer_tui.report.counterfactuals import Change, Counterfactual, CounterfactualWorld
-from simmer_tui.report.why import facing_sensor_text, looks_there
+from simmer_tui.report.why import looks_there
 from simmer_tui.run.attempt import Attempt, Collision
 from simmer_tui.run.facts import (
     ALIKE,
@@ -23,7 +23,7 @@ from simmer_tui.run.facts import (
     facing_sensor,
 )
 from simmer_tui.run.history_rows import BeliefRow
-from simmer_tui.run.phrases import capitalized, contact_text, drift_text, side_text
+from simmer_tui.run.phrases import contact_text, side_text
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.angles import half_turn
 from simmer_tui.sim.arrays import BoolArray
@@ -373,15 +373,8 @@ class ContactEvidence:
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """The sentences about it."""
-        row, contact = self.met.row, self.met.contact
-        touched = capitalized(contact_text(contact, self._seen.spec))
-        return (
-            f"{touched} at {row.elapsed:.2f} s, {drift_text(contact)}.",
-            belief_text(self.met.belief),
-            facing_sensor_text(self.looks, row.elapsed),
-            shown_tried(self.tried),
-        )
+        """The sentences about it that the moments do not have."""
+        return (belief_text(self.met.belief), shown_tried(self.tried))
 
 
 def belief_text(belief: BeliefRow | None) -> str:

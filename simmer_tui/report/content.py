@@ -201,13 +201,13 @@ def report_document(run: RunStatistics, name: str, path: str | None = None) -> D
     failed = run.verdict.outcome.is_failure
     parts: list[DocumentPart] = [
         *_verdict(run.verdict),
+        try_again(run, name if path is None else path),
         *fact_tables(run.evidence),
         *((output(run.verdict),) if failed else ()),
         Bullets("Notes", run.notes, "notes"),
         *report_tables(run, name),
         *(() if failed else (output(run.verdict),)),
         again(name if path is None else path),
-        try_again(run, name if path is None else path),
     ]
     return Document(f"Run {name}", parts)
 

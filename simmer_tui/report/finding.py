@@ -1,7 +1,7 @@
 """A finding: one difference of a sensor or a drive from its set, or its nominal set.
 
 A finding has its figure with an interval, the number of readings or movements behind it, and a sentence. The
-findings of a run have a familywise error of 1 %: a test gives a `Claim`, and `kept` decides.
+findings of a run have a familywise error of 0.1 %: a test gives a `Claim`, and `kept` decides.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from simmer_tui.report.robust_fit import MAD_ERROR, Z_95, RobustFit
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.command import counted
 
-FALSE_FINDING_RATE = 0.01
-"""Probability that a run without a fault has any finding."""
+FALSE_FINDING_RATE = 0.001
+"""Probability that a run without a fault has any finding: of a hundred runs hardly one has one."""
 FEWEST = {"set": 8, "nominal": 3}
 """Readings or movements below which nothing is claimed, by basis. Beyond the set: with fewer, one outlier is
 more than an eighth. Against the nominal set it is known that the rows differ: the median of three is
@@ -130,13 +130,13 @@ class DeviceUnderTest:
 
 
 def kept(tests: Iterable[Claim]) -> tuple[Finding, ...]:
-    """The findings of all tests of a run that hold an error of 1 % together, the surest first."""
+    """The findings of all tests of a run that hold an error of 0.1 % together, the surest first."""
     standing = holm(tests, lambda each: each.probability)
     return tuple(each.finding for each in standing if each.finding is not None)
 
 
 def holm(tests: Iterable[_T], probability: Callable[[_T], float]) -> Iterator[_T]:
-    """The tests that hold an error of 1 % together, the surest first, by the p-value of each: S. Holm, "A
+    """The tests that hold an error of 0.1 % together, the surest first, by the p-value of each: S. Holm, "A
     simple sequentially rejective multiple test procedure", Scandinavian Journal of Statistics 6 (1979)."""
     ranked = sorted(tests, key=probability)
     for place, each in enumerate(ranked):
@@ -216,7 +216,7 @@ def moment(row: Columns) -> tuple[float, int]:
 
 
 def kept_disagreements(found: Iterable[Sequence[Disagreement]]) -> list[list[Disagreement]]:
-    """The explanations that hold an error of 1 % a run together (`holm`), the surest first.
+    """The explanations that hold an error of 0.1 % a run together (`holm`), the surest first.
 
     Args:
         found: For each thing that was tested, its explanations. Of those that explain the same evidence, the

@@ -455,9 +455,12 @@ class RunEvidence:
 
     @property
     def health_text(self) -> str:
-        """A sentence on the exactness of all readings and movements; empty beside a finding, or a large error
-        that the set declares."""
-        return "" if self.findings or self.declared else self.health.text
+        """Sentences on the commands that arrived, and on the exactness of all readings and movements: not
+        beside a finding, or a large error that the set declares."""
+        refused, of = self.refused_share
+        arrived = f"{counted(of, 'command')} arrived, {refused} refused."
+        exact = "" if self.findings or self.declared else self.health.text
+        return f"{arrived} {exact}".rstrip()
 
     @property
     def last_reading(self) -> str:

@@ -122,22 +122,6 @@ def _seen(state: State, contact: Contact, spec: SimulationSpec) -> str:
     return f"{beside} read {shown_range(looks.last.value)}, {when}"
 
 
-def facing_sensor_text(looks: FacingSensor | None, time: float) -> str:
-    """The last reading of the sensor that looks at a contact, or nearest to it."""
-    if looks is None:
-        return "The robot has no sensor that looks ahead."
-    last = looks.last
-    code = looks.codes[0] if last is None else last.code
-    side = "looks that way"
-    if looks.beside > _ASIDE:
-        side = f"is the nearest sensor and looks {looks.beside:.0f} deg beside it"
-    if last is None:
-        return f"{code} {side}, but was not read."
-    ago = time - last.time
-    when = f"{ago:.2f} s before the contact" if ago >= 0.0 else "after the contact"
-    return f"{code} {side}. Its last reading was {shown_range(last.value)}, {when}."
-
-
 def looks_there(looks: FacingSensor | None) -> bool:
     """True if a sensor looked at the place at all."""
     return looks is not None and looks.beside <= BESIDE

@@ -98,6 +98,9 @@ class Engine:
         """Passes an event to all watchers (see `Watchers.tell`)."""
         self.driving = Driving(simulator, self.tell)
         """Continuous motion, and those who wait."""
+        self.boards: Callable[[float], bool] | None = None
+        """Brings the team's boards, and the simulator with them, to a simulated time, in timed motion. False
+        if that takes more than a slice. None without boards."""
         self._scheduler = Scheduler(self._do)
         self._loop: asyncio.AbstractEventLoop | None = None
         self._origin = 0.0
@@ -187,11 +190,15 @@ class Engine:
         # While paused, or with instant motion, only commands move simulated time.
         if self._passes and self._loop is not None and not self._stands:
             present = (self._loop.time() - self._origin) * self.time_scale
-            if not self.driving.catch_up(present):
+            if not self._catch_up_to(present):
                 # Computing takes longer than the simulated time itself: the simulation falls behind, commands
                 # are still answered.
                 self._origin = self._loop.time() - self.simulator.time / self.time_scale
         return self.simulator.time
+
+    def _catch_up_to(self, time: float) -> bool:
+        """Advance the simulator to a time. False if that takes more than a slice."""
+        return self.driving.catch_up(time) if self.boards is None else self.boards(time)
 
     @contextlib.contextmanager
     def moment(self) -> Iterator[None]:
@@ -211,6 +218,10 @@ class Engine:
             return max((self._loop.time() - self._origin) * self.time_scale, self.simulator.time)
         return self.simulator.time
 
+    def clock_time(self, time: float) -> float:
+        """The loop's time of a simulated time, in timed motion."""
+        return self._origin + time / self.time_scale
+
     def _set_clock(self) -> None:
         if self._loop is not None:
             # Set again after each pause and change of speed, so that simulated time never jumps.
@@ -228,7 +239,8 @@ class Engine:
         self._alarm.cancel()
         due = self._timers.due
         # Instant motion has no clock: time passes by commands only.
-        due = min(due, self.simulator.next_event) if self.timed else due
+        # Boards come to each of these times by themselves.
+        due = min(due, self.simulator.next_event) if self.timed and self.boards is None else due
         if due < math.inf and not self.paused:
             self._alarm.set_at(self._origin + due / self.time_scale, due)
 
@@ -237,7 +249,7 @@ class Engine:
         self.now()
         # The loop's clock may round to just before the event that the timer was set for.
         if until < math.inf and (self.driving.waits or self.simulator.next_event <= until):
-            self.driving.catch_up(until)
+            self._catch_up_to(until)
         self._timers.run(until)
         self.driving.settle()
         self._set_alarm()
@@ -767,6 +779,22 @@ class Engine:
         self.now()
         return self.driving.begin(command, None)
 
+    def act(self, command: Command, session: Session) -> CommandResult:
+        """Do a command of a board at the simulator's time, and tell its result. A movement that it begins is
+        ended by `end_movement`."""
+        result = self._begin(command, session)
+        reading = result.reading
+        if reading is not None and reading.took:
+            # The board's own calls have taken their time.
+            result = replace(result, reading=replace(reading, took=0.0))
+        self.tell(result)
+        return result
+
+    def end_movement(self) -> None:
+        """End the movement that a board has begun, at its end."""
+        if self._movement is not None:
+            self._movement_over()
+
     def finish_movement(self) -> None:
         """Finish the simulated movement at once: the real robot has ended its own."""
         self.now()
@@ -780,6 +808,8 @@ class Engine:
         """Set the timer for the end of the movement under way; none while paused."""
         self._end.cancel()
         trajectory = self.simulator.trajectory
+        if self.boards is not None:
+            return
         if self._movement is not None and trajectory is not None and not self.paused:
             self._end.set_at(self._origin + trajectory.end_time / self.time_scale)
 

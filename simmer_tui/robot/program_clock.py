@@ -22,6 +22,10 @@ IN_FLIGHT = 0.2
 """Longest real time for bytes to arrive, seconds."""
 
 
+# Long enough to cost nothing; a program that waits without an end leaves the loop its turns.
+_BOARDS_AHEAD = 1.0
+"""Simulated seconds that boards run at most in one turn of the loop."""
+
 _Ready = list[tuple[selectors.SelectorKey, int]]
 """Descriptors that are ready, as selectors give them."""
 
@@ -75,6 +79,11 @@ class ProgramClock:
         """Calls of the program that this clock cannot follow; empty if there are none."""
         self.settle_output: Callable[[], bool] | None = None
         """Waits until all output of the program has its time; False if that takes too long."""
+        self.boards: Callable[[float], float] | None = None
+        """Lets the team's boards run to a time of this clock. Returns the time that they have reached, which
+        is earlier if they have sent something to the program."""
+        self.when_real: Callable[[], None] = lambda: None
+        """Called when the real clock comes into force."""
         self._sent = 0
         self._waits = 0
         self._processes: dict[ProgramWait, None] = {}
@@ -131,6 +140,7 @@ class ProgramClock:
         """Use the real clock from now on."""
         if self._real_since is None:
             self._real_since = time.monotonic() - self.now
+            self.when_real()
 
     def time(self) -> float:
         """The time now."""
@@ -172,16 +182,27 @@ class ProgramClock:
         until = min(_end_of(each) for each in waiting)
         # Only the processes know whose reply it is.
         if not any(each.looks and each.listens for each in waiting):
-            if min(until, timer) == math.inf:
+            if min(until, timer) == math.inf and self.boards is None:
                 if any(each.away for each in self._processes):
                     return False  # it will come back, and may end their waits
                 max(waiting, key=lambda each: each.outside).stuck()
                 return False
+            if self.boards is not None and not self._run_boards(self.boards, min(timer, until)):
+                return True
             self.now = max(self.now, min(timer, until))
             if timer <= until:
                 self.note()
                 return True
         self._wake_one(waiting)
+        return False
+
+    def _run_boards(self, run: Callable[[float], float], until: float) -> bool:
+        """Let the boards run, and the time with them. False if they have not reached `until` yet."""
+        target = min(until, self.now + _BOARDS_AHEAD)
+        reached = run(target)
+        if reached >= until:
+            return True
+        self.now = max(self.now, reached)
         return False
 
     def _waiting(self) -> list[ProgramWait]:

@@ -21,7 +21,8 @@ from simmer_tui.config.settings import all_settings, settings_from
 from simmer_tui.errors import RunLogError, reason_of
 from simmer_tui.run.events import Real
 from simmer_tui.run.state import Checkpoint, MissionProgress
-from simmer_tui.runlog.log_records import Count, LoggedPose, RealSeconds, logged_pose
+from simmer_tui.runlog.line_form import logged_pose
+from simmer_tui.runlog.log_records import Count, LoggedPose, RealSeconds
 from simmer_tui.runlog.logged_devices import (
     LoggedDevice,
     logged_devices,
@@ -43,7 +44,7 @@ from simmer_tui.sim.specs import Axes, DriveKind
 from simmer_tui.version import __version__
 
 # Goes up with every change that an older reader would misread; logs of other formats are refused.
-FORMAT = 3
+FORMAT = 1
 """Version of the log format that this program writes and reads."""
 _SUFFIXES = (".csv", ".toml")
 # A log is simulated from the seed in its header, and always without the real robot.
@@ -73,7 +74,8 @@ class Header(msgspec.Struct, tag_field="kind", tag="header", frozen=True, kw_onl
     is seconds since 1970. `mission` is true if a mission was under way. `taken_over` is the origin of a run
     that continues another one. `run` is the command of `--run`, if there was one. `mathematics` is the
     fingerprint of the machine's sines; empty if it is not known. `devices` are the set's own device files by
-    hash, and `kinds` describes the kinds of sensor that are not built in.
+    hash, and `kinds` describes the kinds of sensor that are not built in. `sketches` are those of a run with
+    boards, by board: file and hash.
     """
 
     t: Real
@@ -97,6 +99,7 @@ class Header(msgspec.Struct, tag_field="kind", tag="header", frozen=True, kw_onl
     files: dict[str, str]
     devices: tuple[LoggedDevice, ...] = ()
     kinds: tuple[RecordedKind, ...] = ()
+    sketches: dict[str, str] = {}
 
     def checkpoint(self, configuration: Configuration) -> Checkpoint:
         """The checkpoint at which the log begins."""
@@ -160,6 +163,7 @@ def header_of(
     mission: bool = False,
     taken_over: TakenOver | None = None,
     run: RunCommand | None = None,
+    sketches: Mapping[str, str] | None = None,
 ) -> Header:
     """The header of a log that begins now."""
     return Header(
@@ -185,6 +189,7 @@ def header_of(
         files={name: _TOKEN_LINE.sub(r'\1""', text) for name, text in configuration.files.items()},
         devices=logged_devices(configuration.devices),
         kinds=logged_kinds(configuration.simulation.sensors),
+        sketches=dict(sketches or {}),
     )
 
 

@@ -1,4 +1,4 @@
-"""Random access to the lines of a log of any length: an index of 26 bytes a line, made in one pass."""
+"""Random access to the lines of a log of any length: an index of 18 bytes a line, made in one pass."""
 
 from __future__ import annotations
 
@@ -20,10 +20,8 @@ from simmer_tui.runlog.log_records import (
     BrokenLine,
     CheckpointRecord,
     EndRecord,
-    LegCutRecord,
-    LegRecord,
+    LegEndRecord,
     MissionRecord,
-    MoveRecord,
     PlanRecord,
     ReadingRecord,
     decode_line,
@@ -56,10 +54,10 @@ class EntryFlag(IntFlag):
 _OTHER = EntryFlag.OTHER
 _FLAGS: dict[type, tuple[EntryFlag, EntryFlag]] = dict.fromkeys(get_args(AnyRecord), (_OTHER, _OTHER)) | {
     ReadingRecord: (EntryFlag.COMMAND, EntryFlag.COMMAND),
-    MoveRecord: (EntryFlag.COMMAND, EntryFlag.COMMAND | EntryFlag.CONTACT),
     PlanRecord: (EntryFlag.COMMAND, EntryFlag.COMMAND),
     AnswerRecord: (EntryFlag.COMMAND, EntryFlag.COMMAND | EntryFlag.REFUSED),
     EndRecord: (_OTHER, _OTHER | EntryFlag.CONTACT),
+    LegEndRecord: (_OTHER, _OTHER | EntryFlag.CONTACT),
     ActionRecord: (EntryFlag.ACTION, EntryFlag.ACTION | EntryFlag.RESTART),
     BeliefRecord: (EntryFlag.BELIEF, EntryFlag.BELIEF),
     MissionRecord: (EntryFlag.MISSION, EntryFlag.MISSION),
@@ -74,7 +72,7 @@ def _flags_of(record: AnyRecord) -> EntryFlag:
     if usual is special:
         return usual
     match record:
-        case MoveRecord() | EndRecord():
+        case EndRecord() | LegEndRecord():
             return usual if record.contact is None else special
         case AnswerRecord(status=Status.DONE) if record.velocity is not None or record.waits:
             return usual  # it moves the robot, or time, itself
@@ -101,16 +99,13 @@ class RunLogIndex(OpenLog):
     def __init__(self, path: Path) -> None:
         """Open a log and index all its lines. Raises RunLogError."""
         super().__init__(path)
-        # One number an entry in each: 26 bytes, so that a log of a million lines takes 26 MB.
+        # One number an entry in each: 18 bytes, so that a log of a million lines takes 18 MB.
         self._offsets = array("q", [self._stream.position])
         self._elapsed = array("d")
-        self._over = array("d")
         self._flags = array("H")
         # Simulated time restarts with a reset, elapsed time does not: each stretch has its own zero.
         self._zeros = [(0, -self.header.t)]
-        self._begun = self._now = 0.0
-        self._leg: tuple[int, float] | None = None
-        """Entry and end of the leg under way, if it leads to a contact."""
+        self._now = 0.0
         try:
             self.refresh()
         # The caller never gets the object, so nobody else could close the file.
@@ -131,38 +126,18 @@ class RunLogIndex(OpenLog):
             for record in stream:
                 flags = EntryFlag.BROKEN if isinstance(record, BrokenLine) else self._take(record)
                 self._flags.append(flags)
-                self._elapsed.append(self._begun)
-                self._over.append(self._now)
+                self._elapsed.append(self._now)
                 self._offsets.append(stream.position)
         return self.count - before
 
     def _take(self, record: AnyRecord) -> EntryFlag:
         """Advance the times to a record; gives its flags."""
         flags = _flags_of(record)
-        if flags is _OTHER or self._leg is not None:
-            self._follow_leg(record)
         if flags is _RESTART:
-            self._leg = None
-            self._begun = self._now
             self._zeros.append((self.count, self._now - record.t))
-        zero = self._zeros[-1][1]
-        end = record.end if isinstance(record, MoveRecord) else record.t
-        # A movement's record is written at its end but begins earlier: searches need times that never fall.
-        self._begun = max(self._begun, record.t + zero)
-        self._now = max(self._now, end + zero)
+        # Searches need times that never fall.
+        self._now = max(self._now, record.t + self._zeros[-1][1])
         return flags
-
-    def _follow_leg(self, record: AnyRecord) -> None:
-        """Mark the leg under way once it has come to its contact: another leg, or its early end, may keep it
-        from that."""
-        if self._leg is not None:
-            entry, end = self._leg
-            if record.t >= end:
-                self._flags[entry] |= EntryFlag.CONTACT
-            if record.t >= end or isinstance(record, LegRecord | LegCutRecord):
-                self._leg = None
-        if isinstance(record, LegRecord) and record.contact is not None and record.end is not None:
-            self._leg = self.count, record.end
 
     # -- entries -----------------------------------------------------------------------------
 
@@ -187,10 +162,6 @@ class RunLogIndex(OpenLog):
     def flags_of(self, i: int) -> EntryFlag:
         """Properties of an entry, without reading it."""
         return EntryFlag(self._flags[i])
-
-    def over_of(self, i: int) -> float:
-        """End of an entry's events (a movement's end), on the scale of `time_of`."""
-        return self._over[i]
 
     def record(self, i: int) -> AnyRecord | BrokenLine:
         """The record of an entry. Raises IndexError if there is none."""

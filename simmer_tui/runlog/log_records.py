@@ -1,8 +1,11 @@
 """The records of a run log: one struct for each kind of line, written and read by msgspec.
 
-`encode.py` makes records of events, and `decode.py` makes events of records. JSON has no infinities and no
-NaN, and msgspec would write them as null. A field that can hold them is a `LoggedNumber`: `logged_number`
-makes one, and `float()` gives the number back.
+A record's definition is all that there is to a line: its keys, the range of their values, what is left out,
+and where in an event each value is from. `encode.py` chooses the records of a run. `decode.py` knows the
+parts of events that follow from a record and the header.
+
+JSON has no infinities and no NaN. A field that can hold them is a `LoggedNumber`, and `float()` gives the
+number back.
 """
 
 from __future__ import annotations
@@ -10,11 +13,11 @@ from __future__ import annotations
 import json
 import math
 import operator
-from enum import StrEnum
 from itertools import zip_longest
-from typing import Annotated, Any, final
+from typing import Annotated, Any, ClassVar, final
 
 import msgspec
+from msgspec.structs import astuple
 
 from simmer_tui.robot.actions import argument_count
 from simmer_tui.run.belief_grid import GridBelief
@@ -28,19 +31,27 @@ from simmer_tui.run.events import (
     Result,
     VelocityEnd,
 )
+from simmer_tui.run.state import MissionProgress, MissionSums, TimeSpent
+from simmer_tui.runlog.line_form import (
+    AXES_FORM,
+    ENDLESS,
+    GIVEN,
+    NUMBER_FORM,
+    POSE_FORM,
+    TWIST_FORM,
+    At,
+    NotFinite,
+    ValueForm,
+    Values,
+    form_of_part,
+)
 from simmer_tui.runlog.typed_json import TypedJson
-from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import cut
-from simmer_tui.sim.pose import Pose
-from simmer_tui.sim.records import Status
+from simmer_tui.sim.path import PathPosition
+from simmer_tui.sim.records import Status, VelocityChange
 
 USUAL_SOURCE = "client"
 """Source of a command whose record names none."""
-# msgspec leaves out a field that holds the same object as its default, not one that is only equal.
-NO_DELAY = 0.0
-"""Default of a delay on the link, seconds."""
-NO_REPLY = math.nan
-"""Reply of a reading whose scan has it. A reply that is no number is written as `NotFinite`."""
 _HUNDREDTH = 100  # hundredths of an inch or of a degree
 
 # Python's calendar ends in the year 9999, at 2.5e11 seconds.
@@ -57,28 +68,21 @@ LoggedPoint = tuple[Real, Real]
 """x, y, inches."""
 LoggedPose = tuple[Real, Real, Real]
 """x, y, inches, and heading, degrees."""
-
-
-class NotFinite(StrEnum):
-    """The numbers that JSON lacks. `float()` turns one back into a number."""
-
-    INFINITY = "inf"
-    MINUS_INFINITY = "-inf"
-    NAN = "nan"
+LoggedPlace = tuple[Count, Fraction, Fraction]
+"""A place on a path: its segment, and the fractions of the segment's turn and translation."""
 
 
 LoggedNumber = float | NotFinite
 """A reading or a reply."""
-
-
-def logged_number(value: float) -> LoggedNumber:
-    """A number as a record holds it."""
-    return value if abs(value) < math.inf else NotFinite(str(float(value)))
-
-
-def logged_pose(pose: Pose | Block) -> LoggedPose:
-    """A pose as a record holds it."""
-    return pose.x, pose.y, pose.heading
+_COPY = ValueForm(dict, dict)
+"""A table that its owner continues to count in."""
+_PLACE = ValueForm(astuple, lambda value: PathPosition(*value))
+_GOALS = ValueForm(
+    lambda goals: {goal: time for goal, time in goals.items() if time is not None},
+    lambda met: {goal: met.get(goal) for goal in Goal},
+)
+_GOAL = ValueForm(lambda subject: subject if isinstance(subject, Goal) else None, Goal)
+_RESULT = ValueForm(lambda subject: subject if isinstance(subject, Result) else None, Result)
 
 
 # Without garbage collection (gc=False): records hold no cycles, and millions of them are made.
@@ -86,51 +90,53 @@ def logged_pose(pose: Pose | Block) -> LoggedPose:
 class LogRecord(msgspec.Struct, tag_field="kind", frozen=True, gc=False, omit_defaults=True):
     """A line of a log: simulated time, and seconds of real time since the log began."""
 
-    t: Real
-    real_time: RealSeconds = msgspec.field(default=0.0, name="real")
+    given: ClassVar[tuple[str, ...]] = ()
+    """More fields that the event does not have."""
+    t: Annotated[Real, At("time")]
+    real_time: Annotated[RealSeconds, GIVEN] = msgspec.field(default=0.0, name="real")
 
 
-class ReplyRecord(LogRecord, frozen=True, kw_only=True, gc=False):
-    """A record of a reply: its command's number, text and source, the time when the command began if earlier,
-    and the link's delay."""
+class CommandRecord(LogRecord, frozen=True, kw_only=True, gc=False):
+    """A record of a command: its number, text and source."""
 
-    n: Count
-    command: str = msgspec.field(name="cmd")
-    source: str = USUAL_SOURCE
-    reply: LoggedNumber
-    taken: Real | None = None
-    link: Real = NO_DELAY
+    n: Annotated[Count, At("number")]
+    command: Annotated[str, At("command.text")] = msgspec.field(name="cmd")
+    source: Annotated[str, At("command.source")] = USUAL_SOURCE
+
+
+class ReplyRecord(CommandRecord, frozen=True, kw_only=True, gc=False):
+    """A record of a reply, with the link's delay. What a line leaves out is usual: the command began at its
+    time (`taken`), the robot had not moved since then (`before`), and it is where the line before with a
+    pose has it (`pose`)."""
+
+    taken: Annotated[Real | None, At("taken", unless="t")] = None
+    link: Real = 0.0
+    pose: Annotated[LoggedPose | None, At("pose", POSE_FORM)] = None
+    before: Annotated[LoggedPose | None, At("before", POSE_FORM, unless="pose")] = None
 
 
 class ReadingRecord(ReplyRecord, tag="read", frozen=True, kw_only=True, gc=False):
-    """A sensor reading. Without `true` it was exact. A scan also has the `revolution`, and the `scan` in
-    base64, unless it was read before; its reply is the first of its ranges."""
+    """A sensor reading. Without `true` it was exact. A scan has the `revolution`, and the `scan` in base64,
+    unless it was read before; its reply is the first of its ranges."""
 
-    reply: LoggedNumber = NO_REPLY
-    true: LoggedNumber | None = None
-    revolution: Revolution | None = None
-    scan: str = ""
-    floats: bool = False
+    reply: Annotated[LoggedNumber | None, At("reply", NUMBER_FORM)] = None
+    true: Annotated[LoggedNumber | None, At("reading.true", NUMBER_FORM, unless="reply")] = None
+    revolution: Annotated[Revolution | None, GIVEN] = None
+    scan: Annotated[str, GIVEN] = ""
+    floats: Annotated[bool, GIVEN] = False
 
 
 class VelocityFields(msgspec.Struct, frozen=True, omit_defaults=True):
     """The velocity that a command set: x, y, turning rate, and its end if it has one."""
 
-    twist: tuple[Real, Real, Real]
-    expires: Real | None = None
+    twist: Annotated[tuple[Real, Real, Real], At("twist", TWIST_FORM)]
+    expires: Annotated[Real | None, At("expires", ENDLESS)] = None
     changed: bool = True
     slip: tuple[Real, ...] = ()
     limited: Real = 1.0
 
 
-class AnswerRecord(ReplyRecord, tag="answer", frozen=True, kw_only=True, gc=False):
-    """The answer to any other command."""
-
-    status: Status
-    reason: str = ""
-    stops: bool = False
-    velocity: VelocityFields | None = None
-    waits: Real = 0.0
+_VELOCITY = form_of_part(VelocityFields, VelocityChange)
 
 
 class GripFields(msgspec.Struct, frozen=True):
@@ -138,15 +144,30 @@ class GripFields(msgspec.Struct, frozen=True):
 
     closed: bool
     holding: bool
-    block: LoggedPose
+    block: Annotated[LoggedPose, At("block", POSE_FORM)]
+
+
+_GRIP = form_of_part(GripFields, dict)
+
+
+class AnswerRecord(ReplyRecord, tag="answer", frozen=True, kw_only=True, gc=False):
+    """The answer to any other command."""
+
+    reply: Annotated[LoggedNumber, At("reply", NUMBER_FORM)]
+    status: Status
+    reason: str = ""
+    stops: Annotated[bool, At("command.stops")] = False
+    velocity: Annotated[VelocityFields | None, At("velocity", _VELOCITY)] = None
+    waits: Real = 0.0
+    grip: Annotated[GripFields | None, At("grip", _GRIP)] = None
 
 
 class ContactFields(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """A contact: its time, its place on the path (segment, fractions of the segment's turn and of its
     translation), the point touched."""
 
-    t: Real
-    at: tuple[Count, Fraction, Fraction]
+    t: Annotated[Real, At("time")]
+    at: Annotated[LoggedPlace, At("place", _PLACE)]
     point: LoggedPoint
     cell: tuple[Count, Count] | None = None
     ended: bool = False
@@ -154,74 +175,76 @@ class ContactFields(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=Tru
     held_block: bool = False
 
 
-class MovementRecord(LogRecord, frozen=True, kw_only=True):
-    """A record of a movement, with the reasons for leaving its whole path."""
-
-    n: Count
-    contact: ContactFields | None = None
-    stop: tuple[Count, Fraction, Fraction] | None = None
-    stopped_by: str = ""
+_CONTACT = form_of_part(ContactFields, dict)
 
 
-class PlannedRecord(MovementRecord, frozen=True, kw_only=True):
-    """A record with a movement's plan. `total` is the planned displacement, errors included."""
+class MovementRecord(CommandRecord, frozen=True, kw_only=True):
+    """A record of a movement from a pose: when it began, its displacement, errors included, and the reasons
+    for leaving its whole path. Without `begin` it began at the record's time."""
 
-    command: str = msgspec.field(name="cmd")
-    source: str = USUAL_SOURCE
-    total: LoggedPose | None = None
-    grip: GripFields | None = None
-
-
-class PlanRecord(PlannedRecord, tag="plan", frozen=True, kw_only=True):
-    """The plan of a movement, made at its beginning, or `again` during it."""
-
-    again: bool = False
-
-
-class EndRecord(MovementRecord, tag="end", frozen=True, kw_only=True):
-    """The end of a movement."""
-
-    pose: LoggedPose
-    answers: bool = True
-
-
-class MoveRecord(PlannedRecord, tag="move", frozen=True, kw_only=True):
-    """A whole movement, if nothing came between its plan and its end. `t` is its beginning."""
-
-    end: Real
-    pose: LoggedPose
-    answers: bool = True
+    begin: Annotated[Real | None, At("trajectory.start_time", unless="t")] = None
+    origin: Annotated[LoggedPose, At("trajectory.before", POSE_FORM)] = msgspec.field(name="from")
+    total: Annotated[LoggedPose, At("trajectory.totals", AXES_FORM)]
+    contact: Annotated[ContactFields | None, At("trajectory.contact", _CONTACT)] = None
+    stop: Annotated[LoggedPlace | None, At("trajectory.rest_stop", _PLACE)] = None
+    grip: Annotated[GripFields | None, At("grip", _GRIP)] = None
 
     def __post_init__(self) -> None:
         # All later code relies on it, and a log may have been edited by hand.
-        if self.end < self.t:
+        if self.begin is not None and self.t < self.begin:
             raise ValueError("it ends before it begins")
 
 
-class LegRecord(LogRecord, tag="leg", frozen=True, kw_only=True):
-    """The beginning of a leg of a continuous motion, and its course unless something interrupts it:
-    `velocity` of its centre (global), turning rate of its path and beside it, commanded velocity of
-    the wheels (key `told`), and its end. Without an end it continues until something changes."""
+class PlanRecord(MovementRecord, tag="plan", frozen=True, kw_only=True):
+    """The plan of a movement, made at its beginning, or `again` during it."""
 
-    n: Count
-    command: str = msgspec.field(name="cmd")
-    source: str = USUAL_SOURCE
-    end: Real | None = None
-    velocity: LoggedPoint
-    rate: Real
-    spin: Real = 0.0
-    commanded: tuple[Real, Real, Real] = msgspec.field(name="told")
-    pose: LoggedPose
-    pressed: bool = False
-    contact: ContactFields | None = None
+    again: Annotated[bool, GIVEN] = False
+
+
+class EndRecord(MovementRecord, tag="end", frozen=True, kw_only=True):
+    """The end of a movement, as it really went."""
+
+    pose: Annotated[LoggedPose, At("pose", POSE_FORM)]
+    stopped_by: str = ""
+    answers: bool = True
+
+
+class CourseRecord(CommandRecord, frozen=True, kw_only=True):
+    """A record of a leg of a continuous motion from a pose: `velocity` of its centre (global), turning rate
+    of its path and beside it, commanded velocity of the wheels (key `told`)."""
+
+    origin: Annotated[LoggedPose, At("leg.before", POSE_FORM)] = msgspec.field(name="from")
+    velocity: Annotated[LoggedPoint, At("leg.arc.velocity")]
+    rate: Annotated[Real, At("leg.arc.rate")]
+    spin: Annotated[Real, At("leg.arc.spin")] = 0.0
+    commanded: Annotated[tuple[Real, Real, Real], At("leg.commanded", TWIST_FORM)] = msgspec.field(
+        name="told"
+    )
+    pressed: Annotated[bool, At("leg.pressed")] = False
+    contact: Annotated[ContactFields | None, At("leg.contact", _CONTACT)] = None
+
+
+class LegRecord(CourseRecord, tag="leg", frozen=True, kw_only=True):
+    """The beginning of a leg, and its end and last pose unless something interrupts it. Without an end it
+    continues until something changes."""
+
+    end: Annotated[Real | None, At("leg.end_time", ENDLESS)] = None
+    last_pose: Annotated[LoggedPose, At("leg.last_pose", POSE_FORM)] = msgspec.field(name="to")
 
     def __post_init__(self) -> None:
         if self.end is not None and self.end < self.t:
             raise ValueError("it ends before it begins")
 
 
-class LegCutRecord(LogRecord, tag="cut", frozen=True):
-    """The end of the leg under way before its time."""
+class LegEndRecord(CourseRecord, tag="leg_end", frozen=True, kw_only=True):
+    """The end of a leg, as it really went."""
+
+    begin: Annotated[Real, At("leg.start_time")]
+    pose: Annotated[LoggedPose, At("leg.last_pose", POSE_FORM)]
+
+    def __post_init__(self) -> None:
+        if self.t < self.begin:
+            raise ValueError("it ends before it begins")
 
 
 class VelocityEndRecord(LogRecord, tag="velocity", frozen=True, kw_only=True):
@@ -234,12 +257,12 @@ class VelocityEndRecord(LogRecord, tag="velocity", frozen=True, kw_only=True):
 class ActionRecord(LogRecord, tag="action", frozen=True, kw_only=True, gc=False):
     """A person's action; `n` commands had begun before it."""
 
-    n: Count
-    action: ActionName
-    source: str
-    arguments: tuple[int | Real, ...]
+    n: Annotated[Count, GIVEN]
+    action: Annotated[ActionName, At("action.name")]
+    source: Annotated[str, At("action.source")]
+    arguments: Annotated[tuple[int | Real, ...], At("action.arguments")]
     text: str
-    pose: LoggedPose
+    pose: Annotated[LoggedPose, At("pose", POSE_FORM)]
     refused: bool = False
 
     def __post_init__(self) -> None:
@@ -253,18 +276,19 @@ class ActionRecord(LogRecord, tag="action", frozen=True, kw_only=True, gc=False)
 
 
 class BeliefRecord(LogRecord, tag="belief", frozen=True, kw_only=True, gc=False):
-    """A program's belief, and the true pose at that time. Particles are columns of x, y and heading (null
-    without one), in whole hundredths of an inch and of a degree from `believed`. `again` is true for the
-    previous belief, now with the cells of its grid."""
+    """A program's belief, and the true pose at that time, left out as in a `ReplyRecord`. Particles are
+    columns of x, y and heading (null without one), in whole hundredths of an inch and of a degree from
+    `believed`, which keeps them short. `again` is true for the previous belief, now with the cells of its
+    grid."""
 
-    believed: LoggedPose
-    pose: LoggedPose
+    believed: Annotated[LoggedPose, At("pose", POSE_FORM)]
+    pose: Annotated[LoggedPose | None, At("true", POSE_FORM)] = None
     spread: Real | None = None
     note: str = ""
     grid: GridBelief | None = None
     again: bool = False
     # A cloud of particles is most of a log: as rows of floats it takes twice the room.
-    particles: tuple[tuple[Hundredths | None, ...], ...] = ()
+    particles: Annotated[tuple[tuple[Hundredths | None, ...], ...], GIVEN] = ()
 
     def __post_init__(self) -> None:
         counts = {len(column) for column in self.particles}
@@ -302,9 +326,10 @@ def unpacked_particles(record: BeliefRecord) -> tuple[tuple[float, ...], ...]:
 
 
 class NoticeRecord(LogRecord, tag="notice", frozen=True, kw_only=True):
-    """A notice: a connection, a fault, the program."""
+    """A notice: a connection, a fault, the program. It has no time of its own."""
 
-    about: NoticeKind
+    given: ClassVar[tuple[str, ...]] = ("t",)
+    about: Annotated[NoticeKind, At("kind")]
     text: str
     subject: str = ""
     advice: bool = False
@@ -321,8 +346,8 @@ class WireRecord(LogRecord, tag="wire", frozen=True, kw_only=True):
 class MissionRecord(LogRecord, tag="mission", frozen=True, kw_only=True):
     """A goal met, or a mission's beginning or end."""
 
-    goal: Goal | None = None
-    result: Result | None = None
+    goal: Annotated[Goal | None, At("subject", _GOAL)] = None
+    result: Annotated[Result | None, At("subject", _RESULT)] = None
     text: str
     reason: str = ""
 
@@ -347,41 +372,51 @@ class ProgramRecord(LogRecord, tag="program", frozen=True, kw_only=True):
 class TwinRecord(LogRecord, tag="twin", frozen=True, kw_only=True):
     """A reading of the real robot and of its simulated twin at the same time."""
 
-    command: str = msgspec.field(name="cmd")
+    command: Annotated[str, At("command.text")] = msgspec.field(name="cmd")
     code: str
-    robot: LoggedNumber
-    simulated: LoggedNumber
-    source: str = USUAL_SOURCE
+    robot: Annotated[LoggedNumber, At("robot", NUMBER_FORM)]
+    simulated: Annotated[LoggedNumber, At("simulated", NUMBER_FORM)]
+    source: Annotated[str, At("command.source")] = USUAL_SOURCE
 
 
 class MissionSumsFields(msgspec.Struct, frozen=True):
-    """Sums of the run at the end of its mission. Older logs have no time spent among them."""
+    """Sums of the run at the end of its mission."""
 
     time: Real
     distance: Real
     commands: Count
     contacts: Count
-    driving: Real = 0.0
-    link: Real = 0.0
-    reading: dict[str, Real] = {}
+    driving: Annotated[Real, At("spent.driving")]
+    link: Annotated[Real, At("spent.link")]
+    reading: Annotated[dict[str, Real], At("spent.by_sensor", _COPY)]
+
+
+def _sums(spent: Values, **others: Any) -> MissionSums:
+    return MissionSums(spent=TimeSpent(**spent), **others)
+
+
+_SUMS = form_of_part(MissionSumsFields, _sums)
 
 
 class MissionFields(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """Progress of a mission."""
+    """Progress of a mission. Goals that are not met are left out."""
 
-    goals: dict[Goal, Real]
+    goals: Annotated[dict[Goal, Real], At("goals", _GOALS)]
     result: Result
     reason: str
     helped: bool
-    end: MissionSumsFields | None = None
+    end: Annotated[MissionSumsFields | None, At("end", _SUMS)] = None
+
+
+_MISSION = form_of_part(MissionFields, MissionProgress)
 
 
 class CheckpointRecord(LogRecord, tag="checkpoint", frozen=True, kw_only=True):
     """The state of the run, from which reading can begin."""
 
-    n: Count
-    pose: LoggedPose
-    block: LoggedPose
+    n: Annotated[Count, At("commands")]
+    pose: Annotated[LoggedPose, At("pose", POSE_FORM)]
+    block: Annotated[LoggedPose, At("block", POSE_FORM)]
     seed: Count
     holding: bool
     noise: bool
@@ -390,17 +425,10 @@ class CheckpointRecord(LogRecord, tag="checkpoint", frozen=True, kw_only=True):
     contacts: Count
     distance: Real
     client: str
-    mission: MissionFields | None = None
-    driving: Real = 0.0
-    link: Real = 0.0
-    reading: dict[str, Real] = {}
-
-
-def shared_fields(source: msgspec.Struct, target: type[msgspec.Struct], *apart: str) -> dict[str, Any]:
-    """The values of `source` for the fields that `target` has by the same name, except those `apart`, which
-    have another form there. An event and its record share most of their fields."""
-    names = set(source.__struct_fields__).intersection(target.__struct_fields__).difference(apart)
-    return {name: getattr(source, name) for name in names}
+    mission: Annotated[MissionFields | None, At("mission", _MISSION)] = None
+    driving: Annotated[Real, At("spent.driving")] = 0.0
+    link: Annotated[Real, At("spent.link")] = 0.0
+    reading: Annotated[dict[str, Real], At("spent.by_sensor", _COPY)] = {}
 
 
 @final
@@ -416,7 +444,6 @@ class BrokenLine(msgspec.Struct, frozen=True):
 
 AnyRecord = (
     ReadingRecord
-    | MoveRecord
     | AnswerRecord
     | PlanRecord
     | EndRecord
@@ -428,7 +455,7 @@ AnyRecord = (
     | ProgramRecord
     | CheckpointRecord
     | LegRecord
-    | LegCutRecord
+    | LegEndRecord
     | VelocityEndRecord
     | WireRecord
 )

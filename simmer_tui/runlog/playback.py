@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import math
-from collections import deque
-
 from msgspec.structs import replace
 
 from simmer_tui.config.loader import Configuration
 from simmer_tui.errors import RunLogError
-from simmer_tui.run.events import CommandResult, Event, MovementEnded
+from simmer_tui.run.events import Event
 from simmer_tui.run.reducer import CONTACT_POINTS, Reducer
 from simmer_tui.run.state import Checkpoint, State
 from simmer_tui.runlog.decode import LogDecoder
@@ -22,8 +19,7 @@ from simmer_tui.runlog.log_records import (
     BrokenLine,
     CheckpointRecord,
     EndRecord,
-    LegRecord,
-    MoveRecord,
+    LegEndRecord,
 )
 from simmer_tui.runlog.reader import Logged
 
@@ -51,35 +47,25 @@ class Playback:
         self.configuration: Configuration = rebuild(index.header)
         self._spec = self.configuration.simulation
         self._has_scans = any(sensor.kind.is_scan for sensor in self._spec.sensors)
-        self._ended: float | None = None
-        """End of the movement of the last entry, if that has been reduced."""
         self._restart(-1)
 
     def state_at(self, entry: int, elapsed: float | None = None) -> State:
         """The state right after an entry began (-1: before the first), or at an elapsed time
         (`RunLogIndex.time_of`) between then and the next entry."""
-        index = self.index
-        if elapsed is None or entry < 0:
-            return self.state_when(entry, None if elapsed is None else elapsed - index.zero_of(0))
-        # Sums of times are rounded: an entry must still be found at its own begin and end.
-        time, over = elapsed - index.zero_of(entry), index.over_of(entry)
-        if elapsed >= over:
-            return self.state_when(entry, math.inf if elapsed == over else time, settled=True)
-        return self.state_when(entry, time if elapsed > index.time_of(entry) else None)
+        if elapsed is None:
+            return self.state_when(entry)
+        # Sums of times are rounded: an entry must still be found at its own time.
+        is_later = entry < 0 or elapsed > self.index.time_of(entry)
+        return self.state_when(entry, elapsed - self.index.zero_of(max(entry, 0)) if is_later else None)
 
-    def state_when(self, entry: int, time: float | None = None, *, settled: bool = False) -> State:
-        """The same by simulated time, as the lines count it; infinity represents the end of the entry's
-        events. With `settled` that end is past."""
-        # The reducer only goes forward, and has applied this movement's end already.
-        went_back = self._ended is not None and not settled and (time is None or time < self._ended)
-        # Farther on, a checkpoint is nearer than all entries between.
-        if not self._entry <= entry <= self._entry + SKIP or (entry == self._entry and went_back):
+    def state_when(self, entry: int, time: float | None = None) -> State:
+        """The same by simulated time, as the lines count it."""
+        # The reducer only goes forward. Farther on, a checkpoint is nearer than all entries between.
+        if not self._entry <= entry <= self._entry + SKIP:
             self._restart(entry)
         while self._entry < entry:
             self._take_next()
-        if self._pending and (settled or (time is not None and self._pending[0].time <= time)):
-            self._settle()
-        return self._reducer.at(time if time is None or math.isfinite(time) else None)
+        return self._reducer.at(time)
 
     def events(self, begin: int, end: int) -> list[Logged | BrokenLine]:
         """The events of the entries from `begin` to before `end`."""
@@ -103,26 +89,10 @@ class Playback:
     # -- internal --------------------------------------------------------------------------------
 
     def _take_next(self) -> None:
-        self._settle()
-        self._ended = None
         self._entry += 1
-        line = self.index.record(self._entry)
-        events = _decoded(self._decoder, line, self._entry)
-        for event in events:
-            if isinstance(event, BrokenLine):
-                continue
-            # In a live run the end is an event of its own; here one record has both.
-            if isinstance(line, MoveRecord) and isinstance(event, MovementEnded | CommandResult):
-                self._pending.append(event)  # the movement begins now and ends later
-            else:
+        for event in _decoded(self._decoder, self.index.record(self._entry), self._entry):
+            if not isinstance(event, BrokenLine):
                 self._reducer.apply(event)
-
-    def _settle(self) -> None:
-        """Apply the pending events of the entry before."""
-        if self._pending:
-            self._ended = self._pending[0].time
-        while self._pending:
-            self._reducer.apply(self._pending.popleft())
 
     def _restart(self, entry: int) -> None:
         """Begin to reduce at least `LOOK_BACK` entries before an entry."""
@@ -131,8 +101,6 @@ class Playback:
         checkpoint = replace(checkpoint, contact_points=self._touched_before(at))
         self._reducer = Reducer(checkpoint)
         self._entry = at - 1
-        self._ended = None
-        self._pending: deque[MovementEnded | CommandResult] = deque()
         self._recall_belief(at)
 
     def _touched_before(self, at: int) -> tuple[tuple[float, float], ...]:
@@ -143,7 +111,7 @@ class Playback:
         touched = list(index.find_all(EntryFlag.CONTACT, 0 if restart is None else restart, at))
         for entry in touched[-CONTACT_POINTS:]:
             record = index.record(entry)
-            if isinstance(record, MoveRecord | EndRecord | LegRecord) and record.contact is not None:
+            if isinstance(record, EndRecord | LegEndRecord) and record.contact is not None:
                 points.append(record.contact.point)
         return tuple(points)
 

@@ -18,6 +18,7 @@ from simmer_tui.robot import actions
 from simmer_tui.run.events import Action, ActionName, VelocityEnd
 from simmer_tui.runlog.closing import Closing
 from simmer_tui.runlog.header import Header, rebuild_to_run
+from simmer_tui.runlog.line_form import logged_pose
 from simmer_tui.runlog.log_records import (
     ActionRecord,
     AnswerRecord,
@@ -26,11 +27,9 @@ from simmer_tui.runlog.log_records import (
     ContactFields,
     EndRecord,
     LegRecord,
-    MoveRecord,
     PlanRecord,
     ReadingRecord,
     VelocityEndRecord,
-    logged_pose,
 )
 from simmer_tui.runlog.logged_scans import LoggedRanges
 from simmer_tui.runlog.reader import LogReader
@@ -131,13 +130,13 @@ class InOrder:
         """The sort key of a record: the time when its command began, then twice its command's number. So a
         late answer comes before later commands of the same moment, and a record without a command between
         two."""
-        if isinstance(record, ReadingRecord | AnswerRecord | PlanRecord | MoveRecord | ActionRecord):
+        if isinstance(record, ReadingRecord | AnswerRecord | PlanRecord | ActionRecord):
             self._begun = max(self._begun, record.n)
             if not isinstance(record, ActionRecord):
                 self._note(record.n)
         if isinstance(record, ReadingRecord | AnswerRecord) and record.taken is not None:
             return record.taken, 2 * record.n
-        if isinstance(record, ReadingRecord | AnswerRecord | PlanRecord | MoveRecord):
+        if isinstance(record, ReadingRecord | AnswerRecord | PlanRecord):
             return record.t, 2 * record.n
         return record.t, 2 * self._begun + 1
 
@@ -182,8 +181,6 @@ class Rerun(Closing):
             raise
         self._begun: CommandResult | None = None
         """The result of the movement under way, at its beginning."""
-        self._cut = math.inf
-        """Simulated time beyond which the present line's movement does not go."""
         # Earlier commands, which the log lacks, have advanced the random generator of errors.
         self._comparing = header.number == 0
         self._in_order = InOrder(self._log.configuration)
@@ -211,7 +208,7 @@ class Rerun(Closing):
         simulator = Simulator(self.configuration.simulation, header.seed)
         simulator.noise = header.noise
         if header.number == 0:
-            _set_up(simulator, header)
+            set_up_simulator(simulator, header)
         simulator.listener = self
         return simulator
 
@@ -252,7 +249,6 @@ class Rerun(Closing):
             raise RunLogError(f"{self._log.shown} begins after {before}: what was before is not known")
         try:
             for line, said in self._lines(last):
-                self._cut = time if line == last else math.inf
                 self._take_all(self._in_order.take(line, said))
                 yield line, said
             self._take_all(self._in_order.rest())
@@ -307,16 +303,11 @@ class Rerun(Closing):
         match said:
             case ReadingRecord():
                 self._read(line, said)
-            case MoveRecord():
-                self._begin_movement(line, said)
-                # A run that is taken over during this movement keeps it under way.
-                if said.end <= self._cut + SAME_TIME:
-                    self._end(line, said, said.end)
             case PlanRecord():
                 if not said.again:
                     self._begin_movement(line, said)
             case EndRecord():
-                self._end(line, said, said.t)
+                self._end(line, said)
             case AnswerRecord():
                 self._answer(line, said)
             case ActionRecord():
@@ -358,7 +349,7 @@ class Rerun(Closing):
             what = f"leg of {said.command!r}"
             self._compare(line, what, "t", said.t, leg.start_time)
             self._compare(line, what, "end", math.inf if said.end is None else said.end, leg.end_time)
-            self._compare(line, what, "pose", said.pose, logged_pose(leg.last_pose))
+            self._compare(line, what, "pose", said.last_pose, logged_pose(leg.last_pose))
             self._compare(line, what, "contact", _contact_values(said.contact), _contact_values(leg.contact))
 
     # -- actions ---------------------------------------------------------------------------------
@@ -384,7 +375,7 @@ class Rerun(Closing):
     def _read(self, line: int, said: ReadingRecord) -> None:
         result, what = self._begin(line, said, parse_command(said.command, said.source))
         self._compare(line, what, "status", Status.READING.value, result.status.value)
-        if said.revolution is None:
+        if said.reply is not None:
             self._compare(line, what, "reply", float(said.reply), result.reply)
         if result.reading is not None and said.true is not None:
             self._compare(line, what, "true", float(said.true), result.reading.true)
@@ -421,7 +412,7 @@ class Rerun(Closing):
         self._compare(line, what, "reply", float(said.reply), result.reply)
 
     def _begin(
-        self, line: int, said: ReadingRecord | AnswerRecord | MoveRecord | PlanRecord, command: Command
+        self, line: int, said: ReadingRecord | AnswerRecord | PlanRecord, command: Command
     ) -> tuple[CommandResult, str]:
         """Begin a command at its time. Gives its result and its name for messages."""
         self._expect_number(line, said.n, self.simulator.commands + 1)
@@ -439,11 +430,11 @@ class Rerun(Closing):
                 f"{self._log.shown}: line {line}: {what}; the log has a gap, or its lines are mixed up"
             )
 
-    def _begin_movement(self, line: int, said: MoveRecord | PlanRecord) -> None:
+    def _begin_movement(self, line: int, said: PlanRecord) -> None:
         result, what = self._begin(line, said, parse_command(said.command, said.source))
         self._compare(line, what, "status", Status.ACCEPTED.value, result.status.value)
         trajectory = self.simulator.trajectory
-        if said.total is not None and trajectory is not None:
+        if trajectory is not None:
             totals = trajectory.totals
             self._compare(line, what, "total", said.total, (totals.x, totals.y, totals.r))
         if said.grip is not None and result.grip is not None:
@@ -451,18 +442,18 @@ class Rerun(Closing):
             self._compare(line, what, "block", said.grip.block, logged_pose(result.grip.block))
         self._begun = result
 
-    def _end(self, line: int, said: MoveRecord | EndRecord, end: float) -> None:
+    def _end(self, line: int, said: EndRecord) -> None:
         """End the movement as in the log, and compare."""
         begun, self._begun = self._begun, None
         if begun is None or begun.number != said.n:
             raise RunLogError(f"{self._log.shown}: line {line}: command number {said.n} is not under way")
         # A person pressed stop: its time is not in configuration or seed.
         if said.stopped_by:
-            self.simulator.advance(end)
+            self.simulator.advance(said.t)
             self.simulator.stop()
         result = self.simulator.finish(begun)
         what = f"command {begun.command.shown!r}"
-        self._compare(line, what, "t", end, result.time)
+        self._compare(line, what, "t", said.t, result.time)
         self._compare(line, what, "contact", _contact_values(said.contact), _contact_values(result.contact))
         self._compare(line, what, "pose", said.pose, logged_pose(result.pose))
 
@@ -486,7 +477,7 @@ def _contact_values(contact: ContactFields | Contact | None) -> object:
     return (contact.point, time, contact.cell, flags)
 
 
-def _set_up(simulator: Simulator, header: Header) -> None:
+def set_up_simulator(simulator: Simulator, header: Header) -> None:
     """Repeat a person's changes between the start and the log's beginning."""
     simulator.advance(header.t)
     simulator.set_bias(header.bias)

@@ -21,7 +21,7 @@ from simmer_tui.runlog.writer import LOG, LineFile, RunLog, new_file
 BEFORE = 10
 """Runs saved beside the present one."""
 MEGABYTE = 1024 * 1024
-# At 145 bytes a command, 64 MB are 460,000 commands: four hours at 30 commands a second.
+# At 165 bytes a command, 64 MB are 400,000 commands: nearly four hours at 30 commands a second.
 LARGEST_RUN = 64 * MEGABYTE
 """Size limit of one run, bytes; later events are not saved."""
 ALL_TOGETHER = 256 * MEGABYTE
@@ -46,7 +46,7 @@ def saved_runs_folder() -> Path:
 def last_run(folder: Path | None = None) -> Path:
     """The saved run that was written last. Raises RunLogError if there is none."""
     folder = folder or saved_runs_folder()
-    runs = _runs(folder)
+    runs = saved_runs(folder)
     if not runs:
         raise RunLogError(
             f"no run is saved in {folder} yet. The app saves its runs there; "
@@ -62,14 +62,14 @@ def make_room(folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True, mode=0o700)
     # The present run may grow to this.
     total = LARGEST_RUN
-    for number, path in enumerate(reversed(_runs(folder)), 1):
+    for number, path in enumerate(reversed(saved_runs(folder)), 1):
         with contextlib.suppress(OSError):  # another app deleted it, or writes it (Windows)
             total += path.stat().st_size
             if number > BEFORE or total > ALL_TOGETHER:
                 path.unlink()
 
 
-def _runs(folder: Path) -> list[Path]:
+def saved_runs(folder: Path) -> list[Path]:
     """The saved runs, in the order in which they were written."""
     found = []
     for path in folder.glob(f"*{LOG}"):

@@ -7,7 +7,7 @@ import os
 import stat
 import time
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from itertools import count
@@ -23,8 +23,9 @@ from simmer_tui.run.events import Event, Notice, NoticeKind
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import checkpoint_of
 from simmer_tui.runlog.closing import Closing
-from simmer_tui.runlog.encode import LogEncoder, checkpoint_record
+from simmer_tui.runlog.encode import LogEncoder
 from simmer_tui.runlog.header import TakenOver, header_of
+from simmer_tui.runlog.line_form import logged_pose
 from simmer_tui.runlog.log_records import encode_line
 from simmer_tui.runlog.run_command import RunCommand
 from simmer_tui.sim.command import typed_path
@@ -151,10 +152,11 @@ class RunLog(Closing):
         file: Callable[[Path], LineFile] | None = None,
         prefix: ReplayedPrefix | None = None,
         run: RunCommand | None = None,
+        sketches: Mapping[str, str] | None = None,
     ) -> None:
         """Write the header. An existing file is never overwritten. `file` opens it, by default by the
-        ending of its name. The events of a `prefix` come first. `run` is the command of the run's program.
-        Raises RunLogError."""
+        ending of its name. The events of a `prefix` come first. `run` is the command of the run's program,
+        `sketches` are those of its boards. Raises RunLogError."""
         self.path = path
         self.stopped = ""
         """Reason why writing has stopped, or empty."""
@@ -175,14 +177,13 @@ class RunLog(Closing):
             raise RunLogError(f"cannot log to {shown}: {why}") from None
         except ValueError as error:  # a NUL in the name
             raise RunLogError(f"cannot log to {shown}: {error}") from None
-        timed = configuration.settings.motion.motion == "timed"
-        self._encoder = LogEncoder(timed, lambda: self._present)
+        self._encoder = LogEncoder(logged_pose(simulator.pose), lambda: self._present)
         self._reducer = Reducer(checkpoint_of(simulator, mission=mission))
         self._last_checkpoint = 0
         self._begun = clock()
         now = datetime.fromtimestamp(self._begun).astimezone()
         taken_over = None if prefix is None else prefix.origin
-        self._write(header_of(configuration, simulator, now, mission, taken_over, run))
+        self._write(header_of(configuration, simulator, now, mission, taken_over, run, sketches))
         if self.stopped:
             raise RunLogError(self.stopped)
         self._on_stop = on_stop
@@ -198,10 +199,9 @@ class RunLog(Closing):
             self._write(record)
         # Only where nothing is under way: a reader that begins there knows no movement before it.
         is_due = self.lines - self._last_checkpoint >= CHECKPOINT_EVERY
-        if is_due and self._reducer.still and self._encoder.complete:
+        if is_due and self._reducer.still:
             self._last_checkpoint = self.lines
-            self._encoder.begin_block()
-            self._write(checkpoint_record(self._reducer.checkpoint(), real_time))
+            self._write(self._encoder.checkpoint(self._reducer.checkpoint(), real_time))
 
     @property
     def _present(self) -> tuple[int, float]:
@@ -213,7 +213,6 @@ class RunLog(Closing):
 
     def close(self) -> None:
         """Stop writing. May be called more than once."""
-        # A movement that has not ended gets its plan at least.
         for record in self._encoder.rest(self._clock() - self._begun):
             self._write(record)
         try:

@@ -29,6 +29,7 @@ from simmer_tui.run.phrases import (
 from simmer_tui.sim.command import counted, parse_value, plural
 from simmer_tui.sim.scan_rays import extremes
 from simmer_tui.sim.specs import Axes, DriveKind
+from simmer_tui.sketch.board_view import BoardView
 from simmer_tui.tui.event_text import clock_text, grid_lines, off_text
 from simmer_tui.tui.gauges import bearing_words
 from simmer_tui.tui.key_table import AGAIN_KEY, TRY_KEY
@@ -238,6 +239,13 @@ def verdict_so_far(snapshot: Snapshot) -> Sequence[str]:
     state = snapshot.state
     contacts, commands = contacts_text(state.contacts), counted(state.commands, "command")
     return (f"Still going after {state.time:.1f} s: {commands}, {state.distance:.1f} in driven, {contacts}.",)
+
+
+def pins_answer(board: BoardView) -> AnswerCard:
+    """The pins of a board that its sketch has used, as they are now."""
+    lines: list[StyledLine] = [((f"{pin.name:>4}  ", "dim"), (pin.text, "value")) for pin in board.pins]
+    shown = lines or [(("the sketch has used no pin yet", "dim"),)]
+    return AnswerCard(f"pins of {board.name}", f"at {board.time:.3f} s; Esc closes", tuple(shown))
 
 
 def bias_answer(bias: Mapping[DriveKind, Axes]) -> AnswerCard:

@@ -145,7 +145,7 @@ class SimmerApp(Shell):
     def _arrange(self, width: int, height: int) -> None:
         super()._arrange(width, height)
         typed = self._console.has_focus_within
-        self._show_head("console", "Up brings back the last line" if typed else ": or Enter comes here")
+        self._show_head("console", "" if typed else ": or Enter comes here")
         console = self._plan.boxes.get("console")
         # Without events the line above shows the present movement, and the last reply is beside the typed
         # text.
@@ -283,6 +283,8 @@ class SimmerApp(Shell):
             "program": lambda _: self._show_program(),
             "bias": lambda _: self.ask(answers.bias_answer(self.server.simulator.bias), stays=True),
             "vv": self._drive_for,
+            "send": lambda text: self._console.show_error(self._operator.send_text(text)),
+            "pins": self._show_pins,
             "log": lambda file: self.run_worker(self._start_log(file), group="log"),
             "robot": self.server.use_robot,
             "simulator": lambda _: self.server.use_simulator(),
@@ -338,6 +340,17 @@ class SimmerApp(Shell):
             return
         text = answers.program_output(verdict.program)
         self.push_screen(ReportScreen(text, "Program", f"Esc closes; exit code {verdict.program.exit_code}"))
+
+    def _show_pins(self, name: str) -> None:
+        """Show the pins of a board, by default the first."""
+        boards = self._snapshot.boards if self._snapshot is not None else ()
+        board = next((each for each in boards if name in ("", each.name)), None)
+        if board is None:
+            known = ", ".join(each.name for each in boards)
+            what = f"there are {known}" if known else "no boards run; simmer-tui --sketch DIR runs them"
+            self._console.show_error(f"pins: {what}")
+        else:
+            self.ask(answers.pins_answer(board), stays=True)
 
     def _write_picture(self, name: str) -> None:
         dark = self._settings.screen.theme != "light"
@@ -413,7 +426,7 @@ class SimmerApp(Shell):
 
     def action_help(self, code: str = "") -> None:
         """Show all of the help, or the description of one code."""
-        self.push_screen(help_screen(self._settings.keys, self._spec, code))
+        self.push_screen(help_screen(self._settings.keys, self._spec, self._maze.painter, code))
 
     def tell(self, text: str) -> None:
         """Show a note above the console's line."""

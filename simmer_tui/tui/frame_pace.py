@@ -1,10 +1,11 @@
-"""Frames that are left out: all while the terminal is behind, most while input waits, some while the robot
-jumps, and parts of them that change slowly."""
+"""Frames that are left out: all while the terminal is behind, most while input waits, some while too much
+changes, and parts of them that change slowly."""
 
 import math
 import time
 from contextlib import ExitStack
 
+import numpy as np
 from textual.app import App
 
 from simmer_tui.live.snapshot import Snapshot
@@ -13,10 +14,14 @@ from simmer_tui.tui.textual_internals import messages_waiting, writes_waiting
 # One is under way whenever something has just been drawn.
 _WAITING = 2
 """Pending writes to the terminal at which it counts as behind."""
-# Instant movements have no frames between, and each picture is a new one. 8 of 15 are enough to see
-# where the robot goes, in half the bytes.
-FEWER_FRAMES = 8
-_OF = 15
+# A slow link, and a terminal in a browser, take so much without delay; at 200 x 60 there is more to change.
+_CELLS, _BYTES = (4_320.0, 12_000.0), (23_500.0, 44_000.0)
+"""Bytes a second for pictures, for screens of so many cells; in between in proportion."""
+_BURST = 0.25
+"""Seconds of these bytes that may be saved up."""
+# The largest frames of a robot that jumps have 9 KB; a new page has 30 KB, and nobody is to wait for that.
+_OWED = 0.4
+"""Seconds of these bytes that may be owed."""
 # A key takes 1 ms, a person presses 30 a second: so many wait only after a paste, or on a busy machine.
 _MUCH_INPUT = 10
 """Messages to the app that wait for it, from which on they come before the picture."""
@@ -79,16 +84,21 @@ class InputFirst:
         return False
 
 
-class JumpThinning:
-    """Leaves out about every other picture while the robot jumps."""
+class ByteBudget:
+    """Leaves out pictures while the bytes for them are used up: where much changes, as with a robot that
+    jumps, there are fewer of them. Each is whole in any case."""
 
     def __init__(self) -> None:
-        self._turn = 0
+        self._saved, self._at, self._written = 0.0, -math.inf, 0
 
-    def passes_over(self, jumps: bool) -> bool:
-        """True if the next picture is left out. `jumps` is true while the robot jumps."""
-        self._turn = self._turn % _OF + FEWER_FRAMES if jumps else _OF
-        return self._turn < _OF
+    def passes_over(self, written: int, cells: int, now: float) -> bool:
+        """True if the next picture is left out. `written` counts all bytes so far, `cells` those of the
+        screen, `now` is in seconds."""
+        rate = float(np.interp(cells, _CELLS, _BYTES))
+        gained = rate * min(now - self._at, _BURST + _OWED) - (written - self._written)
+        self._saved = min(max(self._saved + gained, -rate * _OWED), rate * _BURST)
+        self._at, self._written = now, written
+        return self._saved < 0.0
 
 
 class Lags:

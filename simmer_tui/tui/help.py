@@ -19,7 +19,7 @@ from textual.widgets import Static
 
 from simmer_tui.config.describe_code import describe_code
 from simmer_tui.config.keys import DRIVING, keys_of
-from simmer_tui.config.robot_drawing import movement_commands, robot_drawing, sensor_drawing
+from simmer_tui.config.robot_drawing import movement_commands, sensor_drawing
 from simmer_tui.config.settings import KeySettings, all_settings
 from simmer_tui.errors import printable
 from simmer_tui.links.port_list import list_ports
@@ -27,7 +27,9 @@ from simmer_tui.live.operating.orders import CONSOLE_COMMANDS
 from simmer_tui.sim.command import WORD, cut
 from simmer_tui.sim.specs import SimulationSpec
 from simmer_tui.tui import key_table
+from simmer_tui.tui.help_page import HelpPage, sensor_words
 from simmer_tui.tui.key_table import KeyGroup, MazePane
+from simmer_tui.tui.maze.painter import Painter
 from simmer_tui.tui.sizes import PAGES
 from simmer_tui.tui.terminal_app import ALLOWING
 from simmer_tui.tui.textual_internals import as_plain
@@ -42,15 +44,11 @@ _Rows = Sequence[tuple[str, str]]
 
 def help_text(keys: KeySettings, spec: SimulationSpec) -> str:
     """All of the help as plain text."""
-    settings: list[tuple[str, str]] = []
-    for item in all_settings():
-        table, _, name = item.name.partition(".")
-        if table == "keys":
-            fine = "  (fine with Shift)" if name in DRIVING else ""
-            settings.append((_shown(keys_of(keys, name)) or "(none)", f"{item.help}{fine}"))
-    lines = ["THE ROBOT from above (:help u2 explains one code)", ""]
-    lines += robot_drawing(spec, ascii_only=True)
-    lines += _section("KEYS while the maze has the focus (settings.toml, [keys])", settings)
+    settings = [
+        (shown, f"{text}{'  (fine with Shift)' if name in DRIVING else ''}")
+        for name, shown, text in key_settings(keys)
+    ]
+    lines = _section("KEYS while the maze has the focus (settings.toml, [keys])", settings)
     lines += _section("KEYS anywhere", _key_rows(key_table.ANYWHERE))
     lines += _section("MOUSE", _key_rows(key_table.WITH_THE_MOUSE))
     lines += _section("COPIED TEXT arrives if this is set", ALLOWING)
@@ -59,6 +57,16 @@ def help_text(keys: KeySettings, spec: SimulationSpec) -> str:
     lines += _section("ORDERS in the console", orders, 24)
     lines += _section("COMMANDS, in the console as from a program", _commands(spec), 0)
     return "\n".join(lines)
+
+
+def key_settings(keys: KeySettings) -> list[tuple[str, str, str]]:
+    """Settings of keys: name, keys, meaning."""
+    found = []
+    for item in all_settings():
+        table, _, name = item.name.partition(".")
+        if table == "keys":
+            found.append((name, _shown(keys_of(keys, name)) or "(none)", item.help))
+    return found
 
 
 def replay_help(name: str) -> str:
@@ -78,17 +86,17 @@ def _commands(spec: SimulationSpec) -> _Rows:
     """Commands of a robot and their meanings."""
     rows = [(f"{command}   ", meaning) for command, meaning in movement_commands(spec)]
     used = [sensor for sensor in spec.sensors if sensor.enabled]
-    return rows + [(f"{sensor.code}     ", f"read {sensor.id}: {sensor.kind.meaning}") for sensor in used]
+    return rows + [(f"{sensor.code}     ", f"read {sensor.id}: {sensor_words(sensor)}") for sensor in used]
 
 
 def _shown(keys: list[str]) -> str:
     return ", ".join(key if key in _WORDS else format_key(key) for key in keys)
 
 
-def help_screen(keys: KeySettings, spec: SimulationSpec, code: str = "") -> "HelpScreen":
+def help_screen(keys: KeySettings, spec: SimulationSpec, painter: Painter, code: str = "") -> "HelpScreen":
     """The help as a screen, or the description of one code."""
     if not code:
-        return HelpScreen(help_text(keys, spec))
+        return OverviewScreen(HelpPage(key_settings(keys), spec, painter), help_text(keys, spec))
     lines = describe_code(spec, code)
     for sensor in spec.sensors:
         if code in (sensor.code, sensor.id) and sensor.kind.has("x"):
@@ -155,6 +163,24 @@ class HelpScreen(ModalScreen[None]):
             return False
         self.dismiss()
         return True
+
+
+class OverviewScreen(HelpScreen):
+    """Shows the first screen of the help, and below it all of it in words."""
+
+    WIDEST = 200
+
+    def __init__(self, page: HelpPage, text: str) -> None:
+        note = "escape closes, PgDn: all in full, :help u2: one code"
+        super().__init__(text, "Help", note, classes="overview")
+        self._page = page
+
+    def _show(self, width: int) -> None:
+        room = max(min(width, self.WIDEST) - PAGE_FRAME, 1)
+        shown = self._page.text(room).append("\n").append(folded(self.text, room))
+        shown.no_wrap = True
+        for widget in self.query(f"#{self.FRAME}-text").results(Static):
+            widget.update(shown)
 
 
 class ReportScreen(HelpScreen):

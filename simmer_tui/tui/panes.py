@@ -25,7 +25,7 @@ from simmer_tui.tui.maze.palette import Role
 from simmer_tui.tui.maze.scene import Scene, scene_of
 from simmer_tui.tui.maze.view import Legend, MazeView
 from simmer_tui.tui.radar import RadarPanel
-from simmer_tui.tui.readouts import Room, pose_line, program_lines, robot_lines, run_lines
+from simmer_tui.tui.readouts import Room, board_lines, pose_line, program_lines, robot_lines, run_lines
 from simmer_tui.tui.sensor_facts import sensor_facts
 from simmer_tui.tui.sensor_readouts import SensorsView, rows_wanted, sensor_lines
 from simmer_tui.tui.sizes import BRIEF_ANSWER
@@ -68,7 +68,12 @@ class PanelKind(Struct, frozen=True):
     lines: _Lines
 
 
-PANELS = (PanelKind("robot", 6, robot_lines), PanelKind("run", 4, run_lines))
+# Rows of the panel with boards: a heading, and two lines a board, which are as many as there are.
+PANELS = (
+    PanelKind("robot", 6, robot_lines),
+    PanelKind("run", 4, run_lines),
+    PanelKind("boards", 0, board_lines),
+)
 """Panels beside the maze, in the order in which they get room."""
 # A heading, three goals, the time, and the time spent in two lines.
 _MISSION_ROWS = 7
@@ -191,6 +196,8 @@ class Panes:
         """AnswerCard of the moment."""
         self.phase = RunPhase.GOING
         """Phase of the run that is shown."""
+        self.boards = 0
+        """Count of the boards of the run."""
         self.has_mission = False
         """True if the run shown is a mission."""
         self.pointer = ""
@@ -231,7 +238,8 @@ class Panes:
             rows["run"] = _MISSION_ROWS
             if not page:
                 rows["robot"] = _BRIEF_ROBOT if height < _TALL else _TALL_ROBOT
-        return list(rows.items())
+        rows["boards"] = 1 + 2 * self.boards if self.boards else 0
+        return [(name, count) for name, count in rows.items() if count]
 
     @property
     def answer_rows(self) -> int:
@@ -293,6 +301,7 @@ class Panes:
         """Give row 0 and the maze's frame the colour of the run's phase."""
         phase = phase_of(snapshot, self._source.ports)
         self.has_mission = snapshot.mission is not None
+        self.boards = len(snapshot.boards)
         if phase is not self.phase:
             self.phase = phase
             self._panels["header"].set_classes([phase.value])

@@ -263,6 +263,24 @@ class _Printed(EventHandler[str | None]):
 _PRINTED = _Printed()
 
 
+def board_lines(snapshot: Snapshot, room: Room) -> list[StyledLine]:
+    """Clock, busy share and LED of each board, and the last line that it has sent."""
+    lines = [heading("boards", "busy: not in delay()", room.width, plain=room.plain)]
+    for board in snapshot.boards:
+        led = "on" if board.led else "off"
+        lines.append(
+            (
+                (f"{board.name}  ", "value"),
+                (f"{board.time:.2f} s  busy {board.busy:4.0%}  LED 13 {led}", "plain"),
+            )
+        )
+        if board.failed:
+            lines.append(((f"  {board.failed}", "danger"),))
+        elif board.line:
+            lines.append((("  last line  ", "dim"), (board.line, "value")))
+    return [shortened(line, room.width) for line in lines]
+
+
 def program_lines(snapshot: Snapshot, entries: Sequence[LogEntry], room: Room) -> list[StyledLine]:
     """The last lines that the program printed; after a failure those of its standard error."""
     verdict = snapshot.verdict

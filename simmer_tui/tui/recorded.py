@@ -12,7 +12,7 @@ from simmer_tui.config.loader import Configuration
 from simmer_tui.live.snapshot import EventFeed, Snapshot
 from simmer_tui.report.run_statistics import report_of
 from simmer_tui.report.verdict import Verdict
-from simmer_tui.run.events import ActionName, Event, EventHandler, MovementEnded, Notice, NoticeKind
+from simmer_tui.run.events import ActionName, Event, Notice, NoticeKind
 from simmer_tui.run.mission import MissionPlan, mission_state, plan_run
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.runlog.index import EntryFlag, RunLogIndex
@@ -71,7 +71,7 @@ _FIRST_LINE = 2
 """Line of a log's first entry; the header has the one before."""
 
 
-class RecordedRun(EventHandler[None]):
+class RecordedRun:
     """Moves to any moment of a log, with a clock that can run, and gives a snapshot of each."""
 
     def __init__(self, index: RunLogIndex) -> None:
@@ -97,7 +97,6 @@ class RecordedRun(EventHandler[None]):
         self._is_full = True
         self._begin_feed()
         self._fed = -1
-        self._event_real_time = 0.0
         self._number = 0
         self._marked: tuple[int, tuple[TimelineMark, ...]] = (-1, ())
         self._end: JudgedEnd | None = None
@@ -115,7 +114,7 @@ class RecordedRun(EventHandler[None]):
         """The run at the moment shown. Its true values are those at each sensor's last reading."""
         self._changed = False
         state = self.playback.state_at(self.entry, self.elapsed)
-        self._feed_until(state.time)
+        self._feed_shown()
         is_full, self._is_full = self._is_full, False
         readings = {code: row.reading.true for code, row in state.sensors.items()}
         return Snapshot(
@@ -141,41 +140,24 @@ class RecordedRun(EventHandler[None]):
         self._end = await asyncio.to_thread(judged_end, self.index.path, self.configuration)
         self._changed = True
 
-    def _feed_until(self, now: float) -> None:
+    def _feed_shown(self) -> None:
         """Update the list of events to the moment shown."""
         # Back, or far ahead: it is faster to start again a little before the moment.
         if not self._fed <= self.entry <= self._fed + _NEAR:
             self._begin_feed()
             self._fed = max(self.entry - LOOK_BACK, -1)
         for logged in self.playback.events(self._fed + 1, self.entry + 1) if self._fed < self.entry else ():
-            self._take_pending()
             if isinstance(logged, BrokenLine):
                 self._take(0.0, Notice(NoticeKind.FAULT, str(logged)))
             else:
-                self._event_real_time = logged.real_time
-                self.handle(logged.event)
+                self._take(logged.real_time, logged.event)
         self._fed = self.entry
-        if self._pending is not None and self._pending[1].time <= now:
-            self._take_pending()
 
     def _begin_feed(self) -> None:
         """Restart the list of events, anywhere in the log."""
         # After a reset simulated time may be earlier than at the log's beginning.
         checkpoint = replace(self.index.header.checkpoint(self.configuration), time=0.0)
         self._feed, self._reducer, self._is_full = EventFeed(), Reducer(checkpoint), True
-        self._pending: tuple[float, MovementEnded] | None = None
-        """The end of the movement shown, and the real time of its record."""
-
-    def on_ended(self, event: MovementEnded) -> None:
-        self._pending = self._event_real_time, event  # the log has it at the movement's begin
-
-    def other(self, event: Event) -> None:
-        self._take(self._event_real_time, event)
-
-    def _take_pending(self) -> None:
-        if self._pending is not None:
-            self._take(*self._pending)
-            self._pending = None
 
     def _take(self, real_time: float, event: Event) -> None:
         self._number += 1
@@ -214,7 +196,7 @@ class RecordedRun(EventHandler[None]):
 
     def stand_at(self, entry: int) -> None:
         """Show the moment at which everything in an entry has happened."""
-        self._show(entry, self.index.over_of(entry))
+        self._show(entry, self.index.time_of(entry))
 
     def begin(self) -> None:
         """Show the moment before the first entry."""
@@ -256,7 +238,7 @@ class RecordedRun(EventHandler[None]):
         for entry in index.find_all(EntryFlag.CONTACT | EntryFlag.MISSION | EntryFlag.ACTION):
             marks = index.flags_of(entry)
             if EntryFlag.CONTACT in marks:
-                found.append(TimelineMark(TimelineMarkKind.CONTACT, entry, index.over_of(entry)))
+                found.append(TimelineMark(TimelineMarkKind.CONTACT, entry, index.time_of(entry)))
                 continue
             line = index.record(entry)
             # A mission's beginning and its end are no goals.

@@ -14,6 +14,7 @@ from simmer_tui.tui.event_text import clock_text
 from simmer_tui.tui.gauges import bearing_sign, sparkline, with_unit
 from simmer_tui.tui.line_panel import StyledLine, heading
 from simmer_tui.tui.readouts import LABEL, fact_line
+from simmer_tui.tui.sensor_readouts import age_of_reading
 
 # Inches; the panel shows tenths.
 _NEAR = 0.05
@@ -45,10 +46,12 @@ def sensor_facts(
     if row.reading.scan is not None:
         return [*lines, *_scan_facts(row, row.reading.scan, plain=plain)]
     error = f", error {100 * sensor.error:g} %" if sensor.error else ""
-    read = fact_line("read", with_unit(row.reading.value, sensor), "newest")
+    # An old reading is as dim here as in its row.
+    role = "newest" if age_of_reading(row, snapshot) is None else "dim"
+    read = fact_line("read", with_unit(row.reading.value, sensor), role)
     values = past.get(code, row.history)
     count = min(len(values), width - LABEL)
-    curve = fact_line(f"last {count}", sparkline(values, count, plain=plain), "newest")
+    curve = fact_line(f"last {count}", sparkline(values, count, plain=plain), role)
     return [*lines, (*read, (f" at {clock_text(row.time)}{error}", "value")), curve]
 
 

@@ -3,6 +3,7 @@
 `SimmerApp` adds a console to it, `ReplayApp` a timeline.
 """
 
+import time
 import traceback
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -19,7 +20,7 @@ from textual.widget import Widget
 from simmer_tui.errors import printable
 from simmer_tui.live.snapshot import Snapshot
 from simmer_tui.tui.answers import AnswerCard
-from simmer_tui.tui.frame_pace import Backpressure, InputFirst, JumpThinning
+from simmer_tui.tui.frame_pace import Backpressure, ByteBudget, InputFirst
 from simmer_tui.tui.key_table import ANYWHERE, IN_LOG, Hint, hints_of, keys_line
 from simmer_tui.tui.line_panel import LinePanel, heading
 from simmer_tui.tui.maze.palette import Look
@@ -36,7 +37,7 @@ from simmer_tui.tui.sizes import (
 )
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode, TerminalChoice
 from simmer_tui.tui.terminal_app import AsciiFilter, TerminalApp
-from simmer_tui.tui.textual_internals import FaultReporting, draw_at_once
+from simmer_tui.tui.textual_internals import FaultReporting, bytes_written, draw_at_once
 from simmer_tui.tui.themes import THEMES, theme_name, themes, variables
 
 
@@ -68,12 +69,14 @@ class Shell(FaultReporting, TerminalApp):
         self._plan = Arrangement({}, False)
         self._known = 0
         self._sampling = False
-        self._idle = self._jumps = False
-        self._thinning = JumpThinning()
+        self._idle = False
+        self._budget = ByteBudget()
+        self._is_wanted = False
+        """True if somebody waits for the next picture."""
         self._snapshot: Snapshot | None = None
         self._page = 0
         self._answer_rows = 0
-        self._had_mission = False
+        self._had_panels = (False, 0)
         self._last_focused: Widget | None = None
         self._is_arranged = False
         """True while widgets have boxes, but not their sizes."""
@@ -141,8 +144,13 @@ class Shell(FaultReporting, TerminalApp):
             return
         # A snapshot comes from the robot's thread; slow ones must not form a queue.
         nothing_new = not self.source.has_news(self._known) and self._idle and not self._panes.has_unshown
-        if self._sampling or nothing_new or self._thinning.passes_over(self._jumps):
+        if self._sampling or nothing_new:
             return
+        size = self.size
+        is_over = self._budget.passes_over(bytes_written(self), size.width * size.height, time.monotonic())
+        if is_over and not self._is_wanted:
+            return
+        self._is_wanted = False
         self._sampling = True
         try:
             snapshot = await self.source.snapshot(self._known, self._panes.shown["truth"])
@@ -159,12 +167,10 @@ class Shell(FaultReporting, TerminalApp):
         before, self._snapshot = self._snapshot, snapshot
         since, self._known = self._known, snapshot.number
         # A command during a pause is no event, and neither is the end of a quiet second.
-        self._idle = self._jumps = False
+        self._idle = False
         if before is not None:
             stays = before.state.pose == snapshot.state.pose
-            is_moving = before.state.moving or snapshot.state.moving
             self._idle = stays and snapshot.rate == 0 and not snapshot.state.paused
-            self._jumps = not stays and snapshot.pace == 0.0 and not is_moving
         self.frames += 1
         self._panes.show(snapshot)
         self.shown(snapshot, since)
@@ -178,8 +184,9 @@ class Shell(FaultReporting, TerminalApp):
         # On a small screen the answer is shown or not; beside the maze only one longer than usual takes more
         # rows.
         rows = min(rows, 1) if self._plan.has_pages else rows * (rows > ANSWER_ROWS)
-        if (rows, self._panes.has_mission) != (self._answer_rows, self._had_mission):
-            self._answer_rows, self._had_mission = rows, self._panes.has_mission
+        panels = self._panes.has_mission, self._panes.boards
+        if (rows, panels) != (self._answer_rows, self._had_panels):
+            self._answer_rows, self._had_panels = rows, panels
             self._arrange(self.size.width, self.size.height)
 
     def _show_again(self) -> None:
@@ -204,7 +211,7 @@ class Shell(FaultReporting, TerminalApp):
 
     def refresh_frame(self) -> None:
         """Draw again soon, even without an event."""
-        self._idle = self._jumps = False
+        self._idle, self._is_wanted = False, True
         self.call_later(self._sample)
 
     # -- sizes -----------------------------------------------------------------------------------

@@ -124,6 +124,11 @@ def writes_waiting(app: App[Any]) -> int:
     return 0 if queue is None else int(queue.qsize())
 
 
+def bytes_written(app: App[Any]) -> int:
+    """Bytes written to the terminal so far; 0 for a driver that does not count them."""
+    return int(getattr(app._driver, "written", 0))
+
+
 def messages_waiting(app: App[Any]) -> int:
     """Number of messages, keys among them, that the app has not taken yet."""
     return app._message_queue.qsize()
@@ -292,11 +297,17 @@ if sys.platform != "win32" and platform_has.POSIX:
             """The last characters read; a mark of a paste may be cut in two."""
             self._held = ""
             """The begin of a reply whose end may still come."""
+            self.written = 0
+            """Bytes written to the terminal."""
             self._is_pasting = False
             self._read_at = 0.0
             self._sent = 0
             self._has_terminal = False
             self._is_suspending = self._is_suspended = False
+
+        def write(self, data: str) -> None:
+            self.written += len(data.encode("utf-8", "replace"))
+            super().write(data)
 
         def _get_terminal_size(self) -> tuple[int, int]:
             return self._window(*super()._get_terminal_size())

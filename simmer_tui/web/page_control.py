@@ -74,6 +74,8 @@ class PageControl:
             self.press("step", tell)
         elif order.name == "vv":
             self._show(self._operator.drive_for(order.argument, tell), tell)
+        elif order.name == "send":
+            self._show(self._operator.send_text(order.argument), tell)
         else:
             tell(f":{order.name} is for the simulator's own screen; pages give orders to the robot alone")
 

@@ -340,7 +340,7 @@ def test_what_is_read_of_two_logs_is_that_which_was_kept(tmp_path: Path) -> None
     name = log_of(tmp_path, 101, 5)
     header, *lines = (tmp_path / name).read_text("utf-8").splitlines()
     answers = [number for number, line in enumerate(lines) if '"reply":"inf","status":"done"' in line]
-    moves = [number for number, line in enumerate(lines) if '"kind":"move"' in line]
+    moves = [number for number, line in enumerate(lines) if '"kind":"plan"' in line]
     left_out = {answers[2], *range(answers[0], moves[1]), *range(answers[4], len(lines))}
     lines[answers[1]] = lines[answers[1]].replace('"status":"done"', '"status":"unanswered"')
     lines[answers[1]] = lines[answers[1]].replace('"reply":"inf"', '"reply":"nan"')

@@ -70,7 +70,7 @@ def test_files_and_page_are_those_that_were_kept(written: Path, logged: Logged) 
 def test_a_log_gives_the_commands_and_the_real_answers(logged: Logged) -> None:
     run = read_runs([logged.path])
     lines = [json.loads(line) for line in logged.path.read_text().splitlines()]
-    moves = [line["cmd"] for line in lines if line["kind"] == "move"]
+    moves = [line["cmd"] for line in lines if line["kind"] == "plan"]
     assert [f"{run.spec.drives[m.drive].code}-{m.value:g}" for m in run.movements] == moves
     assert all(movement.certain and movement.took > 0 for movement in run.movements)
     said = [line["reply"] for line in lines if line["kind"] == "read" and line["cmd"] == "u2"]

@@ -34,6 +34,7 @@ from simmer_tui.notebook import configuration_from_environment
 from simmer_tui.runlog.saved_runs import BEFORE, make_room, saved_runs_folder
 from simmer_tui.runlog.writer import auto_path
 from simmer_tui.sim import Simulator
+from simmer_tui.sim.command import counted
 from simmer_tui.sim.sensors import KINDS
 
 Capture = pytest.CaptureFixture[str]
@@ -247,7 +248,7 @@ def test_zsh_reads_its_script(tmp_path: Path, capsys: Capture) -> None:
 # -- doctor ----------------------------------------------------------------------------------------
 
 
-def test_doctor_says_it_in_ten_lines(
+def test_doctor_says_it_in_eleven_lines(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -265,8 +266,8 @@ def test_doctor_says_it_in_ten_lines(
     capsys.readouterr()
     assert run_doctor([]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert len(lines) == 10
-    assert [line[:2] for line in lines] == ["ok"] * 8 + ["!!", "ok"]
+    assert len(lines) == 11
+    assert [line[:2] for line in lines] == ["ok"] * 8 + ["!!", "ok", "ok"]
     with socket.create_server(("127.0.0.1", ports["port"])):
         assert run_doctor([]) == 1
         assert f"!!  ports     {ports['port']} of" in capsys.readouterr().out
@@ -302,8 +303,12 @@ def test_doctor_names_as_many_saved_runs_as_there_are(
     for number in range(BEFORE + 5):
         make_room(saved_runs_folder())
         (saved_runs_folder() / f"{number}.jsonl").write_text("a run")
-    run_doctor([])
-    assert f"the last {len(list(saved_runs_folder().glob('*')))} are saved in" in capsys.readouterr().out
+        if number in (0, 2, BEFORE + 4):
+            run_doctor([])
+            count = counted(len(list(saved_runs_folder().glob("*"))), "run")
+            assert (
+                f"{count} saved in {saved_runs_folder()}, of at most {BEFORE + 1}" in capsys.readouterr().out
+            )
 
 
 @pytest.mark.parametrize(("columns", "told"), [("300", "!!"), ("90", "ok"), ("", "ok")])
@@ -354,6 +359,7 @@ def test_doctor_says_which_extras_of_the_package_are_missing(
 ) -> None:
     project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text("utf-8"))["project"]
     extras = set(project["optional-dependencies"]) - {"dev", "docs", "release", "test"}
+    extras -= {"sketch"}  # a compiler of the system does as well: the line before says which
     for there in (True, False):
         monkeypatch.setattr(
             "simmer_tui.cli.machine_commands.find_spec", lambda name, there=there: there or None

@@ -61,6 +61,13 @@ def test_a_team_may_say_how_its_program_talks(check: Callable[..., SubmissionChe
     assert found.configuration.settings.server.listeners == ("dialect", "binary")
 
 
+def test_a_wiring_is_refused_by_name(check: Callable[..., SubmissionCheck], tmp_path: Path) -> None:
+    (tmp_path / "team" / "config").mkdir(parents=True)
+    (tmp_path / "team" / "config" / "wiring.toml").write_text("[boards]\n", "utf-8")
+    (problem,) = check(DIALECT, dialects=True).problems
+    assert str(problem).startswith("wiring.toml: a grading runs programs and no boards")
+
+
 def test_without_that_it_is_refused(check: Callable[..., SubmissionCheck]) -> None:
     found = check(DIALECT, dialects=False)
     assert found.configuration is None

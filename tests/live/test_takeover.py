@@ -26,7 +26,7 @@ from simmer_tui.run.mission import Referee, plan_run
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import State, checkpoint_of
 from simmer_tui.runlog.index import EntryFlag, RunLogIndex
-from simmer_tui.runlog.log_records import ActionRecord, AnswerRecord, MoveRecord
+from simmer_tui.runlog.log_records import ActionRecord, AnswerRecord, EndRecord, PlanRecord
 from simmer_tui.runlog.playback import Playback
 from simmer_tui.runlog.rerun import Rerun
 from simmer_tui.runlog.writer import RunLog
@@ -87,7 +87,7 @@ def taken_over(path: Path, moment: LogPoint, log: Path | None = None) -> Iterato
 
 
 def after(index: RunLogIndex, entry: int) -> LogPoint:
-    return moment_of(index, entry, index.over_of(entry))
+    return moment_of(index, entry, index.time_of(entry))
 
 
 @pytest.mark.slow
@@ -97,7 +97,7 @@ def test_what_follows_is_what_followed(tmp_path: Path) -> None:
     with RunLogIndex(path) as index:
         playback = Playback(index)
         for entry in range(0, index.count, 4):
-            state = playback.state_at(entry, index.over_of(entry))
+            state = playback.state_at(entry, index.time_of(entry))
             log = tmp_path / f"{entry}.jsonl"
             with taken_over(path, after(index, entry), log) as server:
                 shown = server.recorder.snapshot().state
@@ -161,8 +161,9 @@ def test_a_run_that_took_over_another_can_be_taken_over_too(tmp_path: Path) -> N
     path = tmp_path / "run.jsonl"
     logged = mission_log(path)
     with RunLogIndex(path) as index:
-        moved = [i for i in range(index.count) if isinstance(index.record(i), MoveRecord)][2]
-        moments = [moment_at(index, (index.time_of(moved) + index.over_of(moved)) / 2), after(index, moved)]
+        begins = [i for i in range(index.count) if isinstance(index.record(i), PlanRecord)][2]
+        ends = next(i for i in range(begins, index.count) if isinstance(index.record(i), EndRecord))
+        moments = [moment_at(index, (index.time_of(begins) + index.time_of(ends)) / 2), after(index, ends)]
     for order, moment in enumerate(moments):
         log = tmp_path / f"{order}.jsonl"
         outcomes: list[CommandResult] = []
@@ -358,7 +359,7 @@ def test_a_program_goes_on_from_there(tmp_path: Path, capfd: Any) -> None:
     path, log = tmp_path / "run.jsonl", tmp_path / "new.jsonl"
     logged = mission_log(path)
     with RunLogIndex(path) as index:
-        elapsed = index.over_of(next(i for i in range(index.count) if getattr(index.record(i), "n", 0) == 3))
+        elapsed = index.time_of(next(i for i in range(index.count) if getattr(index.record(i), "n", 0) == 3))
     program = tmp_path / "program.py"
     said = tmp_path / "said"
     program.write_text(

@@ -279,9 +279,9 @@ def test_findings_together_hold_the_error() -> None:
         found = Finding("u1", FindingKind.GAIN, 2.0, 1.9, 2.1, "", 9, Basis.SET, str(probability))
         return Claim(probability, found)
 
-    # Holm: 0.001 times four, 0.003 times three, and then 0.006 times two is more than a hundredth.
-    tests = [made(0.006), made(0.001), made(0.003), Claim(0.5)]
-    assert [each.text for each in kept(tests)] == ["0.001", "0.003"]
+    # Holm: 0.0001 times four, 0.0003 times three, and then 0.0006 times two is more than a thousandth.
+    tests = [made(0.0006), made(0.0001), made(0.0003), Claim(0.5)]
+    assert [each.text for each in kept(tests)] == ["0.0001", "0.0003"]
 
 
 def test_a_sensor_that_misses_everything_by_its_set_is_as_its_set_says(mission: SimulationSpec) -> None:

@@ -26,9 +26,9 @@ def test_of_explanations_of_the_same_those_as_good_as_the_best_are_kept() -> Non
     assert [each.of for each in found] == [("g1",), ("r1",)]
 
 
-def test_all_together_hold_an_error_of_one_in_a_hundred() -> None:
-    assert kept_disagreements([[made("u1", 0.004)], [made("u2", 0.5)]])
-    assert not kept_disagreements([[made("u1", 0.006)], [made("u2", 0.5)]])
+def test_all_together_hold_an_error_of_one_in_a_thousand() -> None:
+    assert kept_disagreements([[made("u1", 0.0004)], [made("u2", 0.5)]])
+    assert not kept_disagreements([[made("u1", 0.0006)], [made("u2", 0.5)]])
 
 
 # -- beliefs ------------------------------------------------------------------------------------------

@@ -462,7 +462,7 @@ def test_a_time_from_elsewhere_does_not_have_a_rerun_drive_for_ever(tmp_path: Pa
 
 @pytest.mark.parametrize(
     ("old", "new"),
-    [('"rate":', '"rate":1e9'), ('"velocity":[', '"velocity":[1e9'), ('"pose":[', '"pose":[1e11')],
+    [('"rate":', '"rate":1e9'), ('"velocity":[', '"velocity":[1e9'), ('"to":[', '"to":[1e11')],
 )
 def test_a_leg_out_of_the_maze_is_a_broken_line(tmp_path: Path, old: str, new: str) -> None:
     logged(tmp_path / "run.jsonl")
@@ -507,7 +507,7 @@ def test_a_changed_leg_in_a_log_is_a_difference(tmp_path: Path) -> None:
     logged(tmp_path / "run.jsonl")
     lines = (tmp_path / "run.jsonl").read_text().splitlines()
     place = next(i for i, line in enumerate(lines) if '"kind":"leg"' in line and '"vr--40"' in line)
-    lines[place] = lines[place].replace('"pose":[', '"pose":[1')
+    lines[place] = lines[place].replace('"to":[', '"to":[1')
     (tmp_path / "changed.jsonl").write_text("\n".join(lines) + "\n")
     with Rerun(tmp_path / "changed.jsonl") as rerun:
         for _ in rerun.steps():

@@ -96,7 +96,7 @@ def test_the_replay(stopped: Stopped) -> None:
         assert log.find_previous(log.count, EntryFlag.CONTACT) is None
         playback = Playback(log)
         for entry in range(log.count):
-            assert playback.state_at(entry, log.over_of(entry)).contacts == 0
+            assert playback.state_at(entry, log.time_of(entry)).contacts == 0
 
 
 PROGRAM = """

@@ -35,7 +35,7 @@ from simmer_tui.run.mission import MissionState, Referee, environment, mission_s
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import MissionSums, checkpoint_of
 from simmer_tui.runlog.decode import LogDecoder
-from simmer_tui.runlog.encode import checkpoint_record
+from simmer_tui.runlog.line_form import line_form
 from simmer_tui.runlog.log_records import CheckpointRecord, decode_line, encode_line
 from simmer_tui.sim import Axes, Pose, RobotSpec, Simulator, parse_command
 from simmer_tui.sim.footprint import Footprint
@@ -213,7 +213,7 @@ def test_the_sums_of_a_failed_mission_stand_still_and_come_back_from_a_checkpoin
     assert now.mission is not None
     sums = failed.time, failed.distance, failed.commands, failed.contacts, failed.spent
     assert now.mission.end == MissionSums(*sums)
-    record = decode_line(encode_line(checkpoint_record(now, 0.0)), 1)
+    record = decode_line(encode_line(line_form(CheckpointRecord).record(now)), 1)
     assert isinstance(record, CheckpointRecord)
     assert LogDecoder(game.simulator.spec, now.pose).resume(record).mission == now.mission
 

@@ -34,6 +34,7 @@ from simmer_tui.runlog.header import TakenOver
 from simmer_tui.runlog.run_command import RunCommand
 from simmer_tui.runlog.writer import CHECKPOINT_EVERY, ReplayedPrefix, RunLog
 from simmer_tui.sim import GripperSpec, Pose, Simulator, Status, WheelLayout, WheelsSpec, parse_command
+from simmer_tui.sim.records import Grip
 from simmer_tui.sim.sensors.lidar import Lidar, LidarSpec
 
 DOCUMENTS = [Path(__file__).parents[2] / "docs" / name for name in ("run-log.md", "run-log-others.md")]
@@ -78,8 +79,8 @@ def other_log(path: Path, configuration: Any, motion: str) -> None:
             return
         begun = simulator.begin(parse_command("d1--20", "x"))
         assert simulator.trajectory is not None
-        log(MovementPlanned(begun.number, begun.time, begun.command, simulator.trajectory))
-        log(MovementPlanned(begun.number, begun.time, begun.command, simulator.trajectory))
+        for time in (begun.time, begun.time + 0.05):
+            log(MovementPlanned(begun.number, time, begun.command, simulator.trajectory))
         simulator.advance(simulator.time + 0.1)
         simulator.stop()
         ended = simulator.finish(begun)
@@ -87,13 +88,12 @@ def other_log(path: Path, configuration: Any, motion: str) -> None:
         number, time, command, went = ended.number, ended.time, ended.command, simulator.last_trajectory
         log(MovementEnded(number, time, command, went, ended.pose, "xx from x"))
         stop = structs.replace(parse_command("xx", "packets"), stops=True)
-        log(structs.replace(simulator.begin(stop), taken=-1.0, link=0.1))
+        moving = {"before": Pose(1.0, 2.0, 3.0), "pose": Pose(2.0, 2.0, 3.0), "taken": -1.0, "link": 0.1}
+        grip = Grip(1.0, True, True, Pose(1.0, 2.0, 3.0))
+        log(structs.replace(simulator.begin(stop), grip=grip, **moving))
+        moving["pose"] = Pose(3.0, 2.0, 3.0)
         reading = simulator.begin("u1")
-        log(
-            structs.replace(
-                reading, taken=-1.0, link=0.1, command=structs.replace(reading.command, source="x")
-            )
-        )
+        log(structs.replace(reading, command=structs.replace(reading.command, source="x"), **moving))
         log(large_belief(0.0))
         log(large_belief(0.1))
         log(TwinReading(simulator.time, parse_command("u1", "console"), "u1", 3.0, float("nan")))

@@ -188,7 +188,7 @@ def test_the_state_at_each_entry_is_that_of_the_events_till_then(random_run: Cal
             for each in told:
                 if each.line == entry + 2:
                     reducer.apply(each.event)
-            same_state(reducer.at(), playback.state_at(entry, log.over_of(entry)))
+            same_state(reducer.at(), playback.state_at(entry, log.time_of(entry)))
 
 
 def test_a_belief_told_long_ago_holds_until_the_robot_is_put_elsewhere(start_run: Any) -> None:

@@ -53,7 +53,7 @@ def test_small_grids_are_logged_whole_and_read_back_as_they_were(start_run: Star
     run = start_run()
     told = [believe(run, number, SMALL) for number in range(5)]
     run.send("d1-1")
-    assert kinds(run) == [*["cells"] * 5, "move"]
+    assert kinds(run) == [*["cells"] * 5, "plan", "end"]
     with LogReader(run.path) as reader:
         read = [each for each in events_of(reader) if isinstance(each, Belief)]
     assert [each.grid for each in read] == told
@@ -85,7 +85,7 @@ def test_the_last_large_grid_before_a_movement_and_the_end_keeps_its_cells(start
     again = [line for line in lines if line.get("again")]
     assert [line["grid"]["best"] for line in again] == [[0, 0, 3], [0, 2, 0]]
     assert all("log8" in line["grid"] for line in again)
-    assert kinds(run)[4:7] == ["read", "cells again", "move"]
+    assert kinds(run)[4:8] == ["read", "cells again", "plan", "end"]
 
 
 def test_what_was_left_out_is_left_out_of_no_number(start_run: StartRun) -> None:
@@ -117,13 +117,13 @@ def test_a_replay_shows_the_newest_cells_that_the_log_has(start_run: StartRun) -
     with RunLogIndex(run.path) as index:
         playback = Playback(index)
         for entry in range(index.count):
-            belief = playback.state_at(entry, index.over_of(entry)).belief
+            belief = playback.state_at(entry, index.time_of(entry)).belief
             assert belief is not None
             assert belief.grid is not None
             assert belief.grid.best == told[min(entry, 3)].best
             assert belief.grid.cells == (told[0] if entry < 5 else told[3]).cells
         # From far away too.
-        other = Playback(index).state_at(2, index.over_of(2)).belief
+        other = Playback(index).state_at(2, index.time_of(2)).belief
         assert other is not None
         assert other.grid is not None
         assert (other.grid.best, other.grid.cells) == (told[2].best, told[0].cells)

@@ -23,8 +23,8 @@ from simmer_tui.runlog.log_records import (
     BrokenLine,
     CheckpointRecord,
     EndRecord,
+    LegEndRecord,
     LegRecord,
-    MoveRecord,
     NoticeRecord,
     PlanRecord,
     ReadingRecord,
@@ -43,8 +43,6 @@ def read_through(path: Path) -> tuple[list[Any], list[float]]:
         if isinstance(entry, ActionRecord) and entry.action.restarts and not entry.refused:
             clock.restart(entry.t)
         times.append(clock.advance(entry.t))
-        if isinstance(entry, MoveRecord):
-            clock.advance(entry.end)
     return entries, times
 
 
@@ -54,8 +52,6 @@ def wanted(line: Any) -> EntryFlag:
             return EntryFlag.BROKEN
         case ReadingRecord() | PlanRecord():
             return EntryFlag.COMMAND
-        case MoveRecord():
-            return EntryFlag.COMMAND | (EntryFlag.CONTACT if line.contact else EntryFlag(0))
         case EndRecord():
             return EntryFlag.OTHER | (EntryFlag.CONTACT if line.contact else EntryFlag(0))
         case AnswerRecord(status=Status.ACCEPTED) | NoticeRecord():
@@ -86,7 +82,7 @@ def test_the_index_agrees_with_reading_through(
         assert [log.record(i) for i in range(log.count)] == entries
         assert [log.flags_of(i) for i in range(log.count)] == [wanted(entry) for entry in entries]
         assert [log.time_of(i) for i in range(log.count)] == times
-        assert log.duration == max(times[-1], log.over_of(log.count - 1))
+        assert log.duration == max(times[-1], log.time_of(log.count - 1))
 
 
 def test_a_log_written_again_by_another_program_reads_the_same(varied_log: Path, tmp_path: Path) -> None:
@@ -150,7 +146,7 @@ def test_a_growing_log_is_followed_line_by_line(start_run: Any) -> None:
     with RunLogIndex(run.path) as log:
         assert (log.count, log.note) == (0, "")
         run.send("u1", "d1-3")
-        assert log.refresh() == 2
+        assert log.refresh() == 3
         assert log.refresh() == 0
         whole = run.path.read_bytes()
         run.send("u1")
@@ -161,7 +157,7 @@ def test_a_growing_log_is_followed_line_by_line(start_run: Any) -> None:
         run.path.write_bytes(whole + line)
         assert log.refresh() == 1
         assert log.note == ""
-        entry = log.record(2)
+        entry = log.record(3)
         assert isinstance(entry, ReadingRecord)
         assert entry.n == 3
 
@@ -216,16 +212,16 @@ def test_what_people_do_shows_in_the_state(start_run: Any) -> None:
         playback = Playback(log)
         block = playback.state_at(1).block
         assert (block.x, block.y, block.heading) == (25.0, 41.0, 0.0)
-        state = playback.state_at(3)
+        state = playback.state_at(4)
         assert state.belief is not None
         assert state.belief.pose.x - state.belief.true.x == pytest.approx(2.0)
-        state = playback.state_at(5)
+        state = playback.state_at(6)
         assert (state.block.x, state.block.y) == (30.0, 45.0)
         assert tuple(state.trail[0]) == (30.0, 42.0)
-        state = playback.state_at(6)
+        state = playback.state_at(8)
         assert (state.pose, state.block.x, state.block.y) == (Pose(9.5, 42.0, 0.0), 25.0, 41.0)
         assert (state.sensors, len(state.trail), state.contacts, state.belief) == ({}, 0, 0, None)
-        assert log.time_of(6) == log.over_of(5)
+        assert log.time_of(8) == log.time_of(7)
 
 
 @pytest.mark.slow
@@ -252,8 +248,8 @@ def test_where_times_count_from_is_known_between_two_resets(start_run: Any) -> N
     run.perform(ActionName.SEED, 3)
     run.send("d1-1", "u1")
     with RunLogIndex(run.path) as log:
-        assert [log.zero_of(i) for i in range(8)] == [0.0] * 2 + [first] * 3 + [first + second] * 3
-        assert [log.time_of(i) for i in (1, 2, 3, 4)] == [first, first, first, first + second]
+        assert [log.zero_of(i) for i in range(11)] == [0.0] * 3 + [first] * 4 + [first + second] * 4
+        assert [log.time_of(i) for i in range(1, 6)] == [*[first] * 4, first + second]
         assert log.duration == pytest.approx(first + second + run.simulator.time)
 
 
@@ -263,8 +259,8 @@ def test_a_compressed_log_is_moved_about_in(start_run: Any, tmp_path: Path) -> N
     packed = tmp_path / "run.jsonl.gz"
     packed.write_bytes(gzip.compress(run.path.read_bytes()))
     with RunLogIndex(run.path) as plain, RunLogIndex(packed) as log:
-        assert log.count == plain.count == 4
-        assert Playback(log).state_at(3).pose == Playback(plain).state_at(3).pose
+        assert log.count == plain.count == 6
+        assert Playback(log).state_at(5).pose == Playback(plain).state_at(5).pose
 
 
 def test_a_leg_that_is_cut_before_its_contact_has_none(start_run: Callable[..., Any]) -> None:
@@ -276,10 +272,12 @@ def test_a_leg_that_is_cut_before_its_contact_has_none(start_run: Callable[..., 
         run.send("vv-0;0;0")
     run.log.close()
     with RunLogIndex(run.path) as log:
-        legs = [(i, line) for i in range(log.count) if isinstance(line := log.record(i), LegRecord)]
-        planned = [i for i, leg in legs if leg.contact is not None]
+        records = [log.record(i) for i in range(log.count)]
+        planned = [each for each in records if isinstance(each, LegRecord) and each.contact is not None]
         assert len(planned) == 2
-        assert log.find_all(EntryFlag.CONTACT) == planned[1:]
+        (touched,) = log.find_all(EntryFlag.CONTACT)
+        assert isinstance(ended := records[touched], LegEndRecord)
+        assert (ended.n, ended.t, ended.contact) == (planned[1].n, planned[1].end, planned[1].contact)
 
 
 def test_contacts_of_continuous_motion_long_before_a_moment_are_known(start_run: Callable[..., Any]) -> None:

@@ -302,7 +302,7 @@ def test_the_events_are_those_that_were_kept(logs: dict[str, Path], name: str) -
 def test_the_index_is_the_one_that_was_kept(logs: dict[str, Path], name: str) -> None:
     with RunLogIndex(logs[name]) as log:
         entries = [
-            [int(log.flags_of(i)), *map(brief, (log.time_of(i), log.over_of(i), log.zero_of(i)))]
+            [int(log.flags_of(i)), *map(brief, (log.time_of(i), log.time_of(i), log.zero_of(i)))]
             for i in range(log.count)
         ]
         found: list[Any] = [log.count, brief(log.duration), log.note, entries]
@@ -393,7 +393,7 @@ def test_the_moments_of_a_replay_are_those_that_were_kept(
             found.append([entry, shown(state)])
         for entry in (-1, 0, 20, 22, 21, 21, *range(log.count - 1, 22, -9), 3):
             found.append([entry, shown(playback.state_at(entry))])
-            found.append([entry, shown(playback.state_at(entry, log.over_of(max(entry, 0))))])
+            found.append([entry, shown(playback.state_at(entry, log.time_of(max(entry, 0))))])
             found.append([entry, shown(playback.state_when(entry, 1.25))])
         told = [*playback.events(20, 29), *playback.events(-3, 2), *playback.events(log.count - 1, 999)]
         found.append([read_back(each) for each in told])

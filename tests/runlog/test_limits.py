@@ -24,10 +24,18 @@ from simmer_tui.run.belief_grid import grid_belief
 from simmer_tui.run.events import ActionName, Belief, Notice, NoticeKind
 from simmer_tui.run.state import checkpoint_of
 from simmer_tui.runlog import reader, saved_runs, writer
-from simmer_tui.runlog.encode import LogEncoder, checkpoint_record
+from simmer_tui.runlog.encode import LogEncoder
 from simmer_tui.runlog.header import FORMAT, Header, TakenOver, parse_header, rebuild
 from simmer_tui.runlog.index import EntryFlag, RunLogIndex
-from simmer_tui.runlog.log_records import BeliefRecord, BrokenLine, NoticeRecord, decode_line, encode_line
+from simmer_tui.runlog.line_form import line_form
+from simmer_tui.runlog.log_records import (
+    BeliefRecord,
+    BrokenLine,
+    CheckpointRecord,
+    NoticeRecord,
+    decode_line,
+    encode_line,
+)
 from simmer_tui.runlog.playback import Playback
 from simmer_tui.runlog.reader import READS_LARGE, LogReader
 from simmer_tui.runlog.saved_runs import SavedRun, last_run, make_room, saved_runs_folder
@@ -268,7 +276,7 @@ def test_the_clock_runs_on_when_the_system_sets_its_own_back(monkeypatch: pytest
 
 @pytest.mark.parametrize(("shape", "whole"), [((40, 50, 1), True), ((29, 69, 1), False), ((20, 25, 4), True)])
 def test_grids_of_2000_states_are_logged_whole(shape: tuple[int, int, int], whole: bool) -> None:
-    encoder, here = LogEncoder(False, lambda: (0, 0.0)), Pose(50.0, 20.0, 0.0)
+    encoder, here = LogEncoder((50.0, 20.0, 0.0), lambda: (0, 0.0)), Pose(50.0, 20.0, 0.0)
     grid = grid_belief(np.full(shape, 0.1), (0.0, 0.0, 96.0, 48.0), 0.0, here)
     cells = []
     for time in (3.0, 3.0, 3.25, 3.4989, 3.499, 3.75, 3.9981, 2.0, 2.4):
@@ -422,8 +430,8 @@ def test_the_line_that_is_cut_off_is_named(start_run: StartRun) -> None:
         assert log.note == "line 3, the last, is cut off and was skipped"
         assert log.position == run.path.stat().st_size - 7
         with run.path.open("ab") as file:
-            file.write(b':"cut","t":0}\n{"kind":"cut","t":0}\n')
-        assert [type(record).__name__ for _, record in log.lines()] == ["LegCutRecord"] * 2
+            file.write(b':"wire","t":0,"data":""}\n{"kind":"wire","t":0,"data":""}\n')
+        assert [type(record).__name__ for _, record in log.lines()] == ["WireRecord"] * 2
         assert log.note == ""
 
 
@@ -433,9 +441,9 @@ def test_events_come_in_blocks_of_64_or_of_a_quarter_of_a_megabyte(start_run: St
     while run.simulator.commands < 50:
         run.loop.run_until(run.loop.now)
     with LogReader(run.path) as log:
-        assert [len(block) for block in log.blocks()] == [66, 66, 18]
+        assert [len(block) for block in log.blocks()] == [64, 65, 21]
     with LogReader(run.path) as log:
-        assert [len(block) for block in log.blocks(4)][:3] == [6, 6, 6]
+        assert [len(block) for block in log.blocks(4)][:3] == [4, 5, 4]
     long = json.dumps({"kind": "notice", "t": 0, "about": "fault", "text": ""})
     header = run.path.read_text().splitlines()[0]
     text = long.replace('"text": ""', f'"text": "{"x" * (2**17 - len(long) - 1)}"')
@@ -545,7 +553,7 @@ def test_cells_of_a_grid_are_sought_in_500_beliefs(start_run: StartRun, without:
     run.engine.tell(Notice(NoticeKind.FAULT, ""))
     header, belief, bare, notice = run.path.read_text().splitlines()
     # Beliefs are recalled from before a checkpoint.
-    summary = encode_line(checkpoint_record(checkpoint_of(run.simulator), 0.0)).decode().strip()
+    summary = encode_line(line_form(CheckpointRecord).record(checkpoint_of(run.simulator))).decode().strip()
     run.path.write_text("\n".join([header, belief, *[bare] * without, summary, *[notice] * 1500]) + "\n")
     with RunLogIndex(run.path) as log:
         found = Playback(log).state_at(log.count - 1).belief
@@ -563,31 +571,21 @@ def results(path: Path, *added: dict[str, Any]) -> list[CommandResult]:
     return [each for each in events if isinstance(each, CommandResult)]
 
 
-def test_the_last_16_movements_may_be_answered_late(start_run: StartRun) -> None:
-    run = start_run(timed=True, answer_at_end=False)
-    for _ in range(17):
-        run.send("d1-0.3")
-        run.loop.run_until(run.loop.now + 0.1)
-    run.log.close()
-    answer = {"kind": "answer", "t": run.simulator.time, "cmd": "d1-0.3", "reply": "inf", "status": "done"}
-    late = results(run.path, *({**answer, "n": number} for number in (1, 2, 17)))[-3:]
-    assert [each.trajectory is None for each in late] == [True, False, False]
-    assert late[1].pose.x < late[2].pose.x
-
-
-def test_the_last_16_legs_are_known_to_late_answers(start_run: StartRun) -> None:
+def test_a_reply_without_a_pose_is_from_where_the_line_before_left_the_robot(start_run: StartRun) -> None:
     run = start_run()
-    for number in range(18):
-        run.send(f"vx-{1 + number % 2}", "wt-0.1")
+    run.send("d1-0.3")
     run.log.close()
-    # A leg that another replaces at once lasts no time.
-    starts = sorted({line["t"] for line in lines(run.path) if line["kind"] == "leg"})
-    reading = {"kind": "read", "n": 99, "cmd": "u1", "reply": 1.0, "t": 1.8}
-    # The last of the legs is under way.
-    taken = [starts[index] + 0.01 for index in (-18, -17, -16)]
-    late = results(run.path, *({**reading, "taken": time} for time in taken))[-3:]
-    # Of a leg before them only the end of the latest is known.
-    assert late[1].before.x < late[2].before.x < late[0].before.x
+    there = run.simulator.pose
+    reading = {"kind": "read", "n": 2, "cmd": "u1", "reply": 1.0, "t": run.simulator.time}
+    moving = {**reading, "pose": [20.0, 41.0, 3.0], "before": [19.0, 41.0, 3.0]}
+    answer = {**reading, "kind": "answer", "status": "done"}
+    found = results(run.path, reading, moving, answer, {**answer, "pose": [21.0, 41.0, 3.0]})[-4:]
+    assert [(each.before, each.pose) for each in found] == [
+        (there, there),
+        (Pose(19.0, 41.0, 3.0), Pose(20.0, 41.0, 3.0)),
+        (Pose(20.0, 41.0, 3.0),) * 2,
+        (Pose(21.0, 41.0, 3.0),) * 2,
+    ]
 
 
 # -- the header ------------------------------------------------------------------------------------------

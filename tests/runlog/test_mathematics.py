@@ -104,21 +104,21 @@ def test_a_log_of_another_machine_is_compared_but_for_rounding(
 def test_only_what_is_off_by_more_than_rounding_differs(
     varied_log: Path, capsys: pytest.CaptureFixture[str], off: float, code: int
 ) -> None:
-    pose = json.loads(varied_log.read_text().splitlines()[9])["pose"]
-    edit(varied_log, 10, pose=[pose[0] + off, *pose[1:]])
+    pose = json.loads(varied_log.read_text().splitlines()[10])["pose"]
+    edit(varied_log, 11, pose=[pose[0] + off, *pose[1:]])
     assert run_rerun([str(varied_log)]) == 1
     edit(varied_log, 1, mathematics="0123456789abcdef")
     capsys.readouterr()
     assert run_rerun([str(varied_log)]) == code
     out = capsys.readouterr().out
-    assert ("line 10, command 'd1-3': pose is" in out) == bool(code)
+    assert ("line 11, command 'd1-3': pose is" in out) == bool(code)
     assert ("from there on the runs differ" in out) == bool(code)
 
 
 def test_what_is_no_number_must_be_the_same(varied_log: Path) -> None:
     edit(varied_log, 1, mathematics="0123456789abcdef")
     assert run_rerun([str(varied_log)]) == 0
-    edit(varied_log, 11, status="busy")
+    edit(varied_log, 12, status="busy")
     assert run_rerun([str(varied_log)]) == 1
 
 

@@ -24,8 +24,9 @@ from simmer_tui.runlog.log_records import (
     AnswerRecord,
     BeliefRecord,
     BrokenLine,
-    MoveRecord,
+    EndRecord,
     NoticeRecord,
+    PlanRecord,
     ReadingRecord,
     decode_line,
 )
@@ -36,7 +37,15 @@ from tests.runlog.conftest import StartRun
 def test_every_kind_of_line_comes_back(varied_log: Path) -> None:
     with LogReader(varied_log) as log:
         kinds = {type(line) for _, line in log.lines()}
-    assert kinds == {ActionRecord, AnswerRecord, BeliefRecord, MoveRecord, NoticeRecord, ReadingRecord}
+    assert kinds == {
+        ActionRecord,
+        AnswerRecord,
+        BeliefRecord,
+        EndRecord,
+        NoticeRecord,
+        PlanRecord,
+        ReadingRecord,
+    }
 
 
 def test_a_log_that_grows_is_read_on_with_the_numbers_of_its_lines(varied_log: Path, tmp_path: Path) -> None:
@@ -133,8 +142,8 @@ NO_LOGS = {
         b'{"t":0,"kind":"header","format":4,"program":"9.9"}\n',
         "format 4, written by simmer-tui 9.9",
     ),
-    "first": (b'{"t":0,"kind":"header","format":1,"program":"0.1"}\n', r"reads format 3: log the run again"),
-    "fields": (b'{"kind":"header","format":3}\n', "the header is broken: Object missing required field"),
+    "first": (b'{"t":0,"kind":"header","format":2,"program":"0.1"}\n', r"reads format 1: log the run again"),
+    "fields": (b'{"kind":"header","format":1}\n', "the header is broken: Object missing required field"),
     "torn": (b'{"kind":"header","t":', "cut off within its first line"),
 }
 

@@ -23,13 +23,13 @@ from simmer_tui.errors import RunLogError
 from simmer_tui.links.belief_parser import parse_belief
 from simmer_tui.run.events import NoticeKind
 from simmer_tui.runlog.encode import LogEncoder
+from simmer_tui.runlog.line_form import NUMBER_FORM
 from simmer_tui.runlog.log_records import (
     AnswerRecord,
     BeliefRecord,
     ReadingRecord,
     decode_line,
     encode_line,
-    logged_number,
     packed_particles,
     unpacked_particles,
 )
@@ -53,7 +53,7 @@ def same(a: float, b: float) -> bool:
 
 @given(st.floats())
 def test_numbers_read_back_to_the_last_bit(value: float) -> None:
-    line = encode_line(ReadingRecord(0.0, n=1, command="u1", reply=logged_number(value)))
+    line = encode_line(ReadingRecord(0.0, n=1, command="u1", reply=NUMBER_FORM.written(value)))
     record = decode_line(line, 2)
     assert isinstance(record, ReadingRecord)
     assert same(value, float(record.reply))
@@ -93,7 +93,7 @@ def test_particles_read_back_as_they_came_in(
 def test_any_text_of_a_client_reads_back(text: str) -> None:
     pose = Pose(1.0, 2.0, 3.0)
     outcome = CommandResult(1, 0.0, Command(text), Status.REFUSED, math.nan, pose, pose, text)
-    [record] = LogEncoder(True, lambda: (0, 0.0)).records(outcome, 1.0)
+    [record] = LogEncoder((1.0, 2.0, 3.0), lambda: (0, 0.0)).records(outcome, 1.0)
     written = encode_line(record)
     assert written.isascii()
     assert written.index(b"\n") == len(written) - 1
@@ -105,7 +105,7 @@ def test_any_text_of_a_client_reads_back(text: str) -> None:
 def test_the_header_says_what_ran(start_run: Any, configuration: Any) -> None:
     run = start_run()
     [header] = lines(run.path)
-    assert (header["kind"], header["format"], header["program"]) == ("header", 3, __version__)
+    assert (header["kind"], header["format"], header["program"]) == ("header", 1, __version__)
     assert header["seed"] == 7
     assert set(header["files"]) == {"maze.csv", "robot.csv", "sensors.csv", "drive.csv", "settings.toml"}
     for name, text in header["files"].items():
@@ -116,7 +116,7 @@ def test_the_header_says_what_ran(start_run: Any, configuration: Any) -> None:
 
 def test_every_line_is_in_the_file_at_once(start_run: Any) -> None:
     run = start_run()
-    for count, text in enumerate(("u1", "d1-2", "zz", "i1"), 2):
+    for count, text in ((2, "u1"), (4, "d1-2"), (5, "zz"), (6, "i1")):
         run.send(text)
         data = run.path.read_bytes()
         assert data.endswith(b"\n")
@@ -127,13 +127,14 @@ def test_lines_hold_what_the_simulator_said(start_run: Any) -> None:
     run = start_run()
     run.send("u1", "i1", "d1-60", "zz")
     outcomes: list[Any] = [event for event in run.events if isinstance(event, CommandResult)]
-    reading, line_reading, movement, unknown = lines(run.path)[1:]
+    reading, line_reading, plan, movement, unknown = lines(run.path)[1:]
     assert reading["reply"] == outcomes[0].reply
     assert reading["true"] == outcomes[0].reading.true
     assert line_reading["true"] == outcomes[1].reading.true
     pose, contact = outcomes[2].pose, outcomes[2].contact
     assert movement["pose"] == [pose.x, pose.y, pose.heading]
-    assert (movement["t"], movement["end"]) == (outcomes[2].taken, outcomes[2].time)
+    assert (plan["t"], movement["begin"]) == (outcomes[2].taken,) * 2
+    assert (movement["begin"], movement["t"]) == (outcomes[2].taken, outcomes[2].time)
     assert movement["contact"]["point"] == list(contact.point)
     assert movement["contact"]["t"] == contact.time
     assert (unknown["status"], unknown["reply"]) == ("unknown", "nan")

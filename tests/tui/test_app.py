@@ -527,6 +527,8 @@ def test_the_palette_holds_every_order_word_for_word_and_does_it(fly: Fly) -> No
     "size", [(80, 24), *(pytest.param(each, marks=pytest.mark.slow) for each in ((120, 36), (200, 60)))]
 )
 def test_the_palette_leaves_most_of_the_maze_to_be_seen(fly: Fly, size: tuple[int, int]) -> None:
+    """It hides the events, and neither sensors nor answers."""
+
     async def scenario(cockpit: Cockpit) -> None:
         await cockpit.pilot.press("ctrl+p")
         await cockpit.until(lambda: cockpit.app.screen.query("OptionList").first().option_count)
@@ -535,6 +537,9 @@ def test_the_palette_leaves_most_of_the_maze_to_be_seen(fly: Fly, size: tuple[in
         palette = cockpit.app.screen
         for box in (palette.query_one("#--container"), palette.query_one("#--results")):
             assert maze.intersection(box.region).area <= 0.4 * maze.area
+            for name in ("sensors", "answer"):
+                panel = cockpit.app.screen_stack[0].query_one(f"#{name}")
+                assert not panel.display or not panel.region.intersection(box.region).area, name
             assert box.region.bottom <= size[1]
 
     fly(scenario, size=size)

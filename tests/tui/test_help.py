@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 from msgspec.structs import replace
+from rich.cells import cell_len
 
 from simmer_tui.config.settings import KeySettings, all_settings
 from simmer_tui.links.port_list import SerialPort
@@ -13,9 +14,13 @@ from simmer_tui.live.operating.orders import CONSOLE_COMMANDS
 from simmer_tui.sim.specs import GripperSpec, SimulationSpec
 from simmer_tui.tui.app import SimmerApp
 from simmer_tui.tui.console import _ConsoleInput
-from simmer_tui.tui.help import folded, help_text, replay_help
+from simmer_tui.tui.help import PAGE_FRAME, folded, help_text, key_settings, replay_help
+from simmer_tui.tui.help_page import HelpPage, robot_cells
 from simmer_tui.tui.key_table import ANYWHERE, IN_LOG, MazePane
 from simmer_tui.tui.log_panel import LogPanel
+from simmer_tui.tui.maze.painter import Painter
+from simmer_tui.tui.terminal import ColorDepth, GlyphMode
+from tests.tui.maze.decoding import robot_cells as robot_cells_of
 
 
 def test_every_key_setting_is_there_with_its_keys(course_spec: SimulationSpec) -> None:
@@ -111,3 +116,40 @@ def test_the_palette_shows_names_of_ports_as_they_are(fly: Any, monkeypatch: pyt
         await cockpit.until(lambda: described in shown() and ":robot /dev/[/x" in shown())
 
     fly(scenario)
+
+
+@pytest.mark.parametrize("glyphs", [GlyphMode.QUADRANT, GlyphMode.HALF, GlyphMode.ASCII])
+def test_the_first_screen_has_robot_codes_signs_and_keys(
+    glyphs: GlyphMode, course_spec: SimulationSpec
+) -> None:
+    """At 120 x 36 all of it; at 80 x 24 the robot, the codes and the signs first."""
+    painter = Painter(glyphs, ColorDepth.NONE if glyphs is GlyphMode.ASCII else ColorDepth.TRUECOLOR)
+    page = HelpPage(key_settings(KeySettings()), course_spec, painter)
+    wide, narrow = (page.text(columns - PAGE_FRAME).plain.split("\n") for columns in (120, 80))
+    assert len(wide) <= 36 - 2
+    assert all(cell_len(row) <= 120 - PAGE_FRAME for row in wide)
+    assert all(cell_len(row) <= 80 - PAGE_FRAME for row in narrow)
+    first = "\n".join(narrow[: 24 - 2])
+    for text in ("\n".join(wide), first):
+        for sensor in course_spec.sensors:
+            assert sensor.code in text, sensor.code
+        assert "time of flight" in text
+        assert "its spread" in text
+    for name, keys, _ in key_settings(KeySettings()):
+        assert any(keys in row for row in wide), name
+    assert glyphs is not GlyphMode.ASCII or "".join(wide).isascii()
+
+
+def test_the_robot_of_the_help_is_three_times_as_large_with_a_code_at_each_place(
+    course_spec: SimulationSpec,
+) -> None:
+    painter = Painter(GlyphMode.QUADRANT, ColorDepth.TRUECOLOR)
+    cells = robot_cells(course_spec, painter)
+    text = [cells.text(row) for row in range(cells.shape[0])]
+    assert robot_cells_of(cells, painter).any(axis=0).sum() >= 14
+    # Front up: u1 looks up, u3 back, u2 to the front left.
+    rows = {
+        code: next(row for row, line in enumerate(text) if code in line) for code in ("u1", "u3", "o3", "o4")
+    }
+    assert rows["u1"] < 5 < 10 < rows["u3"]
+    assert text[rows["o3"]].index("o3") < 12 < 20 < text[rows["o4"]].index("o4")

@@ -47,7 +47,13 @@ AT = """
   for (const t of TIMES) {
     slider.value = t;
     slider.dispatchEvent(new Event("input"));
-    const picture = [...document.querySelectorAll(".live *")].map(drawn).filter(Boolean);
+    const isTrail = (each) => each.matches(".trail, :has(> .trail)");
+    const others = [...document.querySelectorAll(".live *")].filter((each) => !isTrail(each));
+    const picture = others.map(drawn).filter(Boolean);
+    // The report's player has the path in parts, a colour each: a part begins where the one before ends.
+    const trails = [...document.querySelectorAll(".live .trail")].map((each) => each.getAttribute("d"));
+    const parts = trails.filter(Boolean);
+    picture.push(parts.map((each, i) => (i ? each.replace(/^M[^L]*/, "") : each)).join(""));
     shown.push([picture, text(".words"), text(".happened"), text(".now .chips")]);
   }
   return shown;

@@ -1,6 +1,7 @@
 """Orders: what people may type or choose. Commands go to the robot; orders start with a colon."""
 
 import difflib
+import re
 from collections.abc import Callable, Sequence
 
 from msgspec import Struct
@@ -145,6 +146,19 @@ def _file(order: OrderSpec, words: Sequence[str]) -> ConsoleCommand:
     return Local(order.name, " ".join(words))
 
 
+_ESCAPES = {"n": "\n", "r": "\r", "t": "\t", "\\": "\\"}
+
+
+def _text(order: OrderSpec, words: Sequence[str]) -> ConsoleCommand:
+    """Text for a line of bytes, as typed; quotes around it are left out, and \\n is a line end."""
+    text = " ".join(words)
+    if len(text) > 1 and text[0] == text[-1] and text[0] in "\"'":
+        text = text[1:-1]
+    if not text:
+        raise ConsoleCommandError("takes a text")
+    return Local(order.name, re.sub(r"\\([nrt\\])", lambda found: _ESCAPES[found[1]], text))
+
+
 def _svg(order: OrderSpec, words: Sequence[str]) -> ConsoleCommand:
     chosen = _file(order, words)
     # An SVG that is called `maze.png` opens nowhere.
@@ -165,6 +179,8 @@ _ORDERS = (
     OrderSpec(":pace N|off", "how fast movements are shown, times real speed", _pace),
     OrderSpec(":vv VX VY OMEGA [T]", "drive so fast, in/s and deg/s, for T (or 1) seconds", _velocity),
     OrderSpec(":stop", "stop the robot", _alone, ActionName.STOP),
+    OrderSpec(":send TEXT", "send text to the board, as the laptop's program would; \\n ends a line", _text),
+    OrderSpec(":pins [BOARD]", "pins of a board, as its sketch sets them", _code),
     OrderSpec(":pause", "let commands wait", _alone, ActionName.PAUSE),
     OrderSpec(":resume", "continue after a pause", _alone, ActionName.RESUME),
     OrderSpec(":step", "while paused, let one command through", _alone),

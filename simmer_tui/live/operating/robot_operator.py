@@ -106,6 +106,14 @@ class Operator:
             self._block_told = True
             self.hint("drives through the block: motion.block_solid is false")
 
+    def send_text(self, text: str) -> str:
+        """Send text to the board at the laptop's line. Returns an error text if there is none."""
+        link = self._server.board_link
+        if link is None:
+            return "send: no board has a line to a laptop; run a set with one: simmer-tui --sketch DIR"
+        self._server.call(link.send, text.encode("utf-8", "surrogateescape"))
+        return ""
+
     def press(self, name: str, paused: bool) -> str:
         """Do the action of a key: `stop`, `poll`, `reset`, `pause` or `step`. Returns an error text, or an
         empty one."""

@@ -126,7 +126,7 @@ class ProgramTime:
 
     def _connect(self, token: str) -> None:
         host = os.environ.get("SIMMER_HOST", "127.0.0.1")
-        self._sock = socket.create_connection((host, int(os.environ[_PORT])), 10.0)
+        self._sock = _connection(host, int(os.environ[_PORT]))
         self._sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._sock.settimeout(None)
         self._buffer = b""
@@ -265,7 +265,7 @@ class ProgramTime:
             return
         # Another thread may be in the middle of a line.
         try:
-            other = socket.create_connection(self._sock.getpeername()[:2], 10.0)
+            other = _connection(*self._sock.getpeername()[:2])
             self._real_send(other, (_token_line() + line).encode())
             other.close()
         except OSError:
@@ -358,6 +358,13 @@ class ProgramTime:
     def count_received(self, port: int, count: int) -> None:
         """Count bytes from the robot that were received at a port."""
         self.received[port] = self.received.get(port, 0) + count
+
+
+def _connection(host: str, port: int) -> socket.socket:
+    """A connection to a port of the simulator."""
+    # For a name as text Python loads its codec of international names: 4 of the 25 ms of a program's start.
+    name: Any = host.encode() if host.isascii() else host
+    return socket.create_connection((name, port), 10.0)
 
 
 def _token_line() -> str:

@@ -49,7 +49,9 @@ def _host() -> str:
 
 def _connected(timeout: float) -> socket.socket:
     """A connection to the simulator, on which the token has been sent. Raises OSError, ValueError."""
-    sock = socket.create_connection((_host(), int(os.environ[PORT])), timeout)
+    # For a name as text Python loads its codec of international names, which takes milliseconds.
+    host: Any = _host().encode() if _host().isascii() else _host()
+    sock = socket.create_connection((host, int(os.environ[PORT])), timeout)
     token = os.environ.get("SIMMER_TOKEN", "")
     if token:
         sock.sendall(token.encode() + b"\n")

@@ -31,7 +31,7 @@ from simmer_tui.sim.sensors.range_sensors import RangeSensor, RangeSpec
 
 class LidarSpec(RangeSpec, frozen=True, kw_only=True):
     """One row of sensors.csv for a lidar. The defaults are those of a RPLIDAR A1M8, with their sources in
-    docs/sensors.md; `scan_rate` is in revolutions a second."""
+    docs/lidar.md; `scan_rate` is in revolutions a second."""
 
     error: float = 0.01
     min_range: float = 5.9

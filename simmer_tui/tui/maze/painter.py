@@ -209,6 +209,9 @@ def _legend(scene: Scene | None, painter: Painter) -> list[LegendEntry]:
         (scene.past_contacts or None, LegendEntry("×" if blocks else "x", Role.CONTACT, "earlier")),
     )
     shown = [entry for mark, entry in marks if mark is not None]
+    if scene.belief is not None and scene.belief.spread:
+        ring = "⠢⠔" if painter.signs.dotted else chr(painter.signs.line(Role.BELIEF))
+        shown.insert(1, LegendEntry(ring, Role.BELIEF, "spread"))
     # The ground comes early: it has just changed, and the other signs are known already.
     return [robot, *_ground_entries(scene, painter), *shown, *_line_entries(scene, painter)]
 
@@ -236,10 +239,12 @@ def _line_entries(scene: Scene, painter: Painter) -> list[LegendEntry]:
     zones = zones_of(scene)
     rays = len(scene.views) if scene.show_rays else 0
     read_last = min(rays, 0 if scene.scan_is_newest else 1)
+    # Rays come and go with each movement: a legend that followed them would be sent over and over.
+    stays = scene.show_rays and scene.has_readings and not scene.scans
     marks = (
         (Role.TRAIL, "trail", scene.show_trail and len(scene.trail)),
-        (Role.RAY_STRONG, "read last", read_last),
-        (Role.RAY_WEAK, "ray", rays > read_last),
+        (Role.RAY_STRONG, "read last", read_last or stays),
+        (Role.RAY_WEAK, "ray", rays > read_last or stays),
         (Role.LOADING_LINE, "loading", zones.loading.any()),
         (Role.DROP_LINE, "drop", zones.drop.any()),
     )

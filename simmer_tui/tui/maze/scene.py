@@ -80,6 +80,7 @@ class Scene(Struct, frozen=True, kw_only=True, eq=False):
         contact: last place where the robot touched something.
         past_contacts: places where it touched something before that, oldest first.
         heat: grid that the program believes with.
+        has_readings: true if a sensor has been read; a movement makes their views old.
         line_age: seconds since a line sensor was read, None for never.
         loading_zone: middles of its cells, None for those that the maze marks.
         drop_zone: middle of its cell.
@@ -104,6 +105,7 @@ class Scene(Struct, frozen=True, kw_only=True, eq=False):
     belief: BeliefMark | None = None
     heat: HeatMark | None = None
     line_age: float | None = None
+    has_readings: bool = False
     loading_zone: tuple[MazePoint, ...] | None = None
     drop_zone: MazePoint | None = None
     show_trail: bool = True
@@ -191,6 +193,7 @@ def scene_of(
         belief=_belief_mark(state),
         heat=_heat_mark(state),
         line_age=_line_age(state),
+        has_readings=bool(rows),
         loading_zone=tuple((cell.x, cell.y) for cell in zones.loading_zone) if zones is not None else None,
         drop_zone=(zones.drop_zone.x, zones.drop_zone.y) if zones is not None else None,
         show_trail=show_trail,

@@ -1,0 +1,239 @@
+"""wiring.toml, the optional file of a set that says which sketches run on which boards, and what is wired to
+their pins: its tables and their keys.
+
+Lengths are inches. A pin is a number, or an analog name such as "A0".
+"""
+
+import re
+from collections.abc import Mapping
+from itertools import pairwise
+from typing import Any, ClassVar
+
+from simmer_tui.sim.rules import (
+    ChoiceRule,
+    FlagRule,
+    IntegerRule,
+    NumberRule,
+    Rule,
+    TextRule,
+    describe,
+)
+from simmer_tui.sim.values import Value
+
+# The largest number of a pin: D69, which is A15, of a Mega.
+_LARGEST_PIN = 69
+_ANALOG = re.compile(r"A(?:[0-9]|1[0-5])")
+
+
+class PinRule(Rule[int | str], frozen=True):
+    """A pin: its number, or its analog name. A pin that the board does not have is found by its board."""
+
+    allowed: ClassVar[str] = 'a pin such as 9 or "A0"'
+    metavar: ClassVar[str] = "PIN"
+    schema: ClassVar[dict[str, Any]] = {
+        "anyOf": [
+            {"type": "integer", "minimum": 0, "maximum": _LARGEST_PIN},
+            {"type": "string", "pattern": "^([Aa]([0-9]|1[0-5])|[Dd]?[0-9]{1,2})$"},
+        ]
+    }
+
+    def check(self, value: object) -> int | str:
+        if isinstance(value, int) and not isinstance(value, bool) and 0 <= value <= _LARGEST_PIN:
+            return value
+        text = value.strip().upper() if isinstance(value, str) else ""
+        if _ANALOG.fullmatch(text):
+            return text
+        # Boards have it printed as D9 as often as 9.
+        digits = text.removeprefix("D")
+        if re.fullmatch("[0-9]{1,2}", digits) and int(digits) <= _LARGEST_PIN:
+            return int(digits)
+        raise ValueError(self.refusal(value))
+
+
+class KindRule(ChoiceRule, frozen=True):
+    """One of a few words. Known words that cannot be used are refused by name.
+
+    `refused` has, by such a word, what to use instead.
+    """
+
+    refused: Mapping[str, str] = {}
+
+    def refusal(self, value: object) -> str:
+        word = value.strip().lower() if isinstance(value, str) else ""
+        if word in self.refused:
+            return f"{describe(word)} cannot be simulated; {self.refused[word]}"
+        return super().refusal(value)
+
+
+class PointsRule(Rule[tuple[tuple[float, float], ...]], frozen=True):
+    """A curve through at least two points, each two numbers, the first of which rises from point to point."""
+
+    most: int
+    high: float
+    """The largest second number."""
+
+    @property
+    def allowed(self) -> str:
+        return (
+            f"2 to {self.most} points [reading, count], with readings that rise and counts from 0 to "
+            f"{self.high:g}, such as [[0, 1023], [12, 100]]"
+        )
+
+    metavar: ClassVar[str] = "POINTS"
+
+    @property
+    def schema(self) -> dict[str, Any]:
+        point = {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}
+        return {"type": "array", "items": point, "minItems": 2, "maxItems": self.most}
+
+    def check(self, value: object) -> tuple[tuple[float, float], ...]:
+        number, count = NumberRule(), NumberRule(0, self.high)
+        if not isinstance(value, list | tuple) or not 2 <= len(value) <= self.most:
+            raise ValueError(self.refusal(value))
+        points = []
+        for each in value:
+            if not isinstance(each, list | tuple) or len(each) != 2:
+                raise ValueError(self.refusal(each))
+            points.append((number.check(each[0]), count.check(each[1])))
+        if any(later[0] <= point[0] for point, later in pairwise(points)):
+            raise ValueError(self.refusal(value))
+        return tuple(points)
+
+
+def _key(name: str, rule: Rule[Any], meaning: str, unit: str = "", default: object = None) -> Value:
+    return Value(rule, meaning, unit, name, default=default)
+
+
+def _pin(name: str, meaning: str) -> Value:
+    return _key(name, PinRule(), meaning)
+
+
+_NAMES = "uno, nano and mega can"
+_BOARDS = dict.fromkeys(
+    (
+        "esp32",
+        "esp8266",
+        "leonardo",
+        "micro",
+        "due",
+        "teensy",
+        "pico",
+        "uno r4",
+        "uno_r4",
+        "zero",
+        "nano every",
+    ),
+    f"{_NAMES}: most sketches run on one of them as they are",
+)
+_DRIVERS = {
+    "step_dir": "steppers are not there yet: describe the wheel as hbridge, or drive it by a dialect.toml",
+    "servo360": "servos that turn all round are not there yet: describe the wheel as hbridge",
+}
+_LATER_PARTS = dict.fromkeys(
+    ("mpu6050", "vl53l0x", "lcd", "compass", "gyro"),
+    "parts on Wire (I2C) are not there yet: hc-sr04, encoder, line and analog are",
+)
+_BOARD_KEY = _key("board", TextRule(), "name of a board of [boards]")
+
+BOARD_KINDS = ("uno", "nano", "mega")
+"""The kinds of boards."""
+BOARD_TABLE = (
+    _key("sketch", TextRule(), "the sketch: an .ino file or its folder, by path from the set"),
+    _key("board", KindRule(BOARD_KINDS, refused=_BOARDS), "kind of the board"),
+)
+"""The keys of [boards.NAME]: a board and its sketch."""
+LAPTOP = (
+    _BOARD_KEY,
+    _pin("rx", "pin at which the board receives; 0 is its USB port"),
+    _pin("tx", "pin at which the board sends; 1 is its USB port"),
+    _key(
+        "baud", IntegerRule(50, 4_000_000), "bits a second of the laptop's program; else those of the sketch"
+    ),
+)
+"""The keys of [laptop]: the serial line to the laptop's program."""
+ENDPOINT = TextRule()
+WIRE = (
+    _key("from", ENDPOINT, 'pin that sends, with its board: "sensor.1"'),
+    _key("to", ENDPOINT, 'pin that receives, with its board: "rover.0"'),
+)
+"""The keys of [[wires]]: a wire from a pin that sends to one that receives, of another board."""
+DRIVER_PINS: Mapping[str, tuple[Value, ...]] = {
+    "hbridge": (
+        _pin("in1", "hbridge: input that is HIGH forward; pwm2: PWM forward"),
+        _pin("in2", "hbridge: input that is HIGH backward; pwm2: PWM backward"),
+        _pin("en", "hbridge: enable input with the PWM; without it the jumper is on"),
+    ),
+    "shield": (
+        _pin("dir", "shield: direction, HIGH forward"),
+        _pin("pwm", "shield: PWM"),
+        _pin("brake", "shield: brake, HIGH stops"),
+    ),
+    "pwm2": (
+        _pin("in1", "hbridge: input that is HIGH forward; pwm2: PWM forward"),
+        _pin("in2", "hbridge: input that is HIGH backward; pwm2: PWM backward"),
+    ),
+}
+"""The pins of a motor's driver, by its kind."""
+OPTIONAL_PINS = ("en", "brake", "b")
+"""Pins that a driver or part may do without."""
+MOTOR = (
+    _BOARD_KEY,
+    _key("driver", KindRule(tuple(DRIVER_PINS), refused=_DRIVERS), "kind of the motor's driver"),
+    _key("wheel", TextRule(), "wheel of [wheels] in settings.toml that it turns, such as left"),
+    _key("top_speed", NumberRule(0.1, 1000), "rim speed at full duty", "in/s"),
+    _key("dead_band", NumberRule(0, 0.95), "share of full duty that does not turn it", "", 0.1),
+    _key("reversed", FlagRule(), "true if the motor's two wires are swapped", "", False),
+)
+"""The keys of [[motors]], without the pins of their drivers."""
+MOTOR_OPTIONAL = ("dead_band", "reversed")
+PART_KEYS: Mapping[str, tuple[Value, ...]] = {
+    "hc-sr04": (
+        _pin("trig", "hc-sr04: trigger pin"),
+        _pin("echo", "hc-sr04: echo pin"),
+    ),
+    "encoder": (
+        _key("wheel", TextRule(), "encoder: wheel of [wheels] in settings.toml, such as left"),
+        _pin("a", "encoder: pin of channel A"),
+        _pin("b", "encoder: pin of channel B, if it has one; forward, A leads"),
+        _key(
+            *("edges_per_inch", NumberRule(0.01, 10_000)),
+            "encoder: edges on all its pins, rising and falling, in an inch of the rim",
+            "1/in",
+        ),
+    ),
+    "line": (
+        _pin("pin", "line, analog: the pin"),
+        _key("active", ChoiceRule(("high", "low")), "line: level while the sensor reads 1", "", "high"),
+    ),
+    "analog": (
+        _pin("pin", "line, analog: the pin"),
+        # 16 points describe the curve of an infrared distance sensor by its data sheet.
+        _key("points", PointsRule(16, 1023), "analog: curve from the reading to analogRead's count"),
+    ),
+}
+"""The keys of [[sensors]] of each part, without `code`, `board` and `part`."""
+PART_OPTIONAL = ("b", "active")
+PART = (
+    _key("code", TextRule(), "code of the row of sensors.csv; an encoder has none"),
+    _BOARD_KEY,
+    _key("part", KindRule(tuple(PART_KEYS), refused=_LATER_PARTS), "kind of the part"),
+)
+"""The keys of [[sensors]] that every part has."""
+GRIPPER_ANGLES = (
+    _key("open", NumberRule(0, 180), "angle at which the gripper is open", "deg"),
+    _key("closed", NumberRule(0, 180), "angle at which it is closed", "deg"),
+)
+"""The keys of a servo's `gripper`."""
+SERVO = (_BOARD_KEY, _pin("pin", "pin of the servo's signal"))
+"""The keys of [[servos]], without `gripper`."""
+TABLES = ("boards", "laptop", "wires", "motors", "sensors", "servos")
+"""The tables of the file."""
+
+
+def all_keys(table: str) -> tuple[Value, ...]:
+    """The keys of a table of motors or sensors, with those of every driver or part, each once."""
+    base, kinds = (MOTOR, DRIVER_PINS) if table == "motors" else (PART, PART_KEYS)
+    found = {value.name: value for value in base}
+    for values in kinds.values():
+        found |= {value.name: value for value in values if value.name not in found}
+    return tuple(found.values())

@@ -1,0 +1,5 @@
+"""A team's own Arduino sketches in the loop: boards that run them, and what their pins are wired to.
+
+In: a set with a wiring.toml, and the sketches that it names.
+Out: commands of the robot's wheels and gripper, and bytes of the line to the laptop's program.
+"""

@@ -1,0 +1,60 @@
+#include "clock.h"
+
+#include "exchange.h"
+#include "interrupts.h"
+
+namespace board {
+
+Nanoseconds now = 0;
+Nanoseconds boot = 0;
+Nanoseconds waited = 0;
+Nanoseconds next_stop = NEVER;  // before main() nothing is due: constructors of globals take no time
+
+void plan_stop() {
+  next_stop = horizon < next_event() ? horizon : next_event();
+  if (interrupt_waits() && now < next_stop) next_stop = now;
+}
+
+void service() {
+  for (;;) {
+    // First everything that is known outside up to now. So it does not matter how far the last grant went.
+    if (now >= horizon) exchange(Reason::Horizon);
+    apply_events();
+    if (!interrupt_waits()) break;
+    run_interrupt();
+  }
+  plan_stop();
+}
+
+void pass(Nanoseconds duration) {
+  Nanoseconds end = now + duration;
+  while (next_stop <= end) {
+    if (next_stop > now) now = next_stop;
+    const Nanoseconds before = now;
+    service();
+    end += now - before;  // only interrupts take time in there
+  }
+  now = end;
+}
+
+void pass_until(Nanoseconds moment) {
+  while (now < moment) {
+    if (next_stop > moment) {
+      now = moment;
+      return;
+    }
+    if (next_stop > now) now = next_stop;
+    service();
+  }
+}
+
+void pass_until_event(Nanoseconds moment) {
+  const uint64_t seen = events_applied;
+  while (now < moment && events_applied == seen) {
+    Nanoseconds stop = next_stop < moment ? next_stop : moment;
+    if (stop > now) now = stop;
+    if (next_stop <= now) service();
+  }
+}
+
+}  // namespace board

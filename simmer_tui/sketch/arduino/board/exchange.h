@@ -1,0 +1,45 @@
+// The channel to the simulator: standard input and output, before the sketch can use them.
+//
+// The board may not pass its horizon without asking. All numbers are little-endian.
+//
+//   board -> simulator   u64 now, u8 reason, u8 query, u16 count, i32 pin, u32 waited, u32 place; count x Record
+//   simulator -> board   u64 horizon, f64 answer, u32 count, u32 flags; count x Record
+//   Record               u64 time, u8 kind, u8 pin, u16 0, i32 value
+//
+// `waited` is the time spent in delay(), milliseconds. `place` is the address of the last basic block. A grant replaces all events of the one before it.
+#pragma once
+#include <cstdint>
+
+#include "clock.h"
+
+namespace board {
+
+enum class Reason : uint8_t { Horizon = 0, Output = 1, Query = 2, Sent = 3, Full = 4 };
+enum class Query : uint8_t { None = 0, Sonar = 1, Analog = 2, Digital = 3 };
+// Records of the board: a pin's level, a duty, a servo's pulse, a byte that was sent, and what was lost.
+enum class Told : uint8_t { Level = 1, Duty = 2, Servo = 3, Byte = 4, LostEdge = 5, LostByte = 6, Baud = 7, Mode = 8, Edge = 9 };
+// Records of the simulator: an edge of an input, a byte that has arrived.
+enum class Event : uint8_t { Edge = 1, Byte = 2 };
+
+constexpr uint32_t STOP_WHEN_SENT = 0x100;  // flag: the pin in the low byte ends the slice when it sends
+
+struct Record {
+  uint64_t time;
+  uint8_t kind, pin;
+  uint16_t zero;
+  int32_t value;
+};
+static_assert(sizeof(Record) == 16, "as on the channel");
+
+extern Nanoseconds horizon;
+extern uint64_t events_applied;
+extern uint32_t place;  // address of the last basic block of the sketch
+extern uint32_t grant_flags;
+
+void open_channel();
+double exchange(Reason reason, Query query = Query::None, int pin = 0);
+void tell(Told kind, int pin, int value, Nanoseconds time = now);
+Nanoseconds next_event();
+void apply_events();
+
+}  // namespace board

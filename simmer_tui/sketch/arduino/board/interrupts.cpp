@@ -1,0 +1,82 @@
+#include "interrupts.h"
+
+#include "../core/constants.h"
+#include "exchange.h"
+#include "pins.h"
+
+namespace board {
+
+namespace {
+struct Vector {
+  void (*function)();
+  int mode;
+  bool pending;
+};
+Vector vectors[PINS];
+int pending_count = 0;
+bool enabled = true;
+
+void clear(Vector& vector) {
+  if (vector.pending) --pending_count;
+  vector.pending = false;
+}
+}  // namespace
+
+Nanoseconds off_since = NEVER, last_off = NEVER, last_on = 0;
+
+bool interrupts_on() { return enabled; }
+
+void set_interrupts(bool on) {
+  if (on == enabled) return;
+  enabled = on;
+  if (on) {
+    last_off = off_since;
+    last_on = now;
+    off_since = NEVER;
+  } else {
+    off_since = now;
+  }
+  plan_stop();
+}
+
+bool interrupt_waits() { return enabled && pending_count > 0; }
+
+void run_interrupt() {
+  for (int pin = 0; pin < PINS; ++pin) {
+    Vector& vector = vectors[pin];
+    if (!vector.pending) continue;
+    clear(vector);
+    set_interrupts(false);
+    pass(cost::INTERRUPT_ENTRY);
+    if (vector.function) vector.function();
+    pass(cost::INTERRUPT_EXIT);
+    if (vector.mode == LOW && vector.function && !input_level(pin) && !vector.pending) {
+      vector.pending = true;  // a level interrupt comes again as long as the level lasts
+      ++pending_count;
+    }
+    set_interrupts(true);
+    return;
+  }
+}
+
+void attach(int pin, void (*function)(), int mode) {
+  if (pin < 0 || pin >= PINS) return;
+  clear(vectors[pin]);
+  vectors[pin].function = function;
+  vectors[pin].mode = mode;
+}
+
+void note_edge(int pin, bool high) {
+  Vector& vector = vectors[pin];
+  if (!vector.function) return;
+  const bool meant = vector.mode == CHANGE || (vector.mode == RISING) == high;
+  if (!meant) return;
+  if (vector.pending) {
+    tell(Told::LostEdge, pin, static_cast<int>(place));
+    return;
+  }
+  vector.pending = true;
+  ++pending_count;
+}
+
+}  // namespace board

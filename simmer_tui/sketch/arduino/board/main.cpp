@@ -1,0 +1,105 @@
+// The board's start, and its end.
+#include <csignal>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#if defined(__linux__)
+#include <signal.h>
+#include <ucontext.h>
+#endif
+
+#include "../core/Arduino.h"
+#include "clock.h"
+#include "exchange.h"
+#include "pins.h"
+
+__attribute__((weak)) void serialEvent();
+#if defined(SIMMER_MEGA)
+__attribute__((weak)) void serialEvent1();
+__attribute__((weak)) void serialEvent2();
+__attribute__((weak)) void serialEvent3();
+#endif
+
+// Called by the compiler's instrumentation in each basic block of the sketch.
+extern "C" void __sanitizer_cov_trace_pc() {
+  using namespace board;
+  place = static_cast<uint32_t>(reinterpret_cast<uintptr_t>(__builtin_return_address(0)));
+  if (now + cost::BLOCK < next_stop)
+    now += cost::BLOCK;
+  else if (next_stop != NEVER)
+    pass(cost::BLOCK);
+}
+
+namespace {
+#if defined(__linux__)
+// The address at which it died, where that can be had.
+uint32_t fault_address(const void* context) {
+  const mcontext_t& machine = static_cast<const ucontext_t*>(context)->uc_mcontext;
+#if defined(__x86_64__)
+  return static_cast<uint32_t>(machine.gregs[REG_RIP]);
+#elif defined(__aarch64__)
+  return static_cast<uint32_t>(machine.pc);
+#else
+  (void)machine;
+  return 0;
+#endif
+}
+#endif
+
+void report_death(int number, uint32_t address) {
+  // Only what is safe in a signal handler. The simulator finds the line by the addresses.
+  char text[80];
+  const uint32_t clock = static_cast<uint32_t>(board::now / board::MICROSECOND);
+  const int size = avr_snprintf(text, sizeof text, "simmer-board died %d %lu %lu %lu\n", number, address, board::place, clock);
+  std::fwrite(text, 1, static_cast<size_t>(size), stderr);
+  std::fflush(stderr);
+  std::_Exit(3);
+}
+
+#if defined(__linux__)
+void died(int number, siginfo_t*, void* context) { report_death(number, fault_address(context)); }
+void listen_for_death(int number) {
+  struct sigaction action = {};
+  action.sa_sigaction = died;
+  action.sa_flags = SA_SIGINFO;
+  sigaction(number, &action, nullptr);
+}
+#else
+void died(int number) { report_death(number, 0); }
+void listen_for_death(int number) { std::signal(number, died); }
+#endif
+
+// "--drives 5,6,7": the pins of a list, each passed to a function.
+void for_pins(const char* list, void (*mark)(int)) {
+  for (const char* at = list; *at;) {
+    char* end = nullptr;
+    mark(static_cast<int>(std::strtol(at, &end, 10)));
+    at = *end ? end + 1 : end;
+  }
+}
+}  // namespace
+
+int main(int count, char** arguments) {
+  for (int number : {SIGSEGV, SIGFPE, SIGILL, SIGABRT}) listen_for_death(number);
+  for (int at = 1; at + 1 < count; at += 2) {
+    if (!std::strcmp(arguments[at], "--drives")) for_pins(arguments[at + 1], board::mark_driving);
+    if (!std::strcmp(arguments[at], "--triggers")) for_pins(arguments[at + 1], board::mark_trigger);
+    if (!std::strcmp(arguments[at], "--boot")) board::boot = std::strtoull(arguments[at + 1], nullptr, 10);
+    if (!std::strcmp(arguments[at], "--asked")) for_pins(arguments[at + 1], board::mark_asked);
+  }
+  std::signal(SIGINT, SIG_IGN);  // Ctrl-C is for the simulator, which ends its boards
+  board::open_channel();
+  board::now = board::boot;
+  board::exchange(board::Reason::Horizon);
+  setup();
+  for (;;) {
+    loop();
+    board::pass(board::cost::LOOP);
+    if (serialEvent && Serial.available()) serialEvent();
+#if defined(SIMMER_MEGA)
+    if (serialEvent1 && Serial1.available()) serialEvent1();
+    if (serialEvent2 && Serial2.available()) serialEvent2();
+    if (serialEvent3 && Serial3.available()) serialEvent3();
+#endif
+  }
+}

@@ -1,0 +1,161 @@
+#include "pins.h"
+
+#include "../core/Arduino.h"
+#include "exchange.h"
+#include "interrupts.h"
+
+namespace board {
+
+namespace {
+struct Pin {
+  uint8_t mode, level;  // `level` is the output's
+  int16_t duty;         // 1 to 254, or 0 without PWM
+  int8_t outside;       // the world's level; -1 where nothing is connected
+  bool drives, triggers, asked;
+};
+Pin pins[PINS];
+bool prepared = false;
+
+Pin* pin_of(int number) {
+  if (!prepared) {
+    for (Pin& each : pins) each.outside = -1;
+    prepared = true;
+  }
+  return number >= 0 && number < PINS ? &pins[number] : nullptr;
+}
+
+void set_output(int number, Pin& pin, int level, int duty) {
+  if (pin.level == level && pin.duty == duty) return;
+  const bool falls = pin.level == 1 && level == 0 && pin.duty == 0;
+  pin.level = static_cast<uint8_t>(level);
+  pin.duty = static_cast<int16_t>(duty);
+  if (pin.mode != OUTPUT) return;  // the pull-up of an input drives nothing
+  if (duty)
+    tell(Told::Duty, number, duty);
+  else
+    tell(Told::Level, number, level);
+  if (pin.triggers && falls)
+    exchange(Reason::Query, Query::Sonar, number);
+  else if (pin.drives)
+    exchange(Reason::Output);
+}
+}  // namespace
+
+void set_input(int number, int level) {
+  Pin* pin = pin_of(number);
+  if (!pin) return;
+  const int before = input_level(number);
+  pin->outside = static_cast<int8_t>(level);
+  if (before != level) note_edge(number, level != 0);
+}
+
+int input_level(int number) {
+  const Pin* pin = pin_of(number);
+  if (!pin) return LOW;
+  if (pin->outside >= 0) return pin->outside;
+  return pin->mode == INPUT_PULLUP ? HIGH : LOW;
+}
+
+void mark_driving(int pin) { if (Pin* each = pin_of(pin)) each->drives = true; }
+void mark_trigger(int pin) { if (Pin* each = pin_of(pin)) each->triggers = true; }
+void mark_asked(int pin) { if (Pin* each = pin_of(pin)) each->asked = true; }
+
+}  // namespace board
+
+using namespace board;
+
+void pinMode(int number, int mode) {
+  pass(cost::PIN_MODE);
+  Pin* pin = pin_of(number);
+  if (!pin || pin->mode == mode) return;
+  pin->mode = static_cast<uint8_t>(mode);
+  tell(Told::Mode, number, mode);
+  // INPUT after INPUT_PULLUP leaves the output latch low, as the core does.
+  if (mode != OUTPUT) {
+    pin->level = mode == INPUT_PULLUP;
+    pin->duty = 0;
+  } else {
+    tell(Told::Level, number, pin->level);
+  }
+  if (pin->drives) exchange(Reason::Output);
+}
+
+void digitalWrite(int number, int value) {
+  pass(cost::DIGITAL);
+  if (Pin* pin = pin_of(number)) set_output(number, *pin, value ? 1 : 0, 0);
+}
+
+int digitalRead(int number) {
+  pass(cost::DIGITAL);
+  const Pin* pin = pin_of(number);
+  if (!pin) return LOW;
+  if (pin->asked && pin->mode != OUTPUT) return exchange(Reason::Query, Query::Digital, number) != 0.0;
+  return pin->mode == OUTPUT ? pin->level : input_level(number);
+}
+
+void analogWrite(int number, int value) {
+  pass(cost::ANALOG_WRITE);
+  Pin* pin = pin_of(number);
+  if (!pin) return;
+  // analogWrite makes the pin an output, as the core does.
+  if (pin->mode != OUTPUT) {
+    pin->mode = OUTPUT;
+    tell(Told::Mode, number, OUTPUT);
+  }
+  // The compare register has 8 bits: 256 is 0, -1 is 255.
+  const int duty = value & 255;
+  if (value == 0)
+    set_output(number, *pin, 0, 0);
+  else if (value == 255)
+    set_output(number, *pin, 1, 0);
+  else if (digitalPinHasPWM(number))
+    set_output(number, *pin, duty == 255, duty == 255 ? 0 : duty);
+  else
+    set_output(number, *pin, value >= 128, 0);  // no timer: the core writes a level
+}
+
+int analogRead(int number) {
+  const int pin = number < FIRST_ANALOG ? number + FIRST_ANALOG : number;
+  const double value = exchange(Reason::Query, Query::Analog, pin);
+  pass(cost::ANALOG_READ);
+  return static_cast<int>(value);
+}
+
+void analogReference(int) {}
+
+unsigned int pulseIn(int number, int value, unsigned int timeout) {
+  const Pin* pin = pin_of(number);
+  if (!pin) return 0;
+  const Nanoseconds limit = now + timeout * MICROSECOND;
+  const auto wait = [&](bool level) {
+    while ((input_level(number) != 0) != level) {
+      if (now >= limit) return false;
+      pass_until_event(limit);
+    }
+    return true;
+  };
+  if (!wait(!value) || !wait(value)) return 0;
+  const Nanoseconds begin = now;
+  if (!wait(!value)) return 0;
+  return static_cast<unsigned int>((now - begin) / MICROSECOND);
+}
+
+void attachInterrupt(int number, void (*function)(), int mode) { attach(interrupt_pin(number), function, mode); }
+void detachInterrupt(int number) { attach(interrupt_pin(number), nullptr, 0); }
+void interrupts() {
+  set_interrupts(true);
+  if (interrupt_waits()) service();
+}
+void noInterrupts() { set_interrupts(false); }
+void sei() { interrupts(); }
+void cli() { noInterrupts(); }
+
+StatusRegister SREG;
+StatusRegister::operator unsigned char() const { return interrupts_on() ? 0x80 : 0; }
+StatusRegister& StatusRegister::operator=(unsigned char value) {
+  if (value & 0x80)
+    interrupts();
+  else
+    noInterrupts();
+  return *this;
+}

@@ -1,0 +1,112 @@
+#include "port.h"
+
+#include "../core/HardwareSerial.h"
+#include "exchange.h"
+
+namespace board {
+
+namespace {
+constexpr unsigned int QUEUE = 64;   // SERIAL_RX_BUFFER_SIZE; one place stays free
+constexpr int MOST_PORTS = 16;
+constexpr unsigned int BITS = 10;    // start, eight, stop
+Port* ports[MOST_PORTS];
+int port_count = 0;
+
+// What a receiver at one rate samples of a byte at another: in the middle of each of its own bits.
+uint8_t sampled(uint8_t value, unsigned int sent_at, unsigned int read_at) {
+  if (sent_at == read_at) return value;
+  const uint32_t levels = static_cast<uint32_t>(value) << 1;  // bit 0 is the start bit; after bit 8 the line is high
+  uint8_t result = 0;
+  for (unsigned int bit = 0; bit < 8; ++bit) {
+    const uint64_t place = static_cast<uint64_t>(2 * bit + 3) * sent_at / (2ull * read_at);
+    const bool high = place > 8 || (levels >> place & 1u);
+    result = static_cast<uint8_t>(result | (high ? 1u << bit : 0u));
+  }
+  return result;
+}
+}  // namespace
+
+Port::Port(int rx, int tx) : rx_(rx), tx_(tx) {
+  if (port_count < MOST_PORTS) ports[port_count++] = this;
+}
+
+void Port::open(unsigned int baud) {
+  baud_ = baud ? baud : 9600;
+  byte_time_ = BITS * SECOND / baud_;
+  open_ = true;
+  drop_received();
+  tell(Told::Baud, tx_, static_cast<int>(baud_));
+  tell(Told::Baud, rx_, static_cast<int>(baud_));
+  exchange(Reason::Output);  // the simulator must know the rate before the first byte
+}
+
+void Port::shut() { open_ = false; }
+
+int Port::available() {
+  pass(cost::SERIAL_LOOK);
+  return static_cast<int>(head_ - tail_);
+}
+
+int Port::read() {
+  pass(cost::SERIAL_LOOK);
+  return head_ == tail_ ? -1 : queue_[tail_++ % QUEUE];
+}
+
+int Port::peek() {
+  pass(cost::SERIAL_LOOK);
+  return head_ == tail_ ? -1 : queue_[tail_ % QUEUE];
+}
+
+void Port::arrived(uint8_t value, unsigned int baud, Nanoseconds time) {
+  const Nanoseconds took = BITS * SECOND / (baud ? baud : 9600);
+  if (!open_) return;
+  if (!receives(time > took ? time - took : 0) || head_ - tail_ >= QUEUE - 1) {
+    overflow_ = true;
+    tell(Told::LostByte, rx_, static_cast<int>(place));
+    return;
+  }
+  queue_[head_++ % QUEUE] = sampled(value, baud, baud_);
+}
+
+void Port::leave(uint8_t value, Nanoseconds end) {
+  tell(Told::Byte, tx_, value, end);
+  if ((grant_flags & STOP_WHEN_SENT) && static_cast<int>(grant_flags & 0xFF) == tx_) exchange(Reason::Sent);
+}
+
+void receive_byte(int rx, int value, Nanoseconds time) {
+  for (int port = 0; port < port_count; ++port)
+    if (ports[port]->rx() == rx)
+      ports[port]->arrived(static_cast<uint8_t>(value & 0xFF), static_cast<unsigned int>(value) >> 8, time);
+}
+
+}  // namespace board
+
+// -- hardware ports -----------------------------------------------------------------------------------
+
+using namespace board;
+
+size_t HardwareSerial::write(uint8_t value) {
+  pass(cost::SERIAL_WRITE);
+  if (!open_) return 1;
+  // 63 bytes wait behind the one on the line: then the sketch waits too.
+  const Nanoseconds room = 64 * byte_time_;
+  if (free_ > now + room) pass_until(free_ - room);
+  free_ = (free_ > now ? free_ : now) + byte_time_;
+  leave(value, free_);
+  return 1;
+}
+
+int HardwareSerial::availableForWrite() {
+  pass(cost::SERIAL_LOOK);
+  const Nanoseconds waiting = free_ > now && byte_time_ ? (free_ - now) / byte_time_ : 0;
+  return waiting > 63 ? 0 : static_cast<int>(63 - waiting);
+}
+
+void HardwareSerial::flush() {
+  if (free_ > now) pass_until(free_);
+}
+
+HardwareSerial Serial(0, 1);
+#if defined(SIMMER_MEGA)
+HardwareSerial Serial1(19, 18), Serial2(17, 16), Serial3(15, 14);
+#endif

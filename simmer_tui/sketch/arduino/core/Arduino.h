@@ -1,0 +1,108 @@
+// Everything that a sketch has without an #include.
+#pragma once
+
+#include <cctype>
+#include <cmath>
+#include <cstdint>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <strings.h>
+#include <type_traits>
+using std::isinf;
+using std::isnan;
+
+#include "binary.h"
+#include "boards.h"
+#include "constants.h"
+
+typedef uint8_t byte;
+typedef bool boolean;
+typedef uint16_t word;
+
+// -- pins and time -----------------------------------------------------------------------------------
+// Numbers are plain `int` and `unsigned int` here. Those of the sketch have their AVR widths (see build).
+
+void pinMode(int pin, int mode);
+void digitalWrite(int pin, int value);
+int digitalRead(int pin);
+void analogWrite(int pin, int value);
+int analogRead(int pin);
+void analogReference(int mode);
+unsigned int pulseIn(int pin, int value, unsigned int timeout = 1000000);
+inline unsigned int pulseInLong(int pin, int value, unsigned int timeout = 1000000) {
+  return pulseIn(pin, value, timeout);
+}
+unsigned int millis();
+unsigned int micros();
+void delay(unsigned int milliseconds);
+void delayMicroseconds(unsigned int microseconds);
+void shiftOut(int data, int clock, int order, int value);
+int shiftIn(int data, int clock, int order);
+// No sound: only the time of the call.
+void tone(int pin, unsigned int frequency, unsigned int duration = 0);
+void noTone(int pin);
+inline void yield() {}
+
+// -- interrupts --------------------------------------------------------------------------------------
+
+void attachInterrupt(int number, void (*function)(), int mode);
+void detachInterrupt(int number);
+void interrupts();
+void noInterrupts();
+void sei();
+void cli();
+// The status register, as far as sketches save and restore it: its interrupt flag.
+struct StatusRegister {
+  operator unsigned char() const;
+  StatusRegister& operator=(unsigned char value);
+};
+extern StatusRegister SREG;
+
+// -- numbers -----------------------------------------------------------------------------------------
+
+int map(int value, int from_low, int from_high, int to_low, int to_high);
+int random(int limit);
+int random(int low, int limit);
+void randomSeed(unsigned int seed);
+inline word makeWord(unsigned int value) { return static_cast<word>(value); }
+inline word makeWord(byte high, byte low) { return static_cast<word>(high << 8 | low); }
+#define word(...) makeWord(__VA_ARGS__)
+
+#define bit(b) (1UL << (b))
+#define _BV(b) (1 << (b))
+#define bitRead(value, b) (((value) >> (b)) & 0x01)
+#define bitSet(value, b) ((value) |= (1U << (b)))
+#define bitClear(value, b) ((value) &= ~(1U << (b)))
+#define bitToggle(value, b) ((value) ^= (1U << (b)))
+#define bitWrite(value, b, x) ((x) ? bitSet(value, b) : bitClear(value, b))
+#define lowByte(w) ((uint8_t)((w) & 0xff))
+#define highByte(w) ((uint8_t)((w) >> 8))
+
+#define F_CPU 16000000UL
+#define clockCyclesPerMicrosecond() (F_CPU / 1000000L)
+
+#include "Characters.h"
+#include "Program_memory.h"
+#include "Text_numbers.h"
+#include "WString.h"
+#include "Print.h"
+#include "Stream.h"
+#include "HardwareSerial.h"
+
+// Macros, as in Arduino's core: their type is that of the expression. No header comes after them.
+#define min(a, b) ((a) < (b) ? (a) : (b))
+#define max(a, b) ((a) > (b) ? (a) : (b))
+#define abs(x) ((x) > 0 ? (x) : -(x))
+#define constrain(x, low, high) ((x) < (low) ? (low) : ((x) > (high) ? (high) : (x)))
+#define round(x) ((x) >= 0 ? (int32_t)((x) + 0.5) : (int32_t)((x) - 0.5))
+#define radians(degrees) ((degrees) * DEG_TO_RAD)
+#define degrees(radians) ((radians) * RAD_TO_DEG)
+#define sq(x) ((x) * (x))
+#define sprintf avr_sprintf
+#define snprintf avr_snprintf
+#define vsnprintf avr_vsnprintf
+#define sscanf avr_sscanf
+
+void setup();
+void loop();

@@ -1,0 +1,178 @@
+// The libraries that have more than a header.
+#include "EEPROM.h"
+#include "NewPing.h"
+#include "Servo.h"
+#include "SoftwareSerial.h"
+
+#include "../board/clock.h"
+#include "../board/exchange.h"
+#include "../board/interrupts.h"
+
+using namespace board;
+
+// -- SoftwareSerial ----------------------------------------------------------------------------------
+
+namespace {
+SoftwareSerial* listening = nullptr;
+}
+
+SoftwareSerial::SoftwareSerial(int rx, int tx, bool) : Port(rx, tx) {}
+SoftwareSerial::~SoftwareSerial() { stopListening(); }
+
+void SoftwareSerial::begin(unsigned int baud) {
+  open(baud);
+  listen();
+}
+void SoftwareSerial::end() {
+  stopListening();
+  shut();
+}
+bool SoftwareSerial::listen() {
+  if (listening == this) return false;
+  listening = this;
+  drop_received();
+  overflow_ = false;
+  return true;
+}
+bool SoftwareSerial::isListening() const { return listening == this; }
+bool SoftwareSerial::stopListening() {
+  if (listening != this) return false;
+  listening = nullptr;
+  return true;
+}
+bool SoftwareSerial::overflow() {
+  const bool before = overflow_;
+  overflow_ = false;
+  return before;
+}
+
+bool SoftwareSerial::receives(Nanoseconds begin) const {
+  if (listening != this) return false;
+  // The start bit is an interrupt. One that comes more than half a bit late reads a wrong byte: it counts as lost.
+  const Nanoseconds half = byte_time() / 20;
+  if (off_since != NEVER) return begin < off_since;
+  return last_off == NEVER || begin < last_off || begin + half >= last_on;
+}
+
+size_t SoftwareSerial::write(uint8_t value) {
+  if (!open_) return 0;
+  const Nanoseconds end = now + byte_time_;
+  const bool were_on = interrupts_on();
+  leave(value, end);
+  set_interrupts(false);
+  pass_until(end);
+  if (were_on) interrupts();
+  return 1;
+}
+
+// -- Servo -------------------------------------------------------------------------------------------
+
+unsigned char Servo::attach(int pin, int shortest, int longest) {
+  pin_ = pin;
+  shortest_ = shortest;
+  longest_ = longest;
+  pinMode(pin, OUTPUT);
+  writeMicroseconds(width_);
+  return 0;
+}
+void Servo::detach() {
+  if (pin_ >= 0) tell(Told::Servo, pin_, 0);
+  pin_ = -1;
+}
+void Servo::write(int value) {
+  if (value < 544) {
+    value = constrain(value, 0, 180);
+    value = map(value, 0, 180, shortest_, longest_);
+  }
+  writeMicroseconds(value);
+}
+void Servo::writeMicroseconds(int width) {
+  width_ = constrain(width, shortest_, longest_);
+  pass(cost::SERVO_WRITE);
+  if (pin_ < 0) return;
+  tell(Told::Servo, pin_, width_);
+  exchange(Reason::Output);
+}
+int Servo::read() const { return map(width_ + 1, shortest_, longest_, 0, 180); }
+
+// -- NewPing -----------------------------------------------------------------------------------------
+
+NewPing::NewPing(int trigger, int echo, unsigned int max_cm) : trigger_(trigger), echo_(echo) { set_limit(max_cm); }
+
+void NewPing::set_limit(unsigned int max_cm) {
+  limit_ = (max_cm + 1 < MAX_SENSOR_DISTANCE + 1 ? max_cm + 1 : MAX_SENSOR_DISTANCE + 1) * US_ROUNDTRIP_CM;
+}
+
+bool NewPing::trigger() {
+  pinMode(trigger_, OUTPUT);
+  digitalWrite(trigger_, LOW);
+  delayMicroseconds(4);
+  digitalWrite(trigger_, HIGH);
+  delayMicroseconds(10);
+  digitalWrite(trigger_, LOW);
+  if (digitalRead(echo_)) return false;  // the last ping has not ended
+  const Nanoseconds limit = now + (limit_ + MAX_SENSOR_DELAY) * MICROSECOND;
+  while (!digitalRead(echo_)) {
+    if (now >= limit) return false;
+    pass_until_event(limit);
+  }
+  return true;
+}
+
+unsigned int NewPing::ping(unsigned int max_cm) {
+  if (max_cm > 0) set_limit(max_cm);
+  if (!trigger()) return NO_ECHO;
+  const Nanoseconds begin = now, limit = now + limit_ * MICROSECOND;
+  while (digitalRead(echo_)) {
+    if (now >= limit) return NO_ECHO;
+    pass_until_event(limit);
+  }
+  const unsigned int echo = static_cast<unsigned int>((now - begin) / MICROSECOND);
+  return echo > limit_ ? NO_ECHO : echo;
+}
+
+unsigned int NewPing::ping_cm(unsigned int max_cm) { return convert_cm(ping(max_cm)); }
+unsigned int NewPing::ping_in(unsigned int max_cm) { return convert_in(ping(max_cm)); }
+unsigned int NewPing::convert_cm(unsigned int echo) { return NewPingConvert(echo, US_ROUNDTRIP_CM); }
+unsigned int NewPing::convert_in(unsigned int echo) { return NewPingConvert(echo, US_ROUNDTRIP_IN); }
+
+unsigned int NewPing::ping_median(unsigned char count, unsigned int max_cm) {
+  unsigned int echoes[256];
+  unsigned int found = 0, rounds = count;
+  while (rounds > 0) {
+    const Nanoseconds begin = now;
+    const unsigned int echo = ping(max_cm);
+    --rounds;
+    if (echo != NO_ECHO) {
+      unsigned int place = found++;
+      for (; place > 0 && echoes[place - 1] < echo; --place) echoes[place] = echoes[place - 1];
+      echoes[place] = echo;
+    }
+    if (rounds > 0 && now - begin < PING_MEDIAN_DELAY * MICROSECOND)
+      delay(static_cast<unsigned int>((PING_MEDIAN_DELAY * MICROSECOND - (now - begin)) / MILLISECOND));
+  }
+  return found ? echoes[found >> 1] : NO_ECHO;
+}
+
+// -- EEPROM ------------------------------------------------------------------------------------------
+
+EEPROMClass EEPROM;
+namespace {
+uint8_t cells[EEPROM_SIZE];
+bool erased = false;
+uint8_t& cell(int address) {
+  if (!erased) std::memset(cells, 0xFF, sizeof cells);
+  erased = true;
+  return cells[static_cast<unsigned int>(address) % EEPROM_SIZE];
+}
+}  // namespace
+
+uint8_t eeprom_read(int address) {
+  pass(cost::EEPROM_READ);
+  return cell(address);
+}
+void eeprom_write(int address, uint8_t value) {
+  pass(cost::EEPROM_WRITE);
+  cell(address) = value;
+}
+unsigned int EEPROMClass::length() const { return EEPROM_SIZE; }

@@ -1,0 +1,234 @@
+"""A board as a process: the compiled sketch at the other end of two pipes (`arduino/board/exchange.h`)."""
+
+from __future__ import annotations
+
+import contextlib
+import re
+import shutil
+import signal
+import struct
+import subprocess
+import threading
+import time
+from collections.abc import Iterable, Sequence
+from enum import IntEnum
+from pathlib import Path
+from typing import NamedTuple
+
+from simmer_tui import platform_has
+from simmer_tui.errors import BoardError
+from simmer_tui.sketch.build import RUNTIME
+from simmer_tui.sketch.compiler import links_at_fixed_addresses
+
+_REQUEST = struct.Struct("<QBBHiII")
+_GRANT = struct.Struct("<QdII")
+_RECORD = struct.Struct("<QBBHi")
+# A slice takes milliseconds. A board that says nothing for this long is in a loop that no clock sees.
+SILENT = 5.0
+"""Real seconds of silence after which a board is ended."""
+STOP_WHEN_SENT = 0x100
+"""Flag of a grant: a byte sent at the pin in the low byte ends the slice."""
+
+
+class Reason(IntEnum):
+    """Reasons for which a board has stopped."""
+
+    HORIZON = 0
+    OUTPUT = 1
+    QUERY = 2
+    SENT = 3
+    FULL = 4
+
+
+class Query(IntEnum):
+    """Questions of a board about the world."""
+
+    NONE = 0
+    SONAR = 1
+    ANALOG = 2
+    DIGITAL = 3
+
+
+class Told(IntEnum):
+    """Kinds of a board's records."""
+
+    LEVEL = 1
+    DUTY = 2
+    SERVO = 3
+    BYTE = 4
+    LOST_EDGE = 5
+    LOST_BYTE = 6
+    BAUD = 7
+    MODE = 8
+
+
+EDGE, BYTE = 1, 2
+"""Kinds of events for a board."""
+
+
+class BoardRecord(NamedTuple):
+    """A record of a board: its time in nanoseconds, its kind, its pin and a value."""
+
+    time: int
+    kind: int
+    pin: int
+    zero: int
+    value: int
+
+
+class BoardEvent(NamedTuple):
+    """An event for a board, at a time in nanoseconds: the edge of a pin, or a byte that has arrived."""
+
+    time: int
+    kind: int
+    pin: int
+    value: int
+
+
+class BoardProcess:
+    """One board's process. It is stopped whenever it has told something, until the next grant.
+
+    Attributes:
+        now: the board's clock, nanoseconds.
+        reason, query, pin: why it has stopped, and its question.
+        waited: its time in delay() so far, milliseconds.
+        place: the address of the basic block of its sketch.
+    """
+
+    def __init__(self, name: str, program: Path, options: Sequence[str]) -> None:
+        self.name = name
+        self.now = 0
+        self.reason = self.query = self.pin = self.waited = self.place = 0
+        self._program = program
+        self._process = subprocess.Popen(
+            [str(program), *options],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            bufsize=0,
+        )
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._send = self._process.stdin.write
+        self._read = self._process.stdout.read
+        self._waits_since = 0.0
+        self._is_hung = False
+        self.exchanges = 0
+
+    def receive(self) -> list[BoardRecord]:
+        """Wait until the board stops again. Returns its records. Raises BoardError if it died or hangs."""
+        self._waits_since = time.monotonic()
+        data = self._read_whole(_REQUEST.size)
+        self.now, self.reason, self.query, count, self.pin, self.waited, self.place = _REQUEST.unpack(data)
+        self.exchanges += 1
+        if not count:
+            self._waits_since = 0.0
+            return []
+        data = self._read_whole(count * _RECORD.size)
+        self._waits_since = 0.0
+        return [BoardRecord._make(each) for each in _RECORD.iter_unpack(data)]
+
+    def _read_whole(self, size: int) -> bytes:
+        data: bytes = self._read(size) or b""
+        while len(data) < size:
+            more = self._read(size - len(data))
+            if not more:
+                raise BoardError(self._end())
+            data += more
+        return data
+
+    def grant(self, horizon: int, events: Iterable[BoardEvent], answer: float, flags: int) -> None:
+        """Let the board continue to a horizon, nanoseconds. The events replace those of the last grant."""
+        parts = [_RECORD.pack(each.time, each.kind, each.pin, 0, each.value) for each in events]
+        with contextlib.suppress(OSError):  # it has died, which the next read tells
+            self._send(_GRANT.pack(horizon, answer, len(parts), flags) + b"".join(parts))
+
+    def look(self, now: float) -> None:
+        """End the board if it has been silent for too long; any thread may call it."""
+        since = self._waits_since
+        if since and now - since > SILENT:
+            self._is_hung = True
+            # Its handler tells where it is. Windows has no such signal for processes.
+            self._waits_since = 0.0
+            if platform_has.POSIX:
+                self._process.send_signal(signal.SIGABRT)
+            else:
+                self._process.kill()
+
+    def close(self) -> None:
+        """End the process."""
+        process = self._process
+        process.kill()
+        for pipe in (process.stdin, process.stdout, process.stderr):
+            if pipe is not None:
+                with contextlib.suppress(OSError):
+                    pipe.close()
+        process.wait()
+
+    def _end(self) -> str:
+        """The sentence about the end of the process."""
+        process = self._process
+        assert process.stderr is not None
+        told = process.stderr.read().decode("utf-8", "replace")
+        code = process.wait()
+        died = re.search(r"simmer-board died (\d+) (\d+) (\d+) (\d+)", told)
+        # Where it died may be a function of C; the last block is the sketch's own.
+        places = (int(died[2]) + 1, int(died[3])) if died else (self.place,)
+        at = next((line for line in map(self.line_of, places) if line), "")
+        if died:
+            self.now = max(self.now, int(died[4]) * 1000)
+        where = f" at {at}" if at else ""
+        clock = f"after {self.now / 1e9:.6g} s"
+        if self._is_hung:
+            return (
+                f"board {self.name} hangs{where} {clock}: it has done nothing for {SILENT:g} s of real time"
+            )
+        if died:
+            names = {11: "it used memory that is not its own", 8: "it divided by zero", 6: "it gave up"}
+            return f"board {self.name} died{where} {clock}: {names.get(int(died[1]), f'signal {died[1]}')}"
+        return f"board {self.name} died{where} {clock}: exit code {code}"
+
+    def line_of(self, place: int) -> str:
+        """The line of the sketch, `robot.ino:12`, at the address of a block; empty if it is not known."""
+        tool = shutil.which("addr2line")
+        if tool is None or not place or not links_at_fixed_addresses():
+            return ""
+        try:
+            done = subprocess.run(
+                [tool, "-i", "-e", str(self._program), hex(place - 1)],
+                capture_output=True,
+                text=True,
+                timeout=SILENT,
+                check=False,
+            )
+        except (OSError, subprocess.SubprocessError):
+            return ""
+        # A function of the runtime that was inlined comes before the line that calls it.
+        own = [each for each in done.stdout.splitlines() if str(RUNTIME) not in each and "?" not in each]
+        found = re.match(r"(?:.*/)?([^/:]+?)(?:(?<=\.ino)\.cpp)?:(\d+)", own[0]) if own else None
+        return f"{found[1]}:{found[2]}" if found else ""
+
+
+class Watchdog:
+    """A thread that ends boards which are silent for too long."""
+
+    def __init__(self, boards: Sequence[BoardProcess]) -> None:
+        self._boards = list(boards)
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="boards", daemon=True)
+        self._thread.start()
+
+    def replace(self, board: BoardProcess, by: BoardProcess) -> None:
+        """Look at another process in the place of one."""
+        self._boards[self._boards.index(board)] = by
+
+    def close(self) -> None:
+        """End the thread."""
+        self._over.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        while not self._over.wait(SILENT / 10):
+            now = time.monotonic()
+            for each in tuple(self._boards):
+                each.look(now)

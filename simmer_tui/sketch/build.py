@@ -1,0 +1,355 @@
+"""Sketches compiled into programs that run as boards, kept by the content of all their sources."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Iterator, Sequence
+from functools import cache
+from pathlib import Path
+
+from msgspec import Struct
+
+from simmer_tui import platform_has
+from simmer_tui.errors import ConfigurationError, Problem
+from simmer_tui.sketch.boards import BoardKind
+from simmer_tui.sketch.compiler import NO_COMPILER, Compiler, find_compiler, links_at_fixed_addresses
+from simmer_tui.sketch.preprocess import (
+    board_source,
+    includes,
+    joined_source,
+    main_files,
+    sketch_text,
+)
+
+RUNTIME = Path(__file__).parent / "arduino"
+"""The C++ runtime: Arduino's core and libraries in simulated time."""
+MOST_ERRORS = 3
+"""Errors of the compiler that are shown: later ones mostly follow from the first."""
+_CODE = frozenset((".h", ".hpp", ".hh", ".c", ".cpp", ".cc", ".cxx"))
+_COMPILED = frozenset((".c", ".cpp", ".cc", ".cxx"))
+# More is no sketch of a student's; reading a home directory by mistake would take minutes.
+_MOST_FILES = 400
+_STANDARD = frozenset(
+    f"{name}.h"
+    for name in (
+        *("assert", "ctype", "errno", "float", "inttypes", "limits", "math", "setjmp", "stdarg", "stdbool"),
+        *("stddef", "stdint", "stdio", "stdlib", "string", "strings", "time", "new"),
+    )
+)
+"""Headers of the C library that avr-libc has too."""
+# The files of Windows and macOS have no case: sketches from there include such names.
+_OTHER_NAMES = {
+    "arduino.h": "Arduino.h",
+    "wprogram.h": "Arduino.h",
+    "math.h": "math.h",
+    "string.h": "string.h",
+    "wire.h": "Wire.h",
+}
+_FLAGS = (
+    "-std=gnu++17",
+    "-fpermissive",
+    "-Wno-narrowing",
+    "-DARDUINO=10819",
+    "-DARDUINO_ARCH_AVR",
+    "-D__AVR__",
+)
+_BAUDS = frozenset(
+    (
+        *(300, 600, 1200, 2400, 4800, 9600, 14400, 19200, 28800, 31250, 38400, 57600, 74880, 115200),
+        *(230400, 250000, 460800, 500000, 921600, 1000000, 2000000),
+    )
+)
+_USUAL_BAUD = 9600
+_NOT_FITTING = ("-Woverflow", "-Wconstant-conversion")
+
+
+class BuiltSketch(Struct, frozen=True):
+    """A compiled sketch.
+
+    Attributes:
+        program: the file to run.
+        digest: SHA-256 of the sketch's own files, as 16 hexadecimal digits.
+        warnings: constants that do not fit their variable, each with its line.
+    """
+
+    program: Path
+    digest: str
+    warnings: tuple[str, ...] = ()
+
+
+class _Source(Struct, frozen=True):
+    """A file of a sketch or of a library beside it; `name` is its path in the build folder."""
+
+    path: Path
+    name: str
+
+
+def libraries() -> list[str]:
+    """The libraries that sketches may include, by their headers."""
+    return sorted(each.name for each in (RUNTIME / "libraries").glob("*.h"))
+
+
+def build_sketch(sketch: Path, kind: BoardKind, place: str = "") -> BuiltSketch:
+    """Compile a sketch for a kind of board, unless that has been done.
+
+    `sketch` is an .ino file or its folder, `place` its place in wiring.toml for messages. Raises
+    ConfigurationError with at most three errors of the compiler.
+    """
+    compiler = find_compiler()
+    where = place or str(sketch)
+    if compiler is None:
+        raise ConfigurationError([Problem(where, NO_COMPILER)])
+    files = main_files(sketch)
+    if not files:
+        raise ConfigurationError([Problem(where, f"{sketch.name} has no .ino file")])
+    sources = list(_sources(files[0].parent, files))
+    if problems := list(_missing_headers(files, sources)):
+        raise ConfigurationError(problems)
+    digest = _digest_of([*files, *(each.path for each in sources)])
+    key = hashlib.sha256(
+        "\0".join((digest, kind.macro, compiler.identity, _runtime_digest(), *_FLAGS)).encode()
+    ).hexdigest()
+    folder = build_folder() / f"{files[0].stem}-{key[:20]}"
+    program = folder / "board.exe"
+    if not program.exists():
+        _compile(compiler, kind, files, sources, folder)
+    told = (folder / "warnings.txt").read_text(encoding="utf-8").splitlines()
+    return BuiltSketch(program, digest[:16], tuple(told))
+
+
+def fastest_baud(sketch: Path) -> int:
+    """The fastest rate that a sketch names; it sends no byte in less time."""
+    files = main_files(sketch)
+    texts = [
+        sketch_text(each) for each in (*files, *(each.path for each in _sources(files[0].parent, files)))
+    ]
+    named = {int(each) for text in texts for each in re.findall(r"\b[0-9]{3,7}\b", text)}
+    return max(named.intersection(_BAUDS), default=_USUAL_BAUD)
+
+
+def build_folder() -> Path:
+    """The folder of compiled sketches. Everything in it may be deleted."""
+    return platform_has.data_folder() / "sketches"
+
+
+# -- sources ------------------------------------------------------------------------------------------
+
+
+def _sources(folder: Path, files: Sequence[Path]) -> Iterator[_Source]:
+    """The code beside a sketch, and that of libraries in `libraries/` beside it or one folder up."""
+    if len(files) > 1 or any(each.suffix in _CODE for each in folder.iterdir()):
+        yield from (_Source(each, each.name) for each in sorted(folder.iterdir()) if _is_code(each))
+    if (folder / "src").is_dir():
+        for each in _code_below(folder / "src"):
+            yield _Source(each, each.relative_to(folder).as_posix())
+    for place in (folder / "libraries", folder.parent / "libraries"):
+        if not place.is_dir():
+            continue
+        for library in sorted(each for each in place.iterdir() if each.is_dir()):
+            root = library / "src" if (library / "src").is_dir() else library
+            for each in _code_below(root):
+                parts = each.relative_to(root).parts
+                # Examples of a library are no part of it.
+                if not {"examples", "extras", "test", "tests"}.intersection(parts[:-1]):
+                    yield _Source(each, f"libraries/{library.name}/{'/'.join(parts)}")
+        return
+
+
+def _is_code(path: Path) -> bool:
+    return path.suffix.lower() in _CODE and path.is_file()
+
+
+def _code_below(folder: Path) -> list[Path]:
+    found: list[Path] = []
+    for each in sorted(folder.rglob("*")):
+        if _is_code(each):
+            found.append(each)
+        if len(found) > _MOST_FILES:
+            raise ConfigurationError([Problem(str(folder), f"has more than {_MOST_FILES} files of code")])
+    return found
+
+
+def _missing_headers(files: Sequence[Path], sources: Sequence[_Source]) -> Iterator[Problem]:
+    """Problems with headers that nobody has."""
+    own = {Path(each.name).name.lower() for each in sources}
+    there = {each.name.lower() for each in (RUNTIME / "core").glob("*.h")}
+    there |= {each.relative_to(RUNTIME / "libraries").as_posix().lower() for each in _library_headers()}
+    known = own | there | _STANDARD | set(_OTHER_NAMES)
+    known -= {"wire.h"} - {each.name.lower() for each in _library_headers()}
+    seen: set[str] = set()
+    for path in (*files, *(each.path for each in sources if not each.name.startswith("libraries/"))):
+        for header, line in includes(sketch_text(path)):
+            name = header.rpartition("/")[2].lower()
+            if name in known or header.lower() in known or name in seen:
+                continue
+            seen.add(name)
+            listed = ", ".join(libraries())
+            yield Problem(
+                f"{path.name}:{line}",
+                f"there is no library with {header}; there are {listed}. Put one of your own in "
+                f"{path.parent.name}/libraries/NAME",
+            )
+
+
+def _library_headers() -> list[Path]:
+    return list((RUNTIME / "libraries").rglob("*.h"))
+
+
+def _digest_of(paths: Sequence[Path]) -> str:
+    made = hashlib.sha256()
+    for path in paths:
+        data = path.read_bytes()
+        made.update(f"{path.name}\0{len(data)}\0".encode() + data)
+    return made.hexdigest()
+
+
+@cache
+def _runtime_digest() -> str:
+    files = sorted(each for each in RUNTIME.rglob("*") if each.suffix in (".h", ".cpp"))
+    # The code that rewrites sketches counts too.
+    return _digest_of([*files, Path(__file__), Path(__file__).with_name("preprocess.py")])
+
+
+# -- compiling ----------------------------------------------------------------------------------------
+
+
+def _compile(
+    compiler: Compiler, kind: BoardKind, files: Sequence[Path], sources: Sequence[_Source], folder: Path
+) -> None:
+    """Compile a sketch into a folder, which appears when all of it is done. Raises ConfigurationError."""
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    runtime = _runtime_object(compiler, kind)
+    with tempfile.TemporaryDirectory(dir=folder.parent, prefix="build-") as name:
+        work = Path(name)
+        # Arduino's build names it so too. Debuggers take the name of the unit for that of its first file.
+        main = f"{files[0].name}.cpp"
+        (work / main).write_text(_with_names(joined_source(files)), encoding="utf-8")
+        for each in sources:
+            target = work / each.name
+            target.parent.mkdir(parents=True, exist_ok=True)
+            text = f'#line 1 "{each.name}"\n{_with_names(board_source(sketch_text(each.path)))}'
+            if target.suffix in _COMPILED:
+                text = f'#include "Arduino.h"\n{text}'
+            target.write_text(text, encoding="utf-8")
+        units = [main, *(each.name for each in sources if Path(each.name).suffix in _COMPILED)]
+        told: list[str] = []
+        objects = []
+        for number, unit in enumerate(units):
+            made = f"{number}.o"
+            flags = [*_flags(kind), *_instrumented(compiler), *_include_paths(work, sources)]
+            told += _run(compiler, [*flags, "-x", "c++", "-c", unit, "-o", made], work, files)
+            objects.append(made)
+        fixed = ["-no-pie"] if links_at_fixed_addresses() else []
+        _run(compiler, [*fixed, *objects, str(runtime), "-o", "board.exe"], work, files)
+        (work / "warnings.txt").write_text("\n".join(told), encoding="utf-8")
+        for made in objects:
+            (work / made).unlink()
+        _move(work, folder)
+
+
+def _move(made: Path, target: Path) -> None:
+    """Move a folder to its place, unless another process has made it meanwhile."""
+    try:
+        shutil.copytree(made, f"{target}.{os.getpid()}")
+        Path(f"{target}.{os.getpid()}").rename(target)
+    except OSError:
+        shutil.rmtree(f"{target}.{os.getpid()}", ignore_errors=True)
+        if not (target / "board.exe").exists():
+            raise
+
+
+def _runtime_object(compiler: Compiler, kind: BoardKind) -> Path:
+    """The runtime, compiled for a kind of board."""
+    key = hashlib.sha256(f"{_runtime_digest()}\0{compiler.identity}\0{kind.macro}".encode()).hexdigest()
+    made = build_folder() / f"runtime-{key[:20]}.o"
+    if not made.exists():
+        part = made.with_suffix(f".{os.getpid()}.o")
+        _run(
+            compiler, [*_flags(kind), "-O2", "-c", str(RUNTIME / "runtime.cpp"), "-o", str(part)], RUNTIME, ()
+        )
+        part.replace(made)
+    return made
+
+
+def _flags(kind: BoardKind) -> list[str]:
+    mega = ["-DSIMMER_MEGA"] if kind.name == "mega" else []
+    fixed = ["-fno-pie"] if links_at_fixed_addresses() else []
+    return [*_FLAGS, f"-D{kind.macro}", *mega, *fixed]
+
+
+def _instrumented(compiler: Compiler) -> list[str]:
+    coverage = "trace-pc" if compiler.is_gcc else "bb,no-prune,trace-pc"
+    return ["-O1", "-g1", f"-fsanitize-coverage={coverage}"]
+
+
+def _include_paths(work: Path, sources: Sequence[_Source]) -> list[str]:
+    folders = [str(work), str(work / "src"), *(str(work / Path(each.name).parent) for each in sources)]
+    paths = dict.fromkeys([*folders, str(RUNTIME / "core"), str(RUNTIME / "libraries")])
+    return [part for path in paths for part in ("-I", path)]
+
+
+def _with_names(source: str) -> str:
+    """Includes with the names of the files as they are here: elsewhere file names have no case."""
+    known = {each.name.lower(): each.name for each in (*(RUNTIME / "core").glob("*.h"), *_library_headers())}
+
+    def renamed(match: re.Match[str]) -> str:
+        name = match[2]
+        found = known.get(name.lower()) or _OTHER_NAMES.get(name.lower())
+        return f"{match[1]}{found or name}{match[3]}"
+
+    return re.sub(r'(?m)^(\s*#\s*include\s*[<"])([^>"/\n]+)([>"])', renamed, source)
+
+
+def _run(compiler: Compiler, arguments: Sequence[str], folder: Path, files: Sequence[Path]) -> list[str]:
+    """Run the compiler; returns its warnings about constants. Raises ConfigurationError with its errors."""
+    try:
+        done = compiler.run(arguments, folder)
+    except (OSError, subprocess.SubprocessError) as error:
+        raise ConfigurationError([Problem(compiler.name, f"could not be run: {error}")]) from None
+    if done.returncode:
+        raise ConfigurationError(list(_errors(done.stderr, compiler, files)))
+    return [
+        f"{place}: this number does not fit: {text}"
+        for place, kind, text in _messages(done.stderr)
+        if kind == "warning" and any(flag in text for flag in _NOT_FITTING)
+    ]
+
+
+def _messages(output: str) -> Iterator[tuple[str, str, str]]:
+    """The place, kind and text of each message of a compiler."""
+    for line in output.splitlines():
+        found = re.match(r"(.+?:\d+)(?::\d+)?: (?:fatal )?(error|warning): (.*)", line)
+        if found:
+            name, _, number = found[1].rpartition(":")
+            yield f"{_own_name(Path(name).name)}:{number}", found[2], found[3]
+
+
+def _own_name(name: str) -> str:
+    """The file of a sketch that a unit was made of."""
+    return name.removesuffix(".cpp") if name.endswith((".ino.cpp", ".pde.cpp")) else name
+
+
+def _errors(output: str, compiler: Compiler, files: Sequence[Path]) -> Iterator[Problem]:
+    """At most three errors, with the lines of the sketch."""
+    texts = {each.name: sketch_text(each).split("\n") for each in files}
+    seen = 0
+    for place, kind, text in _messages(output):
+        if kind != "error":
+            continue
+        name, _, number = place.rpartition(":")
+        lines = texts.get(name, [])
+        line = lines[int(number) - 1].strip() if 0 < int(number) <= len(lines) else ""
+        yield Problem(place, f"{text}: {line}" if line else text)
+        seen += 1
+        if seen == MOST_ERRORS:
+            return
+    if not seen:
+        undefined = re.search(r"undefined (?:reference to|symbol:?) [`'\"]?([^'\"\n]+)", output)
+        last = output.strip().splitlines()[-1:] or ["it printed nothing"]
+        what = f"{undefined[1]} is used, and defined nowhere" if undefined else last[0]
+        yield Problem(files[0].name if files else compiler.name, what)

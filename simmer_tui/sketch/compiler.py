@@ -1,0 +1,90 @@
+"""The C++ compiler of this machine: g++ or clang of the system, else the package ziglang."""
+
+from __future__ import annotations
+
+import importlib.util
+import shutil
+import subprocess
+import sys
+from collections.abc import Sequence
+from functools import cached_property
+from pathlib import Path
+
+from msgspec import Struct
+
+from simmer_tui import platform_has
+
+_NAMES = ("g++", "clang++", "c++")
+"""Compilers of the system, the first one that is there is used."""
+NO_COMPILER = (
+    "no C++ compiler was found. Install g++ (Debian: apt install g++; macOS: xcode-select --install), "
+    "or: pip install ziglang"
+)
+# A first run of ziglang fills its cache for 150 s; a compiler that hangs must end.
+COMPILE_LIMIT = 600.0
+"""Real seconds that one run of a compiler may take."""
+
+
+class Compiler(Struct, frozen=True, dict=True):
+    """A C++ compiler: its command, and its name for people."""
+
+    command: tuple[str, ...]
+    name: str
+
+    @property
+    def is_gcc(self) -> bool:
+        """True for GNU's; clang and ziglang share their options."""
+        return self.name == "g++"
+
+    @cached_property
+    def identity(self) -> str:
+        """A text that changes with the compiler, for the cache."""
+        program = Path(self.command[0])
+        try:
+            state = program.stat()
+        except OSError:
+            return self.name
+        return f"{self.name} {program} {state.st_size} {state.st_mtime_ns}"
+
+    def run(self, arguments: Sequence[str], folder: Path) -> subprocess.CompletedProcess[str]:
+        """Run it in a folder. Raises OSError and TimeoutExpired."""
+        return subprocess.run(
+            [*self.command, *arguments],
+            cwd=folder,
+            capture_output=True,
+            text=True,
+            errors="replace",
+            stdin=subprocess.DEVNULL,
+            timeout=COMPILE_LIMIT,
+            check=False,
+        )
+
+    @property
+    def version(self) -> str:
+        """The first line that it prints about itself; empty if it does not run."""
+        try:
+            lines = self.run(["--version"], Path.cwd()).stdout.splitlines()
+        except (OSError, subprocess.SubprocessError):
+            return ""
+        return lines[0] if lines else ""
+
+
+def find_compiler() -> Compiler | None:
+    """The compiler to use; None if there is none."""
+    for name in _NAMES:
+        program = shutil.which(name)
+        if program is not None:
+            return Compiler((program,), "g++" if name == "g++" and not _is_apple() else name)
+    if importlib.util.find_spec("ziglang") is not None:
+        return Compiler((sys.executable, "-m", "ziglang", "c++"), "ziglang")
+    return None
+
+
+def _is_apple() -> bool:
+    # Apple's g++ is clang.
+    return sys.platform == "darwin"
+
+
+def links_at_fixed_addresses() -> bool:
+    """True if a program can be linked at fixed addresses, so that an address names a line."""
+    return platform_has.LINUX

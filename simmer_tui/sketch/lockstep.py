@@ -1,0 +1,297 @@
+"""Boards in lockstep: each runs up to its horizon, the earliest time at which anything could reach it.
+
+The board with the smallest clock runs next. What a board does to the world is done when its clock is the
+smallest, so that all of it happens in order. How long slices are changes nothing.
+"""
+
+from __future__ import annotations
+
+import time as real
+from bisect import insort
+from collections.abc import Iterable, Sequence
+
+from msgspec import Struct, field
+
+from simmer_tui.sketch.board_process import (
+    BYTE,
+    STOP_WHEN_SENT,
+    BoardEvent,
+    BoardProcess,
+    BoardRecord,
+    Reason,
+    Told,
+)
+from simmer_tui.sketch.parts import LARGEST_DUTY, EncoderState
+
+NEVER = 1 << 62
+BOARD_SLICE = 20_000_000
+"""Nanoseconds that a board runs at most at a time, so that a person's stop is not late."""
+# Boards with motors and encoders each wait for the other; then they go on in steps of this length.
+_STEP = 10_000
+_BITS, _USUAL_BAUD = 10, 9600
+_SECOND = 1_000_000_000
+# A call must return to the event loop soon, for stops and Ctrl-C.
+REAL_SLICE = 0.02
+"""Real seconds after which `run` returns early."""
+
+
+class PinState(Struct):
+    """A pin as its board sets it: its mode, and the share of time that it is high."""
+
+    mode: int = 0
+    level: float = 0.0
+    servo: int = 0
+    """Microseconds of a servo's pulse; 0 without a servo."""
+
+
+class Board(Struct, eq=False):
+    """A board that runs.
+
+    Attributes:
+        byte: the shortest time of a byte that it may send, nanoseconds.
+        lines: the pins that its bytes go to, by the pin that sends.
+        sources: the boards whose bytes reach it.
+        encoders: encoders at its pins.
+        driving: its pins that drive motors or a servo.
+        events: what will reach it, by time: bytes, and echoes.
+        pins: its pins that the sketch has used.
+        baud: rates of its ports, by pin.
+        records: what it has done, and what has not been done to the world yet.
+        granted: its last horizon.
+        answer: the answer to its question.
+    """
+
+    name: str
+    process: BoardProcess
+    byte: int
+    lines: dict[int, list[tuple[Board, int]]] = field(default_factory=dict)
+    sources: list[Board] = field(default_factory=list)
+    encoders: list[EncoderState] = field(default_factory=list)
+    driving: frozenset[int] = frozenset()
+    events: list[BoardEvent] = field(default_factory=list)
+    pins: dict[int, PinState] = field(default_factory=dict)
+    baud: dict[int, int] = field(default_factory=dict)
+    records: list[BoardRecord] = field(default_factory=list)
+    granted: int = 0
+    answer: float = 0.0
+    waits: bool = False
+    """True while it has stopped, and what it did has not been done to the world yet."""
+
+    @property
+    def now(self) -> int:
+        """Its clock, nanoseconds."""
+        return self.process.now
+
+    def level(self, number: int) -> float:
+        """The share of time that a pin is high."""
+        state = self.pins.get(number)
+        return 0.0 if state is None else state.level
+
+    def pin(self, number: int) -> PinState:
+        """The state of a pin."""
+        state = self.pins.get(number)
+        if state is None:
+            state = self.pins[number] = PinState()
+        return state
+
+
+class LockstepWorld:
+    """The world that boards act on (see `sketch_robot.py`)."""
+
+    def advance(self, time: int) -> None:
+        """Let the world go on to a time."""
+
+    def settle(self) -> None:
+        """The boards pause: the world is looked at."""
+
+    @property
+    def next_change(self) -> int:
+        """Time of the next change of the wheels' speed."""
+        return NEVER
+
+    def changed(self, board: Board, pins: Iterable[int]) -> None:
+        """Pins of a board have changed."""
+
+    def answer(self, board: Board, query: int, pin: int) -> float:
+        """The answer to a board's question; echoes are put into its events."""
+        return 0.0
+
+    def sent(self, time: int, value: int, byte: int) -> None:
+        """A byte arrives at the laptop at a time; `byte` is its duration."""
+
+    def lost(self, board: Board, record: BoardRecord) -> None:
+        """A board has lost an edge or a byte."""
+
+
+class Lockstep:
+    """Runs boards against one world."""
+
+    def __init__(
+        self,
+        boards: Sequence[Board],
+        world: LockstepWorld,
+        laptop: tuple[Board, int] | None,
+        slice_length: int = BOARD_SLICE,
+    ) -> None:
+        """`laptop` is the board, and its pin, whose bytes go to the laptop's program."""
+        self.boards = tuple(boards)
+        self._world = world
+        self._laptop = laptop
+        self._slice = slice_length
+        self.sent: list[tuple[int, int]] = []
+        """Bytes for the laptop: when they have arrived there, nanoseconds, and their value."""
+        self.laptop_listens = False
+        """True if `run` returns before the first byte for the laptop arrives."""
+        self._drivers = tuple(each for each in self.boards if each.driving)
+        self._has_begun = False
+
+    @property
+    def reached(self) -> int:
+        """The time that all boards have reached."""
+        return min(each.process.now for each in self.boards)
+
+    def run(self, until: int, most_real: float = REAL_SLICE) -> int:
+        """Let the boards run to a time, nanoseconds. Returns the time that all have reached: it is earlier if
+        a byte arrives at the laptop, or if that takes too long. Raises BoardError."""
+        begun = real.perf_counter()
+        count = 0
+        if not self._has_begun:
+            self._has_begun = True
+            for each in self.boards:
+                self._receive(each)
+        while True:
+            if self.laptop_listens and self.sent:
+                until = min(until, self.sent[0][0])
+            if self.reached >= until:
+                break
+            self._step(until)
+            count += 1
+            if count & 31 == 0 and real.perf_counter() - begun > most_real:
+                break
+        reached = min(self.reached, until)
+        self._world.advance(reached)
+        self._world.settle()
+        return reached
+
+    def reset(self, board: Board) -> None:
+        """A board begins again at its clock, in another process."""
+        board.records.clear()
+        board.pins.clear()
+        board.baud.clear()
+        board.granted, board.waits = board.process.now, False
+        self._receive(board)
+
+    def put(self, board: Board, event: BoardEvent) -> None:
+        """Add an event that reaches a board, at its clock or later."""
+        insort(board.events, event)
+
+    def _step(self, until: int) -> None:
+        """Let the board with the smallest clock run to its horizon."""
+        boards = self.boards
+        board = boards[0] if len(boards) == 1 else min(boards, key=_clock)
+        now = board.process.now
+        # Edges are known up to the next change of the wheels' speed.
+        self._world.advance(now)
+        self._settle(board)
+        horizon = self._horizon(board, until)
+        if horizon <= now:
+            for other in boards:
+                if other is not board and other.process.now == now:
+                    self._settle(other)
+                    horizon = self._horizon(other, until)
+                    if horizon > now:
+                        board = other
+                        break
+            else:
+                # The same steps whatever the slices are.
+                horizon = min((now // _STEP + 1) * _STEP, until)
+        self._grant(board, horizon)
+
+    def _settle(self, board: Board) -> None:
+        """Do to the world what a stopped board did at its clock, and answer its question."""
+        if not board.waits:
+            return
+        board.waits = False
+        now = board.process.now
+        self._world.advance(now)
+        changed = []
+        for record in board.records:
+            state = board.pin(record.pin)
+            kind = record.kind
+            if kind == Told.LEVEL:
+                state.level = float(record.value)
+            elif kind == Told.DUTY:
+                state.level = record.value / LARGEST_DUTY
+            elif kind == Told.SERVO:
+                state.servo = record.value
+            elif kind == Told.MODE:
+                state.mode = record.value
+                state.level = 0.0
+            else:
+                self._world.lost(board, record)
+                continue
+            changed.append(record.pin)
+        board.records.clear()
+        if not board.driving.isdisjoint(changed):
+            self._world.changed(board, changed)
+        process = board.process
+        board.answer = 0.0
+        if process.reason == Reason.QUERY:
+            board.answer = self._world.answer(board, process.query, process.pin)
+
+    def _horizon(self, board: Board, until: int) -> int:
+        """The earliest time at which anything could reach a board, its slice at most."""
+        horizon = min(until, board.process.now + self._slice)
+        for source in board.sources:
+            horizon = min(horizon, source.process.now + source.byte)
+        if board.encoders:
+            horizon = min(horizon, self._world.next_change)
+            for driver in self._drivers:
+                if driver is not board:
+                    horizon = min(horizon, driver.process.now)
+        return horizon
+
+    def _grant(self, board: Board, horizon: int) -> None:
+        events: list[BoardEvent] = [each for each in board.events if each.time < horizon]
+        if board.encoders:
+            now = board.process.now
+            for encoder in board.encoders:
+                events += encoder.edges(now, horizon)
+            events.sort()
+        flags = 0
+        if self.laptop_listens and self._laptop is not None and self._laptop[0] is board and not self.sent:
+            flags = STOP_WHEN_SENT | self._laptop[1]
+        board.granted = horizon
+        board.process.grant(horizon, events, board.answer, flags)
+        self._receive(board)
+
+    def _receive(self, board: Board) -> None:
+        records = board.process.receive()
+        now = board.process.now
+        events = board.events
+        # All before the horizon and up to its clock have been applied.
+        while events and events[0].time <= now and events[0].time < board.granted:
+            del events[0]
+        board.waits = board.process.reason == Reason.QUERY
+        for record in records:
+            if record.kind == Told.BYTE:
+                self._pass_on(board, record)
+            elif record.kind == Told.BAUD:
+                board.baud[record.pin] = record.value
+            else:
+                board.records.append(record)
+                board.waits = True
+
+    def _pass_on(self, board: Board, record: BoardRecord) -> None:
+        """Bytes on the lines of a board: they arrive when their stop bit is over."""
+        baud = board.baud.get(record.pin, _USUAL_BAUD)
+        arrives = record.time + max(board.byte - _BITS * _SECOND // baud, 0)
+        for other, rx in board.lines.get(record.pin, ()):
+            self.put(other, BoardEvent(arrives, BYTE, rx, record.value | baud << 8))
+        if self._laptop is not None and self._laptop[0] is board and self._laptop[1] == record.pin:
+            self.sent.append((arrives, record.value))
+            self._world.sent(arrives, record.value, _BITS * _SECOND // baud)
+
+
+def _clock(board: Board) -> int:
+    return board.process.now

@@ -1,0 +1,209 @@
+"""A sketch made into C++, as Arduino's own build does it: one source of all .ino files, with prototypes.
+
+The numbers of the sketch get the widths that they have on the board: `int` 16 bits, `long` 32, `double` 4
+bytes. Line numbers stay those of its files.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+_TOKEN = re.compile(
+    r"""
+    (?P<comment>//[^\n]*|/\*.*?(?:\*/|\Z))
+  | (?P<raw>R"(?P<mark>[^()\\\s]{0,16})\(.*?\)(?P=mark)")
+  | (?P<text>"(?:\\.|[^"\\\n])*"?|'(?:\\.|[^'\\\n])*'?)
+  | (?P<directive>^[ \t]*\#[ \t]*(?:include|error|warning|pragma|line)\b[^\n]*)
+  | (?P<number>\.?[0-9](?:[eEpP][+-]|['\w.])*)
+  | (?P<word>[A-Za-z_]\w*)
+    """,
+    re.VERBOSE | re.DOTALL | re.MULTILINE,
+)
+_TYPE_WORDS = frozenset(("unsigned", "signed", "long", "short", "int", "double"))
+# A block without a statement has no instrumentation in gcc: such a loop would take no time, and never end.
+_EMPTY_LOOP = re.compile(r"\b(while\s*\(\s*(?:1|true|HIGH)\s*\)|for\s*\(\s*;\s*;\s*\))(\s*)(;|\{\s*\})")
+_FUNCTION = re.compile(
+    r"^[ \t]*(?P<type>(?:[A-Za-z_][\w:<>, ]*?[\s*&]+))"
+    r"(?P<name>[A-Za-z_]\w*)\s*\((?P<arguments>[^;{}()]*)\)\s*\{",
+    re.MULTILINE,
+)
+_NO_FUNCTIONS = frozenset(("if", "while", "for", "switch", "catch"))
+_NO_TYPES = frozenset(
+    ("else", "return", "new", "struct", "class", "union", "enum", "namespace", "template", "do")
+)
+
+
+def with_board_widths(source: str) -> str:
+    """C++ with the number types of an AVR in the place of this machine's. Comments, texts and line ends
+    stay."""
+    made: list[str] = []
+    words: list[str] = []
+    gap = ""
+    end = 0
+
+    def flush() -> None:
+        nonlocal words, gap
+        if words:
+            made.append(_type_of(words))
+            words = []
+        made.append(gap)
+        gap = ""
+
+    for match in _TOKEN.finditer(source):
+        between = source[end : match.start()]
+        end = match.end()
+        word = match["word"]
+        if words and word in _TYPE_WORDS and not between.strip() and "\n" not in gap + between:
+            words.append(word)
+            continue
+        if words:
+            gap = between
+            flush()
+        else:
+            made.append(between)
+        if word in _TYPE_WORDS:
+            words = [word]
+        elif match["number"]:
+            made.append(_without_long(match["number"]))
+        else:
+            made.append(match[0])
+    if words:
+        flush()
+    made.append(source[end:])
+    return "".join(made)
+
+
+def _type_of(words: Sequence[str]) -> str:
+    """The type of these words on an AVR."""
+    if "double" in words:
+        return "float"
+    if words == ["signed"] or words == ["unsigned"] or "int" in words or "short" in words or "long" in words:
+        bits = 64 if words.count("long") > 1 else 32 if "long" in words else 16
+        return f"{'u' if 'unsigned' in words else ''}int{bits}_t"
+    return " ".join(words)
+
+
+def _without_long(number: str) -> str:
+    """A whole number without the suffix `L`, which would make it 64 bits wide here."""
+    if re.fullmatch(r"(?:0[xX][0-9a-fA-F']+|0[bB][01']+|[0-9][0-9']*)[uU]?[lL](?:[uU])?", number):
+        return re.sub("[lL]", "", number)
+    return number
+
+
+def _char_types_kept(source: str) -> str:
+    """`uint16_t char` back to `unsigned char`: `unsigned` alone was taken for a number's."""
+    source = re.sub(r"\buint16_t(\s+)char\b", r"unsigned\1char", source)
+    return re.sub(r"\bint16_t(\s+)char\b", r"signed\1char", source)
+
+
+def board_source(source: str) -> str:
+    """A sketch's own source, with the board's number types, and with endless loops that take time."""
+    widened = _char_types_kept(with_board_widths(source))
+    return _EMPTY_LOOP.sub(r"\1\2{ yield(); __asm__ volatile(\"\"); }".replace(r"\"", '"'), widened)
+
+
+def prototypes(source: str) -> tuple[list[str], int]:
+    """Prototypes of a source's global functions, and the place of the first one: they go before it."""
+    flat = _global_text(source)
+    found: list[str] = []
+    first = len(source)
+    declared = {re.sub(r"\s+", " ", each) for each in re.findall(r"[^;{}]*\([^;{}()]*\)\s*(?=;)", flat)}
+    for match in _FUNCTION.finditer(flat):
+        kind, name, arguments = match["type"].strip(), match["name"], match["arguments"]
+        words = re.findall(r"\w+", kind)
+        if name in _NO_FUNCTIONS or not words or _NO_TYPES.intersection(words) or "operator" in words:
+            continue
+        first = min(first, match.start())
+        # One with default arguments stays as it is defined: a second default is an error.
+        if "=" in arguments or "::" in kind:
+            continue
+        text = re.sub(r"\s+", " ", f"{kind} {name}({arguments})").strip()
+        if text not in declared:
+            found.append(f"{text};")
+    return found, first
+
+
+def _global_text(source: str) -> str:
+    """The source with comments, texts, directives and the insides of braces blanked. Places stay."""
+
+    def blank(match: re.Match[str]) -> str:
+        if match["word"] or match["number"]:
+            return match[0]
+        return re.sub(r"[^\n]", " ", match[0])
+
+    plain = _TOKEN.sub(blank, source)
+    plain = re.sub(r"(?m)^[ \t]*#(?:[^\n]*\\\n)*[^\n]*", lambda each: re.sub(r"[^\n]", " ", each[0]), plain)
+    made: list[str] = []
+    depth = 0
+    for character in plain:
+        if character == "}":
+            depth = max(depth - 1, 0)
+        made.append(character if depth == 0 or character == "\n" else " ")
+        if character == "{":
+            depth += 1
+    return "".join(made)
+
+
+def main_files(sketch: Path) -> list[Path]:
+    """The .ino files of a sketch, its main one first, as Arduino joins them.
+
+    `sketch` is a file or its folder. A file alone in a folder of another name is a sketch of its own.
+    """
+    if sketch.is_dir():
+        files = sorted((*sketch.glob("*.ino"), *sketch.glob("*.pde")))
+        main = [each for each in files if each.stem == sketch.name]
+        return main + [each for each in files if each not in main]
+    if sketch.stem == sketch.parent.name:
+        others = sorted((*sketch.parent.glob("*.ino"), *sketch.parent.glob("*.pde")))
+        return [sketch, *(each for each in others if each != sketch)]
+    return [sketch]
+
+
+def sketch_text(path: Path) -> str:
+    """The text of a source file, as an editor shows it."""
+    data = path.read_bytes()
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = data.decode("latin-1")
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def joined_source(files: Sequence[Path]) -> str:
+    """One C++ source of a sketch's .ino files."""
+    parts = [f'#line 1 "{each.name}"\n{board_source(sketch_text(each))}\n' for each in files]
+    whole = "".join(parts)
+    found, first = prototypes(whole)
+    if not found:
+        return f'#include "Arduino.h"\n{whole}'
+    place, line = _line_at(whole, first)
+    before, after = whole[:first], whole[first:]
+    listed = "\n".join(found)
+    return f'#include "Arduino.h"\n{before}\n{listed}\n#line {line} "{place}"\n{after}'
+
+
+def _line_at(source: str, place: int) -> tuple[str, int]:
+    """The file and the line at a place of a joined source."""
+    name, line = "", 0
+    for text in source[:place].split("\n"):
+        marked = re.fullmatch(r'#line (\d+) "(.*)"', text)
+        if marked:
+            name, line = marked[2], int(marked[1]) - 1
+        else:
+            line += 1
+    return name, max(line, 1)
+
+
+def includes(source: str) -> Iterator[tuple[str, int]]:
+    """The headers that a source includes, with their lines."""
+    blanked = _TOKEN.sub(lambda match: _blank(match[0]) if match["comment"] else match[0], source)
+    for number, line in enumerate(blanked.split("\n"), 1):
+        found = re.match(r'\s*#\s*include\s*[<"]([^>"]+)[>"]', line)
+        if found:
+            yield found[1], number
+
+
+def _blank(text: str) -> str:
+    return re.sub(r"[^\n]", " ", text)

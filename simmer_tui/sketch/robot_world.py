@@ -1,0 +1,190 @@
+"""The robot's world as boards reach it: wheels that turn by duties, and sensors, at exact simulated times.
+
+Times are nanoseconds of the boards' clocks. The world only goes forward.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from msgspec import Struct
+
+from simmer_tui.robot.engine import Engine
+from simmer_tui.robot.sessions import Session
+from simmer_tui.sim.command import parse_command
+from simmer_tui.sim.records import CommandResult, Status
+from simmer_tui.sim.specs import VelocityKind
+from simmer_tui.sim.wheels import WheelKinematics
+from simmer_tui.sketch.parts import EncoderState
+
+SOURCE = "boards"
+"""Source of the commands that boards make."""
+SECOND = 1_000_000_000
+# A line sensor is read thousands of times a second: all of that would be most of the log. Real errors last
+# too, those of light, of surfaces, of a motor's noise.
+READING_PERIOD = SECOND // 50
+"""Time for which a sensor's error lasts, and in which one reading of it is told."""
+
+
+class RobotWorld:
+    """The simulated robot with its wheels and sensors. Only for the robot's thread."""
+
+    def __init__(self, engine: Engine, session: Session, encoders: Sequence[EncoderState]) -> None:
+        self._engine = engine
+        self._simulator = engine.simulator
+        self._session = session
+        self._encoders = tuple(encoders)
+        spec = self._simulator.spec
+        self._kinematics = WheelKinematics.of(spec.wheels) if spec.wheels is not None else None
+        self._wheels_code = next(
+            (each.code for each in spec.velocities if each.kind is VelocityKind.WHEELS and each.enabled), ""
+        )
+        self._speeds: tuple[float, ...] = ()
+        self._waiting: tuple[float, ...] | None = None
+        """Rim speeds that wait for the end of the gripper's movement."""
+        self._leg: object = None
+        self._last: dict[str, _LastReading] = {}
+        self.time = 0
+        """The time that the world has reached."""
+        self._due = math.inf
+        """Time of the next change of the motion, seconds."""
+
+    def restart(self) -> None:
+        """Everything as at time 0."""
+        self.time, self._leg, self._due = 0, None, math.inf
+        self._speeds, self._waiting = (), None
+        self._last.clear()
+
+    @property
+    def next_change(self) -> int:
+        """The time of the next change of the wheels' speed that is known."""
+        return math.ceil(self._due * SECOND) if self._due < math.inf else 1 << 62
+
+    def look_again(self) -> None:
+        """Plan again after a person has changed something."""
+        self._plan()
+        self._note_leg(self.time)
+
+    def _plan(self) -> None:
+        trajectory, due = self._simulator.trajectory, self._simulator.next_event
+        self._due = due if trajectory is None else min(due, trajectory.end_time)
+
+    def _act(self, text: str) -> CommandResult:
+        """Do a command now, and tell it."""
+        self._simulator.advance(self.time / SECOND)
+        result = self._engine.act(parse_command(text, SOURCE), self._session)
+        self._plan()
+        return result
+
+    def advance(self, time: int) -> None:
+        """Let the world go on to a time."""
+        if time <= self.time:
+            return
+        target = time / SECOND
+        # The simulator itself is advanced only where something is read or done: that costs more than this.
+        while self._due <= target:
+            due = self._due
+            self.time = max(math.ceil(due * SECOND), self.time)
+            trajectory = self._simulator.trajectory
+            if trajectory is not None and trajectory.end_time <= due:
+                self._engine.end_movement()
+                self._set_waiting()
+            else:
+                self._simulator.advance(due)
+            self._plan()
+            self._note_leg(self.time)
+        self.time = max(time, self.time)
+
+    def settle(self) -> None:
+        """Bring the simulator to the time that the world has reached."""
+        self._simulator.advance(self.time / SECOND)
+
+    # -- wheels ----------------------------------------------------------------------------------------
+
+    def set_speeds(self, speeds: Mapping[int, float]) -> None:
+        """The wheels' rim speeds from now on, by the wheel's index; wheels without a motor stand."""
+        if self._kinematics is None or not self._wheels_code:
+            return
+        asked = tuple(speeds.get(index, 0.0) for index in range(len(self._kinematics.wheels)))
+        if asked == (self._speeds or (0.0,) * len(asked)):
+            return
+        self._speeds = asked
+        if self._simulator.trajectory is not None:
+            self._waiting = asked
+        else:
+            self._drive(asked)
+
+    def drive_again(self) -> None:
+        """Set the rim speeds again, after the robot was put elsewhere."""
+        if any(self._speeds):
+            self._drive(self._speeds)
+
+    def _set_waiting(self) -> None:
+        speeds, self._waiting = self._waiting, None
+        if speeds is not None:
+            self._drive(speeds)
+
+    def _drive(self, speeds: Sequence[float]) -> None:
+        self._act(f"{self._wheels_code}-{';'.join(f'{each:.12g}' for each in speeds)}")
+        self._note_leg(self.time)
+
+    def _note_leg(self, time: int) -> None:
+        """Tell the encoders of the speed in force, if it has changed."""
+        leg = self._simulator.leg
+        if leg is self._leg or not self._encoders:
+            return
+        self._leg = leg
+        kinematics = self._kinematics
+        assert kinematics is not None, "encoders are at wheels"
+        speeds = (0.0,) * len(kinematics.wheels) if leg is None else kinematics.speeds(leg.commanded)
+        for each in self._encoders:
+            each.set_speed(time, speeds[each.wired.wheel_index])
+
+    # -- the gripper -----------------------------------------------------------------------------------
+
+    def grip(self, *, close: bool) -> None:
+        """Close or open the jaws now. The robot stands while they move, as with the gripper's command."""
+        gripper = self._simulator.spec.gripper
+        if gripper is None or not gripper.enabled or self._simulator.trajectory is not None:
+            return
+        moved = self._speeds if any(self._speeds) else None
+        self._act(f"{gripper.code}-{int(close)}")
+        self._waiting = moved
+        self._note_leg(self.time)
+
+    # -- sensors ---------------------------------------------------------------------------------------
+
+    def read(self, code: str) -> float:
+        """A reading of a sensor now.
+
+        Its error is drawn anew, and the reading told, once in `READING_PERIOD`. Readings in between have the
+        error of the last one.
+        """
+        last = self._last.get(code)
+        if last is not None and self.time - last.time < READING_PERIOD:
+            return self._held(code, last)
+        result = self._act(code)
+        if result.status is not Status.READING or result.reading is None:
+            return math.nan
+        reading = result.reading
+        self._last[code] = _LastReading(self.time, result.reply, reading.true, reading.sensor.is_yes_or_no)
+        return result.reply
+
+    def _held(self, code: str, last: _LastReading) -> float:
+        """A reading of the present true value with the error of the last one."""
+        self._simulator.advance(self.time / SECOND)
+        true = self._simulator.true_value(code)
+        if last.is_yes_or_no:
+            return true if last.value == last.true else 1.0 - true
+        error = last.value - last.true
+        return true + error if math.isfinite(error) else last.value
+
+
+class _LastReading(Struct, frozen=True):
+    """The last reading of a sensor that was told, its time, and the true value then."""
+
+    time: int
+    value: float
+    true: float
+    is_yes_or_no: bool

@@ -1,0 +1,318 @@
+"""The wiring of a set compared with the text of its sketches, without a compiler: each mistake in a line."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+
+from simmer_tui.errors import Problem, reason_of
+from simmer_tui.sim.rules import listed
+from simmer_tui.sim.specs import WheelsSpec
+from simmer_tui.sketch.motion_check import wrong_motions
+from simmer_tui.sketch.sketch_scan import PULSES, WRITES, Pins, SketchFacts, SketchPort
+from simmer_tui.sketch.wiring import (
+    LaptopLine,
+    MotorDriver,
+    PinUse,
+    SketchBoard,
+    WiredMotor,
+    WiredSonar,
+    Wiring,
+    WiringRow,
+)
+
+_READERS = ("digitalRead", "analogRead", *PULSES)
+_MODES = ("pinMode", "digitalPinToInterrupt", "attachInterrupt", "detachInterrupt")
+"""Calls that neither write nor read a pin; interrupts are found by their own list."""
+_DUTY_PINS = {MotorDriver.HBRIDGE: ("en",), MotorDriver.SHIELD: ("pwm",), MotorDriver.PWM2: ("in1", "in2")}
+"""The pins of a driver that get its duty."""
+
+
+def facts_of(wiring: Wiring, directory: Path, problems: list[Problem]) -> dict[str, SketchFacts]:
+    """The facts of a wiring's sketches by board; one that cannot be read is missing, and a problem.
+    Their paths begin at `directory`, the set's folder."""
+    facts: dict[str, SketchFacts] = {}
+    for name, board in wiring.boards.items():
+        try:
+            facts[name] = SketchFacts.read(directory / board.sketch, board.kind)
+        except (OSError, ValueError) as error:
+            problems.append(Problem(board.place_of("sketch"), f"cannot be read: {reason_of(error)}"))
+    return facts
+
+
+def sketch_problems(
+    wiring: Wiring, facts: Mapping[str, SketchFacts], wheels: WheelsSpec | None
+) -> list[Problem]:
+    """The problems of a wiring with its sketches, by their facts, and with the robot's wheels."""
+    problems: list[Problem] = list(_too_fast(wiring, wheels))
+    for name, found in facts.items():
+        board = wiring.boards[name]
+        uses = [use for use in wiring.pin_uses() if use.board == name]
+        problems += _unused_pins(board, found, uses)
+        problems += _no_outputs(found, uses)
+        problems += _interrupts(found)
+        problems += _deaf_ports(found)
+        for sensor in wiring.sensors:
+            if isinstance(sensor, WiredSonar) and sensor.board == name:
+                problems += _swapped_sonar(found, sensor)
+        for motor in wiring.motors:
+            if motor.board == name:
+                problems += _motor_duty(found, motor)
+    problems += _lines(wiring, facts)
+    problems += wrong_motions(wiring, wheels, facts)
+    return problems
+
+
+def _too_fast(wiring: Wiring, wheels: WheelsSpec | None) -> Iterator[Problem]:
+    """Motors that are faster than the set's wheels may turn."""
+    for motor in wiring.motors:
+        if wheels is not None and motor.top_speed > wheels.top_speed:
+            what = f"{motor.top_speed:g} in/s is more than top_speed of [wheels] in settings.toml"
+            remedy = "the wheel turns no faster; give both the same"
+            yield Problem(motor.place_of("top_speed"), f"{what}, {wheels.top_speed:g}: {remedy}")
+
+
+# -- pins ------------------------------------------------------------------------------------------
+
+
+def _touched(facts: SketchFacts, *, writes: bool) -> Pins | None:
+    """The pins that a sketch may write (or read), by all its calls; None if one of them cannot be known.
+
+    Any argument of another call or object counts: a class of the team's own may write it."""
+    direct, others = (WRITES, _READERS) if writes else (_READERS, WRITES)
+    found: set[int] = set()
+    for call in facts.calls:
+        if call.name in _MODES or call.name in others:
+            continue
+        if call.name in facts.functions and not call.object:
+            continue  # its own calls are in the list
+        if call.name in direct:
+            pins = facts.pins(call)
+            if pins is None:
+                return None
+            found |= pins
+        else:
+            for at in range(len(call.arguments)):
+                found |= facts.pins(call, at) or Pins()
+    if not writes:
+        for each in facts.interrupts():
+            found |= each.pins or Pins()
+    return Pins(found)
+
+
+def _unused_pins(board: SketchBoard, facts: SketchFacts, uses: Iterable[PinUse]) -> Iterator[Problem]:
+    """Pins that the wiring has and the sketch does not use."""
+    written, read = _touched(facts, writes=True), _touched(facts, writes=False)
+    ports = facts.ports()
+    for use in uses:
+        if use.name in ("rx", "tx", "from", "to"):
+            continue  # serial lines have messages of their own
+        pins = written if use.writes else read
+        if pins is None or use.pin in pins:
+            continue
+        shown = board.kind.pin_name(use.pin)
+        verb = "writes" if use.writes else "reads"
+        what = f"the sketch never {verb} pin {shown} ({facts.file})"
+        if any(use.pin in (port.rx or ()) or use.pin in (port.tx or ()) for port in ports):
+            what += "; it is a pin of a serial port there"
+        yield Problem(use.place, f"{what}; look at its pin numbers")
+
+
+def _no_outputs(facts: SketchFacts, uses: Iterable[PinUse]) -> Iterator[Problem]:
+    """Pins that are written and never made outputs: they stay weak, and drive nothing. analogWrite makes them
+    outputs by itself."""
+    outputs: set[int] = set()
+    for call in facts.named("pinMode", "analogWrite"):
+        pins = facts.pins(call)
+        if pins is None:
+            return
+        if call.name == "analogWrite" or facts.spelled(call, 1) not in ("INPUT", "INPUT_PULLUP"):
+            outputs |= pins
+    for use in uses:
+        if not use.writes or use.pin in outputs:
+            continue
+        for call in facts.named("digitalWrite"):
+            if use.pin in (facts.pins(call) or ()):
+                shown = facts.kind.pin_name(use.pin)
+                what = f"pin {shown} is written ({call.token.spot}) and is no output"
+                yield Problem(use.place, f"{what}: add pinMode({shown}, OUTPUT)")
+                break
+
+
+def _interrupts(facts: SketchFacts) -> Iterator[Problem]:
+    """Interrupts that the board does not have."""
+    kind = facts.kind
+    there = f"the {kind.title} has them on pins {listed(map(str, sorted(kind.interrupts)))}"
+    for each in facts.interrupts():
+        if each.number is not None and not each.pins:
+            what = (
+                f"attachInterrupt has the interrupt {each.number}, which the {kind.title} lacks; "
+                f"write digitalPinToInterrupt(pin): {there}"
+            )
+            yield Problem(each.spot, what)
+        for pin in sorted(each.pins or ()):
+            if each.number is None and pin not in kind.interrupts:
+                what = f"attachInterrupt on pin {kind.pin_name(pin)}, which has no interrupt; {there}"
+                yield Problem(each.spot, what)
+
+
+def _deaf_ports(facts: SketchFacts) -> Iterator[Problem]:
+    """SoftwareSerial ports at pins at which the board has no pin-change interrupt."""
+    kind = facts.kind
+    for port in facts.ports():
+        for pin in sorted((port.rx or Pins()) - kind.software_rx):
+            if port.name not in kind.serial and pin < kind.pins:
+                there = ", ".join(kind.pin_name(each) for each in sorted(kind.software_rx))
+                what = f"{port.name} cannot receive at pin {kind.pin_name(pin)} of the {kind.title}"
+                yield Problem(port.spot, f"{what}: SoftwareSerial can at {there}")
+
+
+def _swapped_sonar(facts: SketchFacts, sonar: WiredSonar) -> Iterator[Problem]:
+    """A trigger that the sketch listens to, and an echo that it writes."""
+    if sonar.trig == sonar.echo:
+        return
+    trig, echo = (facts.kind.pin_name(pin) for pin in (sonar.trig, sonar.echo))
+    for call in facts.objects("NewPing"):
+        first, second = facts.pins(call, 0), facts.pins(call, 1)
+        # An array's elements give several pins each, which do not tell which belong together.
+        if first == Pins({sonar.echo}) and second == Pins({sonar.trig}):
+            yield Problem(sonar.place, _swapped(trig, echo, f"NewPing at {call.token.spot}"))
+            return
+    for call in facts.named(*PULSES):
+        if facts.pins(call) == Pins({sonar.trig}):
+            yield Problem(sonar.place, _swapped(trig, echo, f"pulseIn at {call.token.spot}"))
+            return
+    modes = {
+        mode: [call for call in facts.named("pinMode") if facts.pins(call) == Pins({pin})]
+        for mode, pin in (("INPUT", sonar.trig), ("OUTPUT", sonar.echo))
+    }
+    if all(found and facts.spelled(found[0], 1) == mode for mode, found in modes.items()):
+        spot = modes["INPUT"][0].token.spot
+        yield Problem(sonar.place, _swapped(trig, echo, f"pinMode at {spot}"))
+
+
+def _swapped(trig: str, echo: str, by: str) -> str:
+    return f"trig {trig} and echo {echo} are the other way round in the sketch ({by})"
+
+
+def _motor_duty(facts: SketchFacts, motor: WiredMotor) -> Iterator[Problem]:
+    """Duties on pins that have no PWM, or that lose it to the Servo library."""
+    kind = facts.kind
+    uses_servo = any(name == "Servo.h" for name, _ in facts.includes) and any(facts.named("attach"))
+    for name in (*_DUTY_PINS[motor.driver], *(() if "en" in motor.pins else ("in1", "in2"))):
+        pin = motor.pins.get(name)
+        if pin is None:
+            continue
+        shown = kind.pin_name(pin)
+        written = [call for call in facts.named("analogWrite") if pin in (facts.pins(call) or ())]
+        if not written:
+            continue
+        spot = written[0].token.spot
+        if pin not in kind.pwm:
+            there = ", ".join(str(each) for each in sorted(kind.pwm))
+            what = (
+                f"pin {shown} of the {kind.title} has no PWM: analogWrite ({spot}) is on from 128, else off"
+            )
+            yield Problem(motor.place_of(name), f"{what}; PWM pins: {there}")
+        elif uses_servo and pin in kind.servo_takes:
+            what = f"pin {shown} of the {kind.title} has no PWM while Servo is used: they share a timer"
+            yield Problem(motor.place_of(name), f"{what} (analogWrite at {spot}); take another PWM pin")
+    no_speed = not any(
+        pin in (facts.pins(call) or ()) for pin in motor.pins.values() for call in facts.named("analogWrite")
+    )
+    unknown = any(facts.pins(call) is None for call in facts.named("analogWrite"))
+    if no_speed and not unknown:
+        what = "no analogWrite of the sketch is on a pin of this motor: it has full speed or none"
+        yield Problem(motor.place, f"{what} ({facts.file})")
+
+
+# -- serial lines ----------------------------------------------------------------------------------
+
+
+def _lines(wiring: Wiring, facts: Mapping[str, SketchFacts]) -> Iterator[Problem]:
+    """Serial lines whose pins are no port, or whose two ends have different rates."""
+    line = wiring.laptop
+    if line is not None and line.board in facts:
+        yield from _laptop(line, facts[line.board])
+    for wire in wiring.wires:
+        if wire.from_board not in facts or wire.to_board not in facts:
+            continue
+        sender, receiver = facts[wire.from_board], facts[wire.to_board]
+        ends = (
+            (sender, _port(sender, tx=wire.tx), wire.tx, "from", "sends"),
+            (receiver, _port(receiver, rx=wire.rx), wire.rx, "to", "receives"),
+        )
+        missing = [
+            Problem(wire.place_of(key), _no_port(end, pin, verb))
+            for end, port, pin, key, verb in ends
+            if port is None and _are_known(end)
+        ]
+        yield from missing
+        one, other = ends[0][1], ends[1][1]
+        if one is not None and other is not None:
+            yield from _rates(wire, one, other)
+
+
+def _laptop(line: LaptopLine, facts: SketchFacts) -> Iterator[Problem]:
+    kind = facts.kind
+    port = _port(facts, rx=line.rx, tx=line.tx)
+    shown = f"rx {kind.pin_name(line.rx)} and tx {kind.pin_name(line.tx)}"
+    if port is None and _are_known(facts):
+        swapped = _port(facts, rx=line.tx, tx=line.rx)
+        if swapped is not None:
+            what = f"{shown} are the other way round in the sketch: {swapped.name} at {swapped.spot}"
+            yield Problem(line.place, what)
+            return
+        there = ", ".join(_pins_of(facts, each) for each in facts.ports()) or "none is begun"
+        yield Problem(
+            line.place, f"the sketch has no serial port with {shown}; it has {there} ({facts.file})"
+        )
+    if port is None:
+        return
+    if not port.bauds:
+        yield from _not_begun(line, port)
+    elif line.baud is not None and line.baud not in port.bauds:
+        what = f"the laptop has {line.baud} baud, {port.name} has {_bauds(port)} ({port.begin_spot})"
+        yield Problem(line.place_of("baud"), what)
+
+
+def _rates(row: WiringRow, one: SketchPort, other: SketchPort) -> Iterator[Problem]:
+    for port in (one, other):
+        if not port.begin_spot:
+            yield from _not_begun(row, port)
+    if one.bauds and other.bauds and not set(one.bauds) & set(other.bauds):
+        ends = " and ".join(f"{port.name} {_bauds(port)} baud ({port.begin_spot})" for port in (one, other))
+        yield Problem(row.place, f"its two ends differ: {ends}")
+
+
+def _not_begun(row: WiringRow, port: SketchPort) -> Iterator[Problem]:
+    if not port.begin_spot:
+        yield Problem(row.place, f"{port.name} ({port.spot}) is never begun; add {port.name}.begin(9600)")
+
+
+def _no_port(facts: SketchFacts, pin: int, verb: str) -> str:
+    there = ", ".join(_pins_of(facts, each) for each in facts.ports()) or "none is begun"
+    shown = facts.kind.pin_name(pin)
+    return f"no serial port of the sketch {verb} at pin {shown}; it has {there} ({facts.file})"
+
+
+def _are_known(facts: SketchFacts) -> bool:
+    """True if the pins of all ports of a sketch are known."""
+    return all(port.rx is not None and port.tx is not None for port in facts.ports())
+
+
+def _port(facts: SketchFacts, rx: int | None = None, tx: int | None = None) -> SketchPort | None:
+    """The port of a sketch that has these pins."""
+    for port in facts.ports():
+        if all(pin is None or pins == Pins({pin}) for pin, pins in ((rx, port.rx), (tx, port.tx))):
+            return port
+    return None
+
+
+def _pins_of(facts: SketchFacts, port: SketchPort) -> str:
+    rx, tx = (", ".join(map(facts.kind.pin_name, sorted(pins or ()))) or "?" for pins in (port.rx, port.tx))
+    return f"{port.name} with rx {rx} and tx {tx}"
+
+
+def _bauds(port: SketchPort) -> str:
+    return listed(map(str, port.bauds))

@@ -1,0 +1,507 @@
+"""The team's boards as the robot: their sketches drive its wheels and read its sensors.
+
+Only for the robot's thread. Nobody else drives: console and programs over TCP may read sensors and stop it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from simmer_tui.config.dialects import TEAM
+from simmer_tui.config.loader import Configuration
+from simmer_tui.config.settings import BITS_OF_A_BYTE
+from simmer_tui.errors import BoardError
+from simmer_tui.links.backend import Message
+from simmer_tui.robot.engine import Engine
+from simmer_tui.robot.sessions import Answered, Session
+from simmer_tui.run.events import ActionDone, ActionName, Event, Notice, NoticeKind, WireMessage
+from simmer_tui.sim.command import Command
+from simmer_tui.sim.records import CommandResult, Status
+from simmer_tui.sketch.board_process import (
+    BYTE,
+    EDGE,
+    BoardEvent,
+    BoardProcess,
+    BoardRecord,
+    Query,
+    Told,
+    Watchdog,
+)
+from simmer_tui.sketch.board_view import BoardView, PinView
+from simmer_tui.sketch.build import BuiltSketch, build_sketch, fastest_baud
+from simmer_tui.sketch.lockstep import BOARD_SLICE, NEVER, Board, Lockstep, LockstepWorld, PinState
+from simmer_tui.sketch.parts import (
+    ECHO_DELAY,
+    EncoderState,
+    analog_counts,
+    echo_length,
+    rim_speed,
+)
+from simmer_tui.sketch.robot_world import SECOND, RobotWorld
+from simmer_tui.sketch.wiring import (
+    WiredAnalog,
+    WiredEncoder,
+    WiredLineSensor,
+    WiredSonar,
+    Wiring,
+)
+
+_LED = 13
+_USB_PINS = (0, 1)
+"""The pins of the port that is at the USB line too."""
+_TYPED = "binary"
+"""The dialect of typed commands."""
+# Two byte times of silence: a sketch that prints without line ends pauses for much longer.
+_GAP, _LINE_END, _LONGEST = 2, 10, 200
+NOT_DRIVEN = "boards drive the robot; send their program a line with :send TEXT"
+"""The reason of a drive of anybody else that is refused."""
+# A frame of the screen is 67 ms, a byte at 9600 baud 1 ms.
+TICK = 0.005
+"""Real seconds between two times at which boards are brought to the present."""
+# A servo's angle by the pulses of Servo.h: 544 us is 0 degrees, 2400 us 180.
+_SHORTEST, _LONGEST, _HALF_TURN = 544, 2400, 180.0
+BEHIND = (
+    "the boards cannot keep pace with the real clock on this machine: simulated time falls behind. Run the "
+    "program by its own clock: --no-ui --clock program --run CMD"
+)
+# A person notices half a second, and a start or a busy moment costs less.
+_MOST_LATE = 0.5
+_ENDED = "the boards have ended: "
+
+
+class SketchSet(Struct, frozen=True):
+    """A set's wiring with its compiled sketches, by the board's name."""
+
+    wiring: Wiring
+    built: Mapping[str, BuiltSketch]
+    bauds: Mapping[str, int]
+    """The fastest rate that each sketch names."""
+
+
+def compile_set(wiring: Wiring, directory: Path) -> SketchSet:
+    """Compile the sketches of a wiring. Raises ConfigurationError."""
+    built, bauds = {}, {}
+    for name, board in wiring.boards.items():
+        path = directory / board.sketch
+        built[name] = build_sketch(path, board.kind, board.place_of("sketch"))
+        bauds[name] = fastest_baud(path)
+    return SketchSet(wiring, built, bauds)
+
+
+def with_boards(configuration: Configuration, wiring: Wiring) -> Configuration:
+    """The configuration of a run with boards: motion is timed, and a velocity lasts as the pins do."""
+    listeners = tuple(each for each in configuration.settings.server.listeners if each != TEAM)
+    made = configuration.with_settings(
+        {
+            "motion.motion": "timed",
+            "motion.velocity_timeout": 0.0,
+            # A set with a dialect may have no other language.
+            "server.listeners": listeners or (_TYPED,),
+        }
+    )
+    return replace(made, simulation=replace(configuration.simulation, velocity_timeout=0.0))
+
+
+class SentMessages:
+    """Bytes of a board put together to messages: lines, or what comes without a gap."""
+
+    def __init__(self) -> None:
+        self._text = ""
+        self._last = self._byte = 0
+        self._whole: list[tuple[int, str]] = []
+        self.next_due = NEVER
+        """Time at which the first message is over, unless another byte comes."""
+
+    def add(self, time: int, value: int, byte: int) -> None:
+        """Add a byte that arrives at a time; `byte` is its duration."""
+        if self._text and time > self._last + _GAP * byte:
+            self._end(self._last + _GAP * self._byte)
+        self._text += chr(value)
+        self._last, self._byte = time, byte
+        if value == _LINE_END or len(self._text) >= _LONGEST:
+            self._end(time)
+        self._plan()
+
+    def due(self, time: int) -> list[tuple[int, str]]:
+        """The messages that are over by a time, with their times; each is returned once."""
+        if self._text and time >= self._last + _GAP * self._byte:
+            self._end(self._last + _GAP * self._byte)
+        whole = [each for each in self._whole if each[0] <= time]
+        self._whole = self._whole[len(whole) :]
+        self._plan()
+        return whole
+
+    def _plan(self) -> None:
+        if self._whole:
+            self.next_due = self._whole[0][0]
+        else:
+            self.next_due = self._last + _GAP * self._byte if self._text else NEVER
+
+    def _end(self, time: int) -> None:
+        self._whole.append((time, self._text))
+        self._text = ""
+
+
+class SketchRobot(LockstepWorld):
+    """The boards of a run, and what is wired to them. A `Backend` for the commands of others."""
+
+    def __init__(self, sketches: SketchSet, engine: Engine, slice_length: int = BOARD_SLICE) -> None:
+        self.engine = engine
+        self._set = sketches
+        self._slice = slice_length
+        self._session = engine.session(answer_at_end=False, lane="boards")
+        self._running = False
+        self._late = 0.0
+        """Seconds by which simulated time has fallen behind the real clock so far."""
+        self._has_told_late = False
+        self._lost: dict[tuple[str, int, int], int] = {}
+        self.failed = ""
+        """The sentence about boards that have ended; empty while they run."""
+        self.on_end: Callable[[], None] = lambda: None
+        """Called when a board has died or hangs."""
+        self.on_sent: Callable[[], None] = lambda: None
+        """Called when bytes for the laptop may have arrived, after each step."""
+        self._encoders = {
+            each.label: EncoderState(each)
+            for each in sketches.wiring.sensors
+            if isinstance(each, WiredEncoder)
+        }
+        self._world = RobotWorld(engine, self._session, list(self._encoders.values()))
+        self._asked: dict[tuple[str, int, int], list[WiredSonar | WiredAnalog | WiredLineSensor]] = {}
+        """Sensors by the question that asks for them: board, query and pin."""
+        for each in sketches.wiring.sensors:
+            if not isinstance(each, WiredEncoder):
+                self._asked.setdefault(_question(each), []).append(each)
+        self._start()
+        engine.boards = self.catch_up
+        engine.watch(self._watch)
+
+    def _start(self) -> None:
+        """Start the boards at time 0."""
+        self._messages = SentMessages()
+        self._busy: dict[str, tuple[int, int, float]] = {}
+        """Each board's clock and time in delay() at the last look, and its busy share until then."""
+        self.last_line = ""
+        self._sonar_until: dict[str, int] = {}
+        self._options: dict[str, list[str]] = {}
+        self._gripper_closed: bool | None = None
+        boards = {name: self._board(name) for name in self._set.wiring.boards}
+        for wire in self._set.wiring.wires:
+            sender, receiver = boards[wire.from_board], boards[wire.to_board]
+            sender.lines.setdefault(wire.tx, []).append((receiver, wire.rx))
+            if sender not in receiver.sources:
+                receiver.sources.append(sender)
+        self._watchdog = Watchdog([each.process for each in boards.values()])
+        self.boards: Mapping[str, Board] = boards
+        line = self._set.wiring.laptop
+        laptop = None if line is None else (boards[line.board], line.tx)
+        self.lockstep = Lockstep(list(boards.values()), self, laptop, self._slice)
+
+    def _board(self, name: str) -> Board:
+        wiring = self._set.wiring
+        driving = {pin for each in wiring.motors if each.board == name for pin in each.pins.values()}
+        driving |= {each.pin for each in wiring.servos if each.board == name}
+        sensors = [each for each in wiring.sensors if each.board == name]
+        triggers = {each.trig for each in sensors if isinstance(each, WiredSonar)}
+        asked = {each.pin for each in sensors if isinstance(each, WiredLineSensor)}
+        options: list[str] = []
+        for option, pins in (("--drives", driving), ("--triggers", triggers), ("--asked", asked)):
+            if pins:
+                options += [option, ",".join(map(str, sorted(pins)))]
+        self._options[name] = options
+        process = BoardProcess(name, self._set.built[name].program, options)
+        board = Board(name, process, BITS_OF_A_BYTE * SECOND // self._set.bauds[name])
+        board.driving = frozenset(driving)
+        board.encoders = [self._encoders[each.label] for each in sensors if isinstance(each, WiredEncoder)]
+        self._set_levels(board)
+        return board
+
+    def _set_levels(self, board: Board) -> None:
+        """The levels at a board's inputs as it begins."""
+        now = board.now
+        for encoder in board.encoders:
+            board.events += encoder.levels_at(now)
+        for each in self._set.wiring.sensors:
+            if isinstance(each, WiredSonar) and each.board == board.name:
+                board.events.append(BoardEvent(now, EDGE, each.echo, 0))
+        board.events.sort()
+
+    def reset_by_usb(self) -> None:
+        """The laptop's program has opened the port: on a USB line that resets the board."""
+        line = self._set.wiring.laptop
+        if line is None or (line.rx, line.tx) != _USB_PINS or self.failed:
+            return
+        board = self.boards[line.board]
+        now = board.now
+        # A board that has not begun needs no reset.
+        if not now:
+            return
+        board.process.close()
+        options = [*self._options[board.name], "--boot", str(now)]
+        process = BoardProcess(board.name, self._set.built[board.name].program, options)
+        self._watchdog.replace(board.process, process)
+        process.now = now
+        board.process = process
+        board.events.clear()
+        self._set_levels(board)
+        try:
+            self.lockstep.reset(board)
+        except BoardError as error:
+            self._fail(str(error))
+        else:
+            self.changed(board, board.driving)
+
+    def close(self) -> None:
+        """End the boards."""
+        self._watchdog.close()
+        for each in self.boards.values():
+            each.process.close()
+
+    # -- time ------------------------------------------------------------------------------------------
+
+    def catch_up(self, present: float) -> bool:
+        """Bring the boards to a simulated time, seconds. False if that takes too long."""
+        reached = self.run_to(present)
+        if reached >= present:
+            return True
+        self._late += present - reached
+        if self._late > _MOST_LATE and not self._has_told_late:
+            self._has_told_late = True
+            self.engine.tell(Notice(NoticeKind.FAULT, BEHIND))
+        return False
+
+    def run_to(self, until: float) -> float:
+        """Let the boards run to a simulated time, seconds. Returns the time that they have reached."""
+        # A restart has set the simulator back already; the boards follow once it is told.
+        if self._running or round(until * SECOND) < self._world.time:
+            return until
+        if self.failed:
+            self._world.advance(round(until * SECOND))
+            self._world.settle()
+            return until
+        self._running = True
+        target = round(until * SECOND)
+        try:
+            reached = self.lockstep.run(target)
+        except BoardError as error:
+            self._fail(str(error))
+            return until
+        finally:
+            self._running = False
+        self.on_sent()
+        return until if reached >= target else reached / SECOND
+
+    def run_clock_to(self, time: float) -> float:
+        """The same by the time of the loop's clock."""
+        engine = self.engine
+        until = (time - engine.clock_time(0.0)) * engine.time_scale
+        reached = self.run_to(until)
+        return time if reached >= until else engine.clock_time(reached)
+
+    def _fail(self, text: str) -> None:
+        self.failed = text
+        self._world.advance(self.lockstep.reached)
+        self._world.settle()
+        self._world.set_speeds({})
+        self.engine.tell(Notice(NoticeKind.FAULT, f"{_ENDED}{text}"))
+        self.on_end()
+
+    def _watch(self, event: Event) -> None:
+        if not isinstance(event, ActionDone) or event.refused:
+            return
+        self._world.look_again()
+        if event.restarts:
+            self.close()
+            self._world.restart()
+            for each in self._encoders.values():
+                each.restart()
+            self.failed = ""
+            self._start()
+        elif event.action.name is ActionName.TELEPORT:
+            self._world.drive_again()
+
+    # -- what boards do --------------------------------------------------------------------------------
+
+    def advance(self, time: int) -> None:
+        if time <= self._world.time:
+            return
+        if time >= self._messages.next_due:
+            for at, text in self._messages.due(time):
+                self._world.advance(at)
+                self.last_line = text
+                self.engine.tell(WireMessage(at / SECOND, text, reply=True))
+        self._world.advance(time)
+
+    def sent(self, time: int, value: int, byte: int) -> None:
+        self._messages.add(time, value, byte)
+
+    def settle(self) -> None:
+        self._world.settle()
+
+    @property
+    def next_change(self) -> int:
+        return self._world.next_change
+
+    def changed(self, board: Board, pins: Iterable[int]) -> None:
+        wiring = self._set.wiring
+        self._world.set_speeds(
+            {each.wheel_index: rim_speed(each, self.boards[each.board].level) for each in wiring.motors}
+        )
+        for servo in wiring.servos:
+            if servo.board == board.name and servo.pin in pins:
+                self._move_servo(board.pin(servo.pin).servo, servo.open, servo.closed)
+
+    def _move_servo(self, width: int, opened: float | None, closed: float | None) -> None:
+        """The gripper's servo has got another pulse: its jaws are on the side of the nearer angle."""
+        if opened is None or closed is None or not width:
+            return
+        angle = (width - _SHORTEST) / (_LONGEST - _SHORTEST) * _HALF_TURN
+        close = abs(angle - closed) < abs(angle - opened)
+        before, self._gripper_closed = self._gripper_closed, close
+        # A run begins with open jaws.
+        if close != bool(before):
+            self._world.grip(close=close)
+
+    def answer(self, board: Board, query: int, pin: int) -> float:
+        made = 0.0
+        for each in self._asked.get((board.name, query, pin), ()):
+            if isinstance(each, WiredSonar):
+                self._ping(board, each)
+            elif isinstance(each, WiredAnalog):
+                made = analog_counts(each, self._world.read(each.code))
+            else:
+                seen = self._world.read(each.code) == 1.0
+                made = float(seen == each.active_high)
+        return made
+
+    def _ping(self, board: Board, sonar: WiredSonar) -> None:
+        """A sonar's trigger has fallen: its echo rises and falls. While it listens it takes no other."""
+        now = board.now
+        if now < self._sonar_until.get(sonar.label, 0):
+            return
+        rise = now + ECHO_DELAY
+        fall = rise + echo_length(self._world.read(sonar.code))
+        self._sonar_until[sonar.label] = fall
+        self.lockstep.put(board, BoardEvent(rise, EDGE, sonar.echo, 1))
+        self.lockstep.put(board, BoardEvent(fall, EDGE, sonar.echo, 0))
+
+    def lost(self, board: Board, record: BoardRecord) -> None:
+        """Tell the first of each kind that is lost at a pin, the tenth, the hundredth ..."""
+        key = (board.name, record.kind, record.pin)
+        count = self._lost[key] = self._lost.get(key, 0) + 1
+        if str(count).strip("0") != "1":
+            return
+        kind = self._set.wiring.boards[board.name].kind
+        line = board.process.line_of(record.value & 0xFFFFFFFF)
+        where = f" at {line}" if line else ""
+        pin = kind.pin_name(record.pin)
+        if record.kind == Told.LOST_EDGE:
+            text = f"an edge at pin {pin} was lost{where}: interrupts were off since the one before"
+        else:
+            text = f"a byte at pin {pin} was lost{where}: the queue was full, or interrupts were off"
+        more = f"; {count} so far" if count > 1 else ""
+        self.engine.tell(Notice(NoticeKind.ROBOT, f"board {board.name}: {text}{more}"))
+
+    # -- the line to the laptop ------------------------------------------------------------------------
+
+    @property
+    def laptop_baud(self) -> int:
+        """The rate of the board's port to the laptop; 0 if it is not open yet."""
+        line = self._set.wiring.laptop
+        return 0 if line is None else self.boards[line.board].baud.get(line.tx, 0)
+
+    def receive(self, time: int, value: int, baud: int) -> None:
+        """Add a byte of the laptop that arrives at its board."""
+        line = self._set.wiring.laptop
+        assert line is not None, "only a wiring with a line to the laptop has its link"
+        board = self.boards[line.board]
+        self.lockstep.put(board, BoardEvent(max(time, board.now), BYTE, line.rx, value | baud << 8))
+
+    def tell_line(self, text: str, *, reply: bool) -> None:
+        """Tell bytes of the line, at the present time."""
+        self.engine.tell(WireMessage(self.engine.simulator.time, text, reply=reply))
+
+    # -- what people see -------------------------------------------------------------------------------
+
+    def views(self) -> tuple[BoardView, ...]:
+        """The boards as they are now."""
+        return tuple(self._view(each) for each in self.boards.values())
+
+    def _view(self, board: Board) -> BoardView:
+        process, name = board.process, board.name
+        kind = self._set.wiring.boards[name].kind
+        begin, waited, busy = self._busy.get(name, (0, 0, 0.0))
+        if board.now - begin >= SECOND:
+            busy = 1.0 - (process.waited - waited) * 1_000_000 / (board.now - begin)
+            self._busy[name] = board.now, process.waited, busy
+        line = self._set.wiring.laptop
+        said = self.last_line if line is not None and line.board == name else ""
+        pins = tuple(
+            PinView(kind.pin_name(number), _pin_text(state)) for number, state in sorted(board.pins.items())
+        )
+        led = board.level(_LED) > 0.0
+        return BoardView(name, board.now / SECOND, max(busy, 0.0), led, said.strip(), pins, self.failed)
+
+    # -- commands of others ----------------------------------------------------------------------------
+
+    def submit(self, message: Message, session: Session, answered: Answered) -> None:
+        """Read sensors, stop the robot, and refuse everything else."""
+        answered([self._do(command) for command in message.commands], None)
+
+    def _do(self, command: Command) -> CommandResult:
+        engine = self.engine
+        if command.stops:
+            engine.now()
+            done = engine.halt(command)
+            self._world.look_again()
+            return done
+        simulator = engine.simulator
+        refused = simulator.is_drive(command) or simulator.is_velocity(command)
+        result = engine.peek(replace(command, problem=NOT_DRIVEN) if refused else command)
+        # The command itself has no mistake.
+        result = replace(result, command=command)
+        if result.status is Status.READING or result.status is not Status.DONE:
+            engine.tell(result)
+        return result
+
+    def urgent_part(self, message: Message) -> Message | None:
+        """The stops of a message."""
+        stops = tuple(each for each in message.commands if each.stops)
+        return Message(message.data, stops, message.form) if stops else None
+
+    def append_late(self, data: bytes, session: Session) -> None:
+        """Nothing is passed on as it is."""
+
+    def forget(self, session: Session) -> None:
+        """Every message has its answer at once."""
+
+
+def _question(sensor: WiredSonar | WiredAnalog | WiredLineSensor) -> tuple[str, int, int]:
+    """The board, query and pin by which a sketch asks for a sensor."""
+    if isinstance(sensor, WiredSonar):
+        return sensor.board, Query.SONAR, sensor.trig
+    return sensor.board, Query.ANALOG if isinstance(sensor, WiredAnalog) else Query.DIGITAL, sensor.pin
+
+
+_MODES = {0: "input", 1: "output", 2: "input with pull-up"}
+
+
+def _pin_text(state: PinState) -> str:
+    """The use of a pin by its sketch, in words."""
+    if state.servo:
+        return f"servo, {state.servo} us"
+    if state.mode != 1:
+        return _MODES.get(state.mode, "input")
+    return f"output, {'high' if state.level == 1.0 else f'{state.level:.0%}' if state.level else 'low'}"
+
+
+def logged_sketches(sketches: SketchSet) -> dict[str, str]:
+    """The sketches of a run for its log, by board: file and hash."""
+    return {
+        name: f"{board.sketch} {sketches.built[name].digest}"
+        for name, board in sketches.wiring.boards.items()
+    }

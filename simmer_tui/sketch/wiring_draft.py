@@ -1,0 +1,458 @@
+"""A draft of a wiring.toml from the text of sketches, for `init --sketch`.
+
+Pins are read off constants, constructors, attachInterrupt and the order of writes: a team sets the direction
+of a motor right before, or after, its duty. A value that no sketch can tell is marked `# ?`: which wheel is
+left, speeds, the sensor's place, the wire between boards.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+from msgspec import Struct
+
+from simmer_tui.sketch.boards import BOARDS, UNO, BoardKind
+from simmer_tui.sketch.motion_check import forward_levels
+from simmer_tui.sketch.sketch_scan import (
+    PULSES,
+    WRITES,
+    Pins,
+    SketchCall,
+    SketchFacts,
+    SketchPort,
+    SketchStep,
+)
+
+_TRIGGER, _ECHO, _BRAKE, _LAMP, _LEFT, _RIGHT = (
+    re.compile(word, re.IGNORECASE)
+    for word in ("trig", "echo", "brake|brk", "led|lamp|buzz", "left", "right")
+)
+_LATER = frozenset(
+    f"{name}.h"
+    for name in (
+        *(
+            "AccelStepper",
+            "MultiStepper",
+            "Stepper",
+            "Wire",
+            "Adafruit_VL53L0X",
+            "VL53L0X",
+            "MPU6050",
+            "I2Cdev",
+        ),
+        *("MPU6050_6Axis_MotionApps20", "LiquidCrystal", "LiquidCrystal_I2C", "PID_v1", "Arduino_FreeRTOS"),
+        *("BluetoothSerial", "ESP32Servo", "WiFi"),
+    )
+)
+"""Headers of parts that are not simulated yet; those of teams, by how often they have them."""
+_END = SketchStep("", -1, "", None, "", "")
+"""A step that ends those of a function."""
+_MARK = "  # ?"
+_HEAD = """\
+# A draft, read off the sketch. A line with "# ?" is a guess: look at it, then take the mark away.
+# simmer-tui check tells what does not fit. docs/sketch.md explains every part.
+"""
+_SPEED = "top_speed = 12  # ? in/s at full duty: time it over a measured distance"
+
+
+class DraftMotor(Struct, frozen=True):
+    """A motor that was read off a sketch: its driver and pins."""
+
+    driver: str
+    pins: Mapping[str, int]
+    reversed: bool = False
+    sure: bool = True
+    """False if its duty and its direction are set in different functions."""
+
+
+class DraftSonar(Struct, frozen=True):
+    """A sonar that was read off a sketch."""
+
+    trig: int
+    echo: int
+
+
+class DraftEncoder(Struct, frozen=True):
+    """An encoder that was read off a sketch; `b` is None without a second channel."""
+
+    a: int
+    b: int | None
+    wheel: str
+
+
+class BoardDraft:
+    """The parts of one board that its sketch shows."""
+
+    def __init__(self, name: str, sketch: str, facts: SketchFacts) -> None:
+        self.name, self.sketch, self.facts = name, sketch, facts
+        steps = [_END if step is None else step for step in facts.steps()]
+        self.sonars = list(_sonars(facts, steps))
+        self.servos = sorted({pin for call in self._attached() for pin in facts.pins(call) or ()})
+        self.ports = facts.ports()
+        taken = {pin for each in self.sonars for pin in (each.trig, each.echo)} | {*self.servos}
+        taken |= {pin for port in self.ports for pins in (port.rx, port.tx) for pin in pins or ()}
+        ahead = forward_levels(facts)
+        found = _motors([each for each in steps if each.pin not in taken])
+        self.motors = [_oriented(each, ahead) for each in found]
+        self.encoders = list(_encoders(facts, taken))
+        taken |= {pin for motor in self.motors for pin in motor.pins.values()}
+        taken |= {pin for each in self.encoders for pin in (each.a, each.b) if pin is not None}
+        self.analog = sorted(_read(facts, "analogRead") - taken - _seeds(facts))
+        self.analog = [pin for pin in self.analog if facts.kind.is_analog(pin)]
+        written = _read(facts, "digitalWrite")
+        self.digital = sorted(_read(facts, "digitalRead") - taken - {*self.analog} - written)
+        grouped = {pin for motor in self.motors for pin in motor.pins.values()}
+        self.loose = sorted({each.pin for each in steps if each.call == "analogWrite"} - grouped - taken)
+        """Pins with a PWM whose motor was not found."""
+
+    def _attached(self) -> Iterator[SketchCall]:
+        """Calls that attach a servo."""
+        if any(name == "Servo.h" for name, _ in self.facts.includes):
+            yield from (call for call in self.facts.named("attach") if call.object)
+
+
+def draft(sketches: Sequence[Path], directory: Path, ranges: Sequence[str], lines: Sequence[str]) -> str:
+    """The text of a wiring.toml for sketches, a board each.
+
+    Args:
+        sketches: The .ino files, or their folders.
+        directory: The folder of the set, from which the paths of sketches begin.
+        ranges: The codes of the set's range sensors, in order.
+        lines: The codes of its other sensors that a pin can read.
+
+    Raises OSError or ValueError for a sketch that cannot be read.
+    """
+    boards: list[BoardDraft] = []
+    for sketch in sketches:
+        name = _board_name(sketch, [board.name for board in boards])
+        facts = SketchFacts.read(sketch, UNO)
+        kind = _kind(facts)
+        if kind is not UNO:
+            facts = SketchFacts.read(sketch, kind)
+        boards.append(BoardDraft(name, _path_from(directory, sketch), facts))
+    text = [_HEAD]
+    for board in boards:
+        sure = "" if board.facts.kind.name != "uno" else "  # ? or nano"
+        text.append(
+            f'[boards.{board.name}]\nsketch = "{board.sketch}"\nboard = "{board.facts.kind.name}"{sure}\n'
+        )
+    for board in boards:
+        for header, spot in board.facts.includes:
+            if header in _LATER:
+                text.append(f"# {spot} has {header}, which is not there yet: see the end of docs/sketch.md\n")
+    text += _line_tables(boards)
+    left = ["left", "right"]
+    for board in boards:
+        text += _motor_tables(board, left)
+    codes, others = list(ranges), list(lines)
+    for board in boards:
+        text += _sensor_tables(board, codes, others)
+        text += _servo_tables(board)
+    return "\n".join(text)
+
+
+# -- reading ---------------------------------------------------------------------------------------
+
+
+def _sonars(facts: SketchFacts, steps: Sequence[SketchStep]) -> Iterator[DraftSonar]:
+    found: dict[int, DraftSonar] = {}
+    for call in facts.objects("NewPing"):
+        trig, echo = facts.pins(call, 0), facts.pins(call, 1)
+        if trig and echo and len(trig) == len(echo) == 1:
+            each = DraftSonar(next(iter(trig)), next(iter(echo)))
+            found.setdefault(each.echo, each)
+    written = -1
+    for step in steps:
+        if step.call == "digitalWrite":
+            written = step.pin
+        elif step.call in PULSES and written >= 0 and written != step.pin:
+            found.setdefault(step.pin, DraftSonar(written, step.pin))
+    yield from found.values()
+    # An echo by interrupt or by digitalRead has no call that tells its trigger: the names do.
+    trigs = [step.pin for step in steps if step.call == "digitalWrite" and _TRIGGER.search(step.name)]
+    names = {
+        pin: facts.spelled(call) for call in facts.named("digitalRead") for pin in facts.pins(call) or ()
+    }
+    for interrupt in facts.interrupts():
+        for pin in interrupt.pins or ():
+            names[pin] = f"{names.get(pin, '')} {interrupt.function}"
+    echoes = [pin for pin, name in names.items() if _ECHO.search(name) and pin not in found]
+    known = {sonar.trig for sonar in found.values()}
+    trigs = [pin for pin in dict.fromkeys(trigs) if pin not in known]
+    if trigs:
+        for at, pin in enumerate(echoes):
+            yield DraftSonar(trigs[min(at, len(trigs) - 1)], pin)
+
+
+def _motors(steps: Sequence[SketchStep]) -> Iterator[DraftMotor]:
+    """The motors by their duties: the digital pins that are written right before the analogWrite of a motor,
+    or right after it, are its directions."""
+    duties = [step.pin for step in steps if step.call == "analogWrite"]
+    votes: dict[int, Counter[tuple[tuple[int, str], ...]]] = {}
+    pairs: Counter[tuple[int, int]] = Counter()
+    for levels, analog, after in _runs(steps, {*duties}):
+        if not levels and not after and len(analog) % 2 == 0:
+            pairs.update(zip(analog[::2], analog[1::2], strict=True))
+        sides = levels or after
+        share = len(sides) // len(analog)
+        if share in (1, 2) and share * len(analog) == len(sides):
+            for at, duty in enumerate(analog):
+                votes.setdefault(duty, Counter())[tuple(sides[share * at : share * (at + 1)])] += 1
+    used: set[int] = set()
+    for duty in dict.fromkeys(duties):
+        if duty not in votes:
+            continue
+        pins, _ = max(votes[duty].items(), key=lambda each: (len(each[0]), each[1]))
+        numbers = [pin for pin, _ in pins]
+        if used & {duty, *numbers}:
+            continue
+        used |= {duty, *numbers}
+        brakes = [pin for pin, name in pins if _BRAKE.search(name)]
+        if len(numbers) == 1:
+            yield DraftMotor("shield", {"dir": numbers[0], "pwm": duty})
+        elif brakes:
+            way = next(pin for pin in numbers if pin != brakes[0])
+            yield DraftMotor("shield", {"dir": way, "pwm": duty, "brake": brakes[0]})
+        else:
+            yield DraftMotor("hbridge", {"in1": numbers[0], "in2": numbers[1], "en": duty})
+    apart = [pin for pin in dict.fromkeys(duties) if pin not in used]
+    inputs = _directions(steps, {*duties} | used, 2 * len(apart))
+    if inputs:
+        for at, duty in enumerate(apart):
+            yield DraftMotor(
+                "hbridge", {"in1": inputs[2 * at], "in2": inputs[2 * at + 1], "en": duty}, sure=False
+            )
+        return
+    for (one, other), _ in pairs.most_common():
+        if one != other and not used & {one, other}:
+            used |= {one, other}
+            yield DraftMotor("pwm2", {"in1": one, "in2": other})
+
+
+def _directions(steps: Sequence[SketchStep], taken: set[int], count: int) -> tuple[int, ...]:
+    """The digital pins that functions without a duty set together, if they are as many as asked for:
+    directions in one function, duties in another. The most frequent ones, in their order; else none."""
+    votes: Counter[tuple[int, ...]] = Counter()
+    levels: dict[int, None] = {}
+    for step in steps:
+        if step.call == "digitalWrite" and step.pin not in taken and not _LAMP.search(step.name):
+            levels[step.pin] = None
+        elif step.call != "digitalWrite":
+            if count and len(levels) == count:
+                votes[tuple(levels)] += 1
+            levels = {}
+    return votes.most_common(1)[0][0] if votes else ()
+
+
+def _oriented(motor: DraftMotor, ahead: Mapping[int, float]) -> DraftMotor:
+    """The motor with its inputs in the order in which the sketch's own function drives ahead."""
+    pins = motor.pins
+    if "dir" in pins:
+        return DraftMotor(motor.driver, pins, ahead.get(pins["dir"]) == 0.0, motor.sure)
+    first, second = (ahead.get(pins[name]) for name in ("in1", "in2"))
+    if first == 0.0 and second:
+        return DraftMotor(motor.driver, {**pins, "in1": pins["in2"], "in2": pins["in1"]}, sure=motor.sure)
+    return motor
+
+
+def _runs(
+    steps: Sequence[SketchStep], duties: set[int]
+) -> Iterator[tuple[list[tuple[int, str]], list[int], list[tuple[int, str]]]]:
+    """Runs of duties with the levels before and after each: `(levels, duties, levels after)`."""
+    levels: list[tuple[int, str]] = []
+    analog: list[int] = []
+    before: list[tuple[int, str]] = []
+    for step in (*steps, _END):
+        if step.call == "digitalWrite":
+            # An enable pin that is switched off digitally, and lamps, are no direction.
+            is_direction = step.pin not in duties and not _LAMP.search(step.name)
+            if is_direction and all(pin != step.pin for pin, _ in levels):
+                levels.append((step.pin, step.name))
+            continue
+        if step.call == "analogWrite" and analog and not levels:
+            if step.pin not in analog:
+                analog.append(step.pin)
+            continue
+        if analog:
+            yield before, analog, [] if before else levels
+            # Levels after the duty belong to it if none were before.
+            levels = levels if before else []
+            analog = []
+        if step.call == "analogWrite":
+            before, analog, levels = levels, [step.pin], []
+        else:
+            levels = []
+
+
+def _encoders(facts: SketchFacts, taken: set[int]) -> Iterator[DraftEncoder]:
+    seen: set[int] = set()
+    count = 0
+    for each in facts.interrupts():
+        pins = each.pins or Pins()
+        if len(pins) != 1 or pins & (taken | seen) or _ECHO.search(each.function):
+            continue
+        (a,) = pins
+        read = {
+            pin
+            for call in facts.named("digitalRead")
+            if call.function == each.function
+            for pin in facts.pins(call) or ()
+        }
+        others = sorted(read - {a} - taken)
+        b = others[0] if len(others) == 1 else None
+        seen |= {a} | ({b} if b is not None else set())
+        is_right = bool(_RIGHT.search(each.function)) or (count > 0 and not _LEFT.search(each.function))
+        count += 1
+        yield DraftEncoder(a, b, "right" if is_right else "left")
+
+
+def _read(facts: SketchFacts, name: str) -> set[int]:
+    return {pin for call in facts.named(name) for pin in facts.pins(call) or ()}
+
+
+def _seeds(facts: SketchFacts) -> set[int]:
+    """The open pins whose noise is a seed: `randomSeed(analogRead(A3))`."""
+    after = {call.order + 1 for call in facts.named("randomSeed")}
+    return {
+        pin for call in facts.named("analogRead") if call.order in after for pin in facts.pins(call) or ()
+    }
+
+
+def _kind(facts: SketchFacts) -> BoardKind:
+    """The board that a sketch needs: a Mega for its further serial ports or a pin that an Uno lacks."""
+    is_mega = any(call.object in ("Serial1", "Serial2", "Serial3") for call in facts.calls)
+    for call in facts.named(*WRITES, *PULSES, "digitalRead", "pinMode"):
+        is_mega |= any(UNO.pins <= pin < BOARDS["mega"].pins for pin in facts.pins(call) or ())
+    return BOARDS["mega"] if is_mega else UNO
+
+
+# -- writing ---------------------------------------------------------------------------------------
+
+
+def _board_name(sketch: Path, taken: Sequence[str]) -> str:
+    name = re.sub(r"\W+", "_", sketch.stem, flags=re.ASCII).strip("_").lower() or "board"
+    name = f"board_{name}" if name[0].isdigit() else name
+    return name if name not in taken else f"{name}_{len(taken) + 1}"
+
+
+def _path_from(directory: Path, sketch: Path) -> str:
+    try:
+        path = os.path.relpath(sketch, directory)
+    except ValueError:  # another drive of Windows
+        path = str(sketch.absolute())
+    return Path(path).as_posix()
+
+
+def _pin(board: BoardDraft, pin: int) -> str:
+    name = board.facts.kind.pin_name(pin)
+    return name if name.isdecimal() else f'"{name}"'
+
+
+def _single(pins: Pins | None) -> int | None:
+    return next(iter(pins)) if pins is not None and len(pins) == 1 else None
+
+
+def _line_tables(boards: Sequence[BoardDraft]) -> Iterator[str]:
+    """The line to the laptop, and the wires between two boards."""
+    ports = [
+        (board, port)
+        for board in boards
+        for port in board.ports
+        if _single(port.rx) is not None and _single(port.tx) is not None
+    ]
+    links = _links(boards, ports)
+    linked = {(board.name, port.name) for pair in links for board, port in pair}
+    free = [(board, port) for board, port in ports if (board.name, port.name) not in linked]
+    # A Bluetooth module on SoftwareSerial is the laptop's line before the USB port, which prints notes.
+    free.sort(key=lambda each: each[1].name.startswith("Serial"))
+    if free:
+        board, port = free[0]
+        sure = "" if len(free) == 1 else _MARK
+        rx, tx = _port_pins(board, port)
+        lines = [f'[laptop]\nboard = "{board.name}"{sure}\nrx = {rx}{sure}\ntx = {tx}{sure}']
+        for at, other in free[1:]:
+            rx, tx = _port_pins(at, other)
+            lines.append(f"# or {other.name} of {at.name}: rx = {rx}, tx = {tx}")
+        yield "\n".join(lines) + "\n"
+    for (one, first), (two, second) in links:
+        there, back = (one, first.tx, two, second.rx), (two, second.tx, one, first.rx)
+        for sender, sends, receiver, receives in (there, back):
+            start = f"{sender.name}.{sender.facts.kind.pin_name(min(sends or (0,)))}"
+            end = f"{receiver.name}.{receiver.facts.kind.pin_name(min(receives or (0,)))}"
+            yield f'[[wires]]{_MARK}\nfrom = "{start}"\nto = "{end}"\n'
+
+
+def _port_pins(board: BoardDraft, port: SketchPort) -> tuple[str, str]:
+    return _pin(board, min(port.rx or (0,))), _pin(board, min(port.tx or (0,)))
+
+
+_Port = tuple[BoardDraft, SketchPort]
+
+
+def _links(boards: Sequence[BoardDraft], ports: Sequence[_Port]) -> list[tuple[_Port, _Port]]:
+    """The likely line between two boards: the last port of each with the same rate, one of them left for the
+    laptop."""
+    if len(boards) != 2:
+        return []
+    sides = [[each for each in ports if each[0] is board] for board in boards]
+    for one in reversed(sides[0]):
+        for two in reversed(sides[1]):
+            if set(one[1].bauds) & set(two[1].bauds) and len(ports) > 2:
+                return [(one, two)]
+    return []
+
+
+def _motor_tables(board: BoardDraft, wheels: list[str]) -> Iterator[str]:
+    for motor in board.motors:
+        wheel = wheels.pop(0) if wheels else "left"
+        turned = f"reversed = true{_MARK}\n" if motor.reversed else ""
+        sure = "" if motor.sure else f"{_MARK} which of the duties"
+        pins = "\n".join(
+            f"{name} = {_pin(board, pin)}{sure if name == 'en' else ''}" for name, pin in motor.pins.items()
+        )
+        yield (
+            f'[[motors]]\nboard = "{board.name}"\ndriver = "{motor.driver}"\n{pins}\n'
+            f'wheel = "{wheel}"  # ? which wheel of [wheels] in settings.toml\n{_SPEED}\n{turned}'
+        )
+    if board.loose:
+        pins = ", ".join(_pin(board, pin) for pin in board.loose)
+        yield f"# ? {board.name} has analogWrite on {pins} as well: a motor, or a lamp\n"
+
+
+def _sensor_tables(board: BoardDraft, ranges: list[str], others: list[str]) -> Iterator[str]:
+    def row(part: str, *keys: str) -> str:
+        return "\n".join(
+            ("[[sensors]]", *keys[:1], f'board = "{board.name}"', f'part = "{part}"', *keys[1:], "")
+        )
+
+    for sonar in board.sonars:
+        trig, echo = _pin(board, sonar.trig), _pin(board, sonar.echo)
+        yield row("hc-sr04", _code(ranges, "u1"), f"trig = {trig}", f"echo = {echo}")
+    for encoder in board.encoders:
+        keys = [f"a = {_pin(board, encoder.a)}"]
+        keys += [] if encoder.b is None else [f"b = {_pin(board, encoder.b)}"]
+        wheel = f'wheel = "{encoder.wheel}"  # ? which'
+        yield row("encoder", wheel, *keys, "edges_per_inch = 20  # ? of all its pins")
+    for pin in board.digital:
+        yield row("line", _code(others, "i1"), f"pin = {_pin(board, pin)}{_MARK} or a button: then no row")
+    for pin in board.analog:
+        curve = "points = [[0, 1023], [1, 0]]  # ? [reading, count of analogRead]"
+        yield row("analog", _code(others, "i1"), f"pin = {_pin(board, pin)}", curve)
+
+
+def _code(codes: list[str], usual: str) -> str:
+    if codes:
+        return f'code = "{codes.pop(0)}"  # ? which row of sensors.csv'
+    return f'code = "{usual}"  # ? sensors.csv has no further row: add one'
+
+
+def _servo_tables(board: BoardDraft) -> Iterator[str]:
+    for at, pin in enumerate(board.servos):
+        angles = (
+            "gripper = { open = 0, closed = 90 }  # ? the angles that the sketch writes\n" if at == 0 else ""
+        )
+        yield f'[[servos]]\nboard = "{board.name}"\npin = {_pin(board, pin)}\n{angles}'

@@ -1,0 +1,52 @@
+"""Costs on the page of calls are those of the runtime's clock."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from simmer_tui.sketch.build import RUNTIME, libraries
+from tests.test_docs import DOCS
+
+PAGE = (DOCS / "sketch-calls.md").read_text("utf-8")
+CLOCK = (RUNTIME / "board" / "clock.h").read_text("utf-8")
+
+
+def cost(name: str) -> float:
+    """A cost of the runtime, microseconds."""
+    found = re.search(rf"\b{name} = (\d+)", CLOCK)
+    assert found is not None, name
+    return int(found[1]) / 1000
+
+
+@pytest.mark.parametrize(
+    ("phrase", "names"),
+    [
+        ("by {} us in each basic block", ("BLOCK",)),
+        ("| `digitalWrite`, `digitalRead`, `pinMode` | {} us |", ("DIGITAL",)),
+        ("| `digitalWrite`, `digitalRead`, `pinMode` | {} us |", ("PIN_MODE",)),
+        ("| `analogWrite` | {} us |", ("ANALOG_WRITE",)),
+        ("| `analogRead` | {} us |", ("ANALOG_READ",)),
+        ("| `millis` | {} us |", ("MILLIS",)),
+        ("| `micros`, in steps of 4 us | {} us |", ("MICROS",)),
+        ("| `tone`, `noTone`: silent | {} us |", ("TONE",)),
+        ("| a pass of `loop()` | {} us |", ("LOOP",)),
+        ("and to leave it | {} us, {} us |", ("INTERRUPT_ENTRY", "INTERRUPT_EXIT")),
+        ("| `Serial.available`, `read`, `peek` | {} us |", ("SERIAL_LOOK",)),
+        ("and each byte of `print` | {} us |", ("SERIAL_WRITE",)),
+        ("`attached` | {} us a `write` |", ("SERVO_WRITE",)),
+        ("`EEPROM[i]` | {} us to read", ("EEPROM_READ",)),
+    ],
+)
+def test_a_cost_is_the_runtimes(phrase: str, names: tuple[str, ...]) -> None:
+    assert phrase.format(*(f"{cost(name):g}" for name in names)) in PAGE
+
+
+def test_the_libraries_of_the_pages_are_those_that_are_there() -> None:
+    there = {name.removesuffix(".h") for name in libraries()}
+    rows = set(re.findall(r"^\| (\w+) \|", PAGE.partition("## Libraries")[2], re.M)) - {"library"}
+    assert rows == there
+    named = re.search(r"is named, with those that are: (.*?)\.", (DOCS / "sketch.md").read_text("utf-8"))
+    assert named is not None
+    assert set(named[1].split(", ")) == there

@@ -1,0 +1,115 @@
+"""Motions by the pins of motors: a function that promises another one than it sets is told with its line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from simmer_tui.cli.main import main
+from simmer_tui.errors import Problem
+from simmer_tui.sim.specs import WheelLayout, WheelsSpec
+from simmer_tui.sketch.boards import UNO
+from simmer_tui.sketch.compiler import find_compiler
+from simmer_tui.sketch.motion_check import motor_lines, sketch_motions, wrong_motions
+from simmer_tui.sketch.sketch_scan import SketchFacts
+from simmer_tui.sketch.wiring import Wiring, WiringParts, read_wiring
+from tests.sketch.running import FORMS, set_of
+
+WIRING = """\
+[boards.main]
+sketch = "s.ino"
+board = "uno"
+[[motors]]
+board = "main"
+driver = "hbridge"
+en = 5
+in1 = 7
+in2 = 8
+wheel = "left"
+top_speed = 12
+[[motors]]
+board = "main"
+driver = "hbridge"
+en = 6
+in1 = 9
+in2 = 10
+wheel = "right"
+top_speed = 12
+"""
+SKETCH = """\
+int speed = 150;
+void left(int a, int b) { digitalWrite(7, a); digitalWrite(8, b); analogWrite(5, speed); }
+void right(int a, int b) { digitalWrite(9, a); digitalWrite(10, b); analogWrite(6, speed); }
+void goForward() { left(HIGH, LOW); right(HIGH, LOW); }
+void turnLeft() { left(LOW, HIGH); right(HIGH, LOW); }
+void stopNow() { left(0, 0); right(0, 0); }
+void either(bool on) { if (on) { left(1, 0); right(1, 0); } else { left(0, 1); right(0, 1); } }
+void loop() { goForward(); turnLeft(); stopNow(); }
+"""
+WHEELS = WheelsSpec(layout=WheelLayout.DIFF)
+
+
+def read(text: str = WIRING) -> Wiring:
+    problems: list[Problem] = []
+    wiring = read_wiring(text, WiringParts((), WHEELS), problems)
+    assert wiring is not None
+    assert problems == []
+    return wiring
+
+
+def test_functions_are_described_by_the_pins_that_they_set() -> None:
+    facts = SketchFacts({"s.ino": SKETCH}, UNO)
+    found = {
+        each.function: (each.spot, each.motion) for each in sketch_motions(read(), WHEELS, facts, "main")
+    }
+    assert found == {"goForward": ("s.ino:2", "drives ahead"), "turnLeft": ("s.ino:2", "turns left")}
+    assert list(wrong_motions(read(), WHEELS, {"main": facts})) == []
+
+
+def test_a_wrong_polarity_is_told_with_its_motor() -> None:
+    facts = SketchFacts({"s.ino": SKETCH}, UNO)
+    swapped = read(WIRING.replace("in1 = 9\nin2 = 10", "in1 = 10\nin2 = 9"))
+    found = [str(each) for each in wrong_motions(swapped, WHEELS, {"main": facts})]
+    assert found[0].startswith("s.ino:2: goForward() turns the robot right: motors[2] turns backward; swap")
+    assert "turnLeft() drives the robot back: motors[1] and motors[2] turn backward" in found[1]
+    reverse = read(WIRING.replace('wheel = "left"\n', 'wheel = "left"\nreversed = true\n'))
+    assert len(list(wrong_motions(reverse, WHEELS, {"main": facts}))) == 2
+
+
+def test_each_motor_is_turned_alone() -> None:
+    lines = list(motor_lines(read(), WHEELS))
+    assert lines[0].startswith("motors[1] left: forward turns the robot right (en HIGH, in1 HIGH, in2 LOW; 2")
+    assert "motors[2] right: forward turns the robot left" in lines[1]
+    reverse = read(WIRING.replace('wheel = "left"\n', 'wheel = "left"\nreversed = true\n'))
+    assert "motors[1] left: forward turns the robot left" in next(motor_lines(reverse, WHEELS))
+
+
+@pytest.mark.slow
+def test_check_runs_the_boards_and_reads_each_part(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    if find_compiler() is None:
+        pytest.skip("there is no C++ compiler")
+    monkeypatch.chdir(tmp_path)
+    for name, said in (
+        ("pulse_in", "sensors[3] i1: 0 at the start, analogRead gives 850"),
+        (
+            "millis_states",
+            'The boards ran for 1 s without a program: sent 15 bytes to the laptop, first "ready"',
+        ),
+        ("two_boards", "sent nothing to the laptop; the robot stands where it was"),
+    ):
+        set_of(FORMS / name, tmp_path / name)
+        assert main(["check", name]) == 0
+        assert said in capsys.readouterr().out
+    (tmp_path / "bad").mkdir()
+    (tmp_path / "bad" / "bad.ino").write_text(
+        "int big = 70000;\nvoid setup() {}\nvoid loop() { if (millis() > 200) { abort(); } }\n"
+    )
+    set_of(FORMS / "wait_and_halt", tmp_path / "set")
+    (tmp_path / "set" / "wiring.toml").write_text('[boards.main]\nsketch = "../bad"\nboard = "uno"\n')
+    assert main(["check", "set"]) == 1
+    out = capsys.readouterr().out
+    assert "bad.ino:1: this number does not fit" in out
+    assert "board main died at bad.ino:3 after 0.2" in out

@@ -1,0 +1,99 @@
+"""Faults that teams make, planted: what check and a run say about them, and the sample with a bug to find."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from simmer_tui.cli.main import main
+from simmer_tui.config.loader import load
+from simmer_tui.sim.records import CommandResult
+from simmer_tui.sketch.compiler import find_compiler
+from simmer_tui.sketch.sketch_check import facts_of, sketch_problems
+from simmer_tui.sketch.wiring import wiring_of
+from tests.sketch.running import run_boards, set_of
+
+FAULTS = Path(__file__).parent / "faults"
+SAMPLE = Path(__file__).parents[2] / "scripts" / "arduino" / "line_follower"
+
+
+def compiler_or_skip() -> None:
+    if find_compiler() is None:
+        pytest.skip("there is no C++ compiler")
+
+
+def test_check_names_the_line_of_a_wrong_polarity(tmp_path: Path) -> None:
+    configuration = set_of(FAULTS / "polarity", tmp_path / "set")
+    wiring = wiring_of(configuration)
+    assert wiring is not None
+    facts = facts_of(wiring, configuration.directory, [])
+    (problem,) = sketch_problems(wiring, facts, configuration.simulation.wheels)
+    assert str(problem) == (
+        "polarity.ino:16: goForward() turns the robot right: motors[2] turns backward; swap a motor's pins "
+        "in wiring.toml if its wires are swapped, else in the sketch"
+    )
+
+
+@pytest.mark.slow
+def test_a_stop_behind_a_delay_comes_when_the_delay_is_over(tmp_path: Path) -> None:
+    compiler_or_skip()
+    configuration = set_of(FAULTS / "lost_stop", tmp_path / "set")
+    run = run_boards(configuration, 3.0, ((0.5, b"F"), (1.05, b"S")))
+    wheels = [
+        (event.time, event.command.text)
+        for event in run.events
+        if isinstance(event, CommandResult) and event.command.text.startswith("ww")
+    ]
+    started, stopped = wheels[0][0], next(time for time, text in reversed(wheels))
+    assert wheels[-1][1] in ("ww-0;0", "ww-0.0;0.0")
+    # A pass of loop() takes 200 ms: the byte of 1.05 s is read at the next pass.
+    passes = [float(line) / 1000 for line in run.text.splitlines()]
+    assert started == pytest.approx(min(each for each in passes if each > 0.5), abs=0.01)
+    assert stopped == pytest.approx(min(each for each in passes if each > 1.05), abs=0.01)
+    assert stopped > 1.1
+
+
+@pytest.mark.slow
+def test_the_sample_goes_too_far_until_its_bug_is_mended(tmp_path: Path) -> None:
+    compiler_or_skip()
+    folder = tmp_path / "set"
+    shutil.copytree(SAMPLE, folder)
+    sent = ((0.5, b"g 20\n"),)
+    wrong = run_boards(load(folder), 5.0, sent)
+    assert wrong.text.endswith("done 405 396\r\n")
+    assert wrong.pose[0] == pytest.approx(34.7, abs=0.1)
+    assert "an edge at pin 2 was lost at follower.ino:26: interrupts were off" in " ".join(wrong.notices)
+    sketch = folder / "follower" / "follower.ino"
+    text = sketch.read_text("utf-8")
+    assert text.splitlines()[25].startswith("    bluetooth.print(")
+    sketch.write_text(text.replace("leftTicks % 40 == 0", "false"), "utf-8")
+    right = run_boards(load(folder), 5.0, sent)
+    assert right.text == "done 400 400\r\n"
+    assert right.pose[0] == pytest.approx(34.0, abs=0.02)
+    assert right.notices == []
+
+
+@pytest.mark.slow
+def test_the_samples_program_drives_its_boards(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    compiler_or_skip()
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(SAMPLE, tmp_path / "line")
+    assert main(["check", "line"]) == 0
+    assert "motors[1] left: forward turns the robot right" in capsys.readouterr().out
+    command = [sys.executable, "-m", "simmer_tui", "--no-ui", "--sketch", "line", "--clock", "program"]
+    command += ["--seed", "1", "--port", "0", "--reply-port", "0", "--belief-port", "0"]
+    done = subprocess.run(
+        [*command, "--run", f"{sys.executable} line/follow.py"],
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "done 405 396\n" in done.stdout

@@ -1,0 +1,61 @@
+"""A sketch made into C++: widths of numbers, prototypes, line numbers, loops that take time."""
+
+from pathlib import Path
+
+import pytest
+
+from simmer_tui.sketch.preprocess import board_source, joined_source, prototypes
+
+
+@pytest.mark.parametrize(
+    ("written", "made"),
+    [
+        ("int x;", "int16_t x;"),
+        ("unsigned int x;", "uint16_t x;"),
+        ("unsigned x;", "uint16_t x;"),
+        ("unsigned long x;", "uint32_t x;"),
+        ("long int x;", "int32_t x;"),
+        ("long long x;", "int64_t x;"),
+        ("unsigned char x;", "unsigned char x;"),
+        ("signed char x;", "signed char x;"),
+        ("long double x;", "float x;"),
+        ("double x = 1.0; // double", "float x = 1.0; // double"),
+        ('print("int long");', 'print("int long");'),
+        ("/* int */ short x;", "/* int */ int16_t x;"),
+        ("x = 100000UL + 0xFFL;", "x = 100000U + 0xFF;"),
+        ("int16_t pointer;", "int16_t pointer;"),
+        ("sizeof(int)", "sizeof(int16_t)"),
+    ],
+)
+def test_numbers_have_the_widths_of_the_board(written: str, made: str) -> None:
+    assert board_source(written) == made
+
+
+@pytest.mark.parametrize(
+    "loop", ["while(1);", "while (true) ;", "for(;;);", "for ( ; ; ) {}", "while(1) { }"]
+)
+def test_an_empty_endless_loop_gets_a_statement(loop: str) -> None:
+    assert "__asm__" in board_source(f"void f() {{ {loop} }}")
+
+
+def test_functions_have_prototypes_but_no_methods_and_no_defaults() -> None:
+    source = (
+        "struct P { int get() { return 1; } };\n"
+        "void setup() { if (x) { y(); } }\n"
+        "int add(int a, int b)\n{ return a; }\n"
+        "void step(int by = 2) {}\n"
+        "P make(const char *name) { return P(); }\n"
+    )
+    found, first = prototypes(source)
+    assert found == ["void setup();", "int add(int a, int b);", "P make(const char *name);"]
+    assert source[first:].startswith("void setup()")
+
+
+def test_files_are_joined_with_the_lines_of_each(tmp_path: Path) -> None:
+    (tmp_path / "robot.ino").write_text("int a;\nvoid setup() {}\n", "utf-8")
+    (tmp_path / "more.ino").write_text("void loop() { setup(); }\n", "utf-8")
+    joined = joined_source([tmp_path / "robot.ino", tmp_path / "more.ino"])
+    lines = joined.split("\n")
+    assert lines[lines.index('#line 2 "robot.ino"') + 1] == "void setup() {}"
+    assert lines[lines.index('#line 1 "more.ino"') + 1] == "void loop() { setup(); }"
+    assert lines.index("void loop();") < lines.index('#line 2 "robot.ino"')

@@ -1,0 +1,133 @@
+"""Both programs of a team in one run: the laptop's, unchanged, and the sketch of its board."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from simmer_tui.cli.main import main
+from simmer_tui.sketch.compiler import find_compiler
+from tests.sketch.test_lockstep import MOTORS, ROVER, STOPPABLE, made_set
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(find_compiler() is None, reason="there is no C++ compiler"),
+]
+LAPTOP = """
+import serial, time
+port = serial.Serial("COM6", 9600, timeout=1)
+time.sleep(0.3)
+port.write(b"F"); time.sleep(0.4); port.write(b"?"); print(port.readline()); port.write(b"S")
+time.sleep(0.2)
+"""
+ANSWERS = STOPPABLE.replace(
+    "if (what == 'S')", "if (what == '?') Serial.println(millis());\n  if (what == 'S')"
+)
+
+
+def run(folder: Path, log: Path, *options: str) -> subprocess.CompletedProcess[str]:
+    command = [
+        sys.executable,
+        "-m",
+        "simmer_tui",
+        "--no-ui",
+        "--sketch",
+        str(folder),
+        "--port",
+        "0",
+        "--seed",
+        "4",
+    ]
+    return subprocess.run(
+        [*command, "--log", str(log), *options],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
+        check=False,
+    )
+
+
+def records(log: Path) -> list[dict[str, Any]]:
+    """The records of a log without what is of the real clock, or of the system's ports."""
+    made = [json.loads(line) for line in log.read_text("utf-8").splitlines()]
+    kept = [each for each in made if each["kind"] not in ("header", "program")]
+    return [{key: each[key] for key in each if key not in ("real", "subject")} for each in kept]
+
+
+def test_a_program_and_its_board_run_twice_the_same(tmp_path: Path) -> None:
+    folder = tmp_path / "set"
+    made_set(folder, ROVER + MOTORS, {"rover.ino": ANSWERS})
+    program = tmp_path / "laptop.py"
+    program.write_text(LAPTOP, "utf-8")
+    words = ("--clock", "program", "--run", f"{sys.executable} {program}")
+    done = [run(folder, tmp_path / f"{name}.jsonl", *words) for name in ("first", "second")]
+    assert [each.returncode for each in done] == [0, 0], done[0].stderr
+    assert "b'70" in done[0].stdout
+    first, second = records(tmp_path / "first.jsonl"), records(tmp_path / "second.jsonl")
+    assert first == second
+    wires = [(each["data"], bool(each.get("reply"))) for each in first if each["kind"] == "wire"]
+    assert wires[0] == ("F", False)
+    assert wires[-1] == ("S", False)
+    assert next(each.get("cmd") for each in first if each["kind"] == "answer") == "ww-12;0"
+    header = json.loads((tmp_path / "first.jsonl").read_text("utf-8").split("\n", 1)[0])
+    assert header["sketches"]["rover"].startswith("rover.ino ")
+    log = str(tmp_path / "first.jsonl")
+    assert main(["rerun", log, "--sketch", str(folder)]) == 0
+    assert main(["rerun", log]) == 0
+    # Another sketch is not that of the run; another byte of the laptop makes another run.
+    changed = tmp_path / "changed.jsonl"
+    changed.write_text(
+        (tmp_path / "first.jsonl").read_text("utf-8").replace('"data":"?"', '"data":"x"'), "utf-8"
+    )
+    assert main(["rerun", str(changed), "--sketch", str(folder)]) == 1
+    (folder / "rover.ino").write_text(STOPPABLE, "utf-8")
+    assert main(["rerun", log, "--sketch", str(folder)]) == 2
+
+
+READY = """
+void setup() { Serial.begin(9600); Serial.println("ready"); }
+void loop() { if (Serial.available()) { Serial.read(); Serial.println(millis()); } }
+"""
+READS = """
+import serial, time
+time.sleep(0.3)
+port = serial.Serial("COM6", 9600, timeout=5)
+print(port.readline())
+port.write(b"?")
+print(int(port.readline()) < 1000)
+"""
+
+
+def test_opening_the_usb_port_resets_the_board(tmp_path: Path) -> None:
+    folder = tmp_path / "set"
+    made_set(folder, ROVER + MOTORS, {"rover.ino": READY})
+    program, log = tmp_path / "laptop.py", tmp_path / "run.jsonl"
+    program.write_text(READS, "utf-8")
+    done = run(folder, log, "--run", f"{sys.executable} {program}")
+    assert done.stdout.endswith("b'ready\\r\\n'\nTrue\n"), done.stdout + done.stderr
+    assert main(["rerun", str(log), "--sketch", str(folder)]) == 0
+
+
+def test_a_board_that_dies_fails_the_mission(tmp_path: Path) -> None:
+    folder = tmp_path / "set"
+    text = "void setup() {}\nvoid loop() {\n  delay(100);\n  volatile int *place = 0; *place = 1;\n}\n"
+    made_set(folder, ROVER + MOTORS, {"rover.ino": text})
+    done = run(folder, tmp_path / "run.jsonl", "--mission")
+    assert done.returncode == 1, done.stderr
+    assert "mission: failed" in done.stderr
+    assert "board rover died at rover.ino:4" in done.stderr
+
+
+def test_a_set_without_boards_is_refused(tmp_path: Path) -> None:
+    made_set(tmp_path / "set", "", {})
+    (tmp_path / "set" / "wiring.toml").unlink()
+    done = run(tmp_path / "set", tmp_path / "run.jsonl")
+    assert done.returncode == 2
+    assert "has no wiring.toml" in done.stderr

@@ -1,0 +1,173 @@
+"""A draft of a wiring.toml: pins as the sketch has them, and a mark where only the team knows."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from simmer_tui.cli.main import main
+from simmer_tui.config.sets import bundled_sets, init_set
+from simmer_tui.errors import Problem
+from simmer_tui.sim.specs import WheelLayout, WheelsSpec
+from simmer_tui.sketch.wiring import WiringParts, read_wiring
+from simmer_tui.sketch.wiring_draft import draft
+from tests.sketch.test_sketch_check import EYES, ROVER
+
+
+def drafted(folder: Path, *texts: str) -> dict[str, Any]:
+    """The tables of a draft; its values are marked, and wiring.toml's reader takes it."""
+    paths = []
+    for number, text in enumerate(texts, 1):
+        paths.append(folder / f"Sketch{number}.ino")
+        paths[-1].write_text(text, "utf-8")
+    made = draft(paths, folder, ["u1", "u2"], ["i1", "i2"])
+    problems: list[Problem] = []
+    read_wiring(made, WiringParts((), WheelsSpec(layout=WheelLayout.DIFF)), problems)
+    assert [str(each) for each in problems if "no row of sensors.csv has" not in each.what] == []
+    assert made.count("wheel =") == made.count("# ? which wheel") + made.count('"  # ? which\n')
+    return tomllib.loads(made)
+
+
+def pins(row: dict[str, Any]) -> tuple[Any, ...]:
+    names = ("driver", "in1", "in2", "en", "dir", "pwm", "brake", "trig", "echo", "a", "b", "pin")
+    return tuple(row[name] for name in names if name in row)
+
+
+MOTORS = {
+    "levels, then duties": (
+        "void f() { digitalWrite(2, 1); digitalWrite(4, 0); digitalWrite(7, 1); digitalWrite(8, 0);"
+        " analogWrite(5, 90); analogWrite(6, 90); }",
+        [("hbridge", 2, 4, 5), ("hbridge", 7, 8, 6)],
+    ),
+    "duty, then levels": (
+        "void f() { analogWrite(5, 90); digitalWrite(2, 1); digitalWrite(4, 0); analogWrite(6, 9);"
+        " digitalWrite(7, 1); digitalWrite(8, 0); }",
+        [("hbridge", 2, 4, 5), ("hbridge", 7, 8, 6)],
+    ),
+    "one function for both wheels": (
+        "int p[2][3] = {{2, 4, 5}, {7, 8, 6}};\n"
+        "void one(int i, int v) { digitalWrite(p[i][0], v > 0); digitalWrite(p[i][1], v < 0);"
+        " analogWrite(p[i][2], v); }\nvoid loop() { one(0, 9); one(1, -9); }",
+        [("hbridge", 2, 4, 5), ("hbridge", 7, 8, 6)],
+    ),
+    "a shield with brakes": (
+        "#define DIR_A 12\n#define BRAKE_A 9\n#define PWM_A 3\nvoid f() { digitalWrite(DIR_A, HIGH);"
+        " digitalWrite(BRAKE_A, LOW); analogWrite(PWM_A, 200); digitalWrite(13, 1); digitalWrite(8, 0);"
+        " analogWrite(11, 200); }",
+        [("shield", 12, 3, 9), ("hbridge", 13, 8, 11)],
+    ),
+    "direction and duty": (
+        "void f() { digitalWrite(4, 1); analogWrite(5, 9); digitalWrite(7, 1); analogWrite(6, 9); }",
+        [("shield", 4, 5), ("shield", 7, 6)],
+    ),
+    "two duties a motor": (
+        "void f() { analogWrite(5, 9); analogWrite(6, 0); analogWrite(9, 9); analogWrite(10, 0); }",
+        [("pwm2", 5, 6), ("pwm2", 9, 10)],
+    ),
+    "directions and duties apart": (
+        "void ahead() { digitalWrite(2, 1); digitalWrite(4, 0); digitalWrite(7, 1); digitalWrite(8, 0); }\n"
+        "void halt() { digitalWrite(2, 0); digitalWrite(4, 0); digitalWrite(7, 0); digitalWrite(8, 0); }\n"
+        "void balance() { analogWrite(5, right); analogWrite(6, left); }",
+        [("hbridge", 2, 4, 5), ("hbridge", 7, 8, 6)],
+    ),
+    "a lamp between": (
+        "const int led = 13; void f() { digitalWrite(led, 1); digitalWrite(2, 1); digitalWrite(4, 0);"
+        " analogWrite(5, 90); }",
+        [("hbridge", 2, 4, 5)],
+    ),
+}
+
+
+@pytest.mark.parametrize("form", MOTORS)
+def test_motors_are_read_off_the_order_of_writes(tmp_path: Path, form: str) -> None:
+    text, expected = MOTORS[form]
+    assert [pins(row) for row in drafted(tmp_path, text)["motors"]] == expected
+
+
+def test_the_order_of_inputs_is_the_one_that_drives_ahead(tmp_path: Path) -> None:
+    text = (
+        "void goForward() { digitalWrite(2, LOW); digitalWrite(4, HIGH); analogWrite(5, 90);"
+        " digitalWrite(7, HIGH); digitalWrite(8, LOW); analogWrite(6, 90); }"
+    )
+    assert [pins(row) for row in drafted(tmp_path, text)["motors"]] == [
+        ("hbridge", 4, 2, 5),
+        ("hbridge", 7, 8, 6),
+    ]
+    shield = (
+        "void forward() { digitalWrite(4, LOW); analogWrite(5, 9);"
+        " digitalWrite(7, HIGH); analogWrite(6, 9); }"
+    )
+    assert [row.get("reversed", False) for row in drafted(tmp_path, shield)["motors"]] == [True, False]
+
+
+SENSORS = {
+    "NewPing": ("NewPing eyes[2] = {NewPing(8, 9, 200), NewPing(10, 11)};", [(8, 9), (10, 11)]),
+    "pulseIn": (
+        "int trig[] = {8, 10}, echo[] = {9, 11};\nlong cm(int t, int e) { digitalWrite(t, 1);"
+        " digitalWrite(t, 0); return pulseIn(e, HIGH); }\n"
+        "void loop() { cm(trig[0], echo[0]); cm(trig[1], echo[1]); }",
+        [(8, 9), (10, 11)],
+    ),
+    "an echo by interrupt": (
+        "#define TRIG 7\n#define ECHO 3\nvoid edge() { if (digitalRead(ECHO)) t = micros(); }\n"
+        "void setup() { attachInterrupt(digitalPinToInterrupt(ECHO), edge, CHANGE); }\n"
+        "void loop() { digitalWrite(TRIG, HIGH); digitalWrite(TRIG, LOW); }",
+        [(7, 3)],
+    ),
+    "encoders": (
+        "void left() { if (digitalRead(4)) n++; else n--; } void right() { m++; }\n"
+        "void setup() { attachInterrupt(0, left, RISING); attachInterrupt(1, right, CHANGE); }",
+        [(2, 4), (3,)],
+    ),
+    "line sensors": ("void loop() { digitalRead(A1); analogRead(A0); }", [("A1",), ("A0",)]),
+}
+
+
+@pytest.mark.parametrize("form", SENSORS)
+def test_sensors_are_read_off_calls(tmp_path: Path, form: str) -> None:
+    text, expected = SENSORS[form]
+    assert [pins(row) for row in drafted(tmp_path, text)["sensors"]] == expected
+
+
+def test_boards_their_lines_and_a_gripper_are_read(tmp_path: Path) -> None:
+    servo = "#include <Servo.h>\nServo grip;\nvoid setup() { grip.attach(3); Serial.begin(9600); }\n"
+    found = drafted(tmp_path, EYES, ROVER)
+    assert {name: each["board"] for name, each in found["boards"].items()} == {
+        "sketch1": "uno",
+        "sketch2": "uno",
+    }
+    assert found["laptop"] == {"board": "sketch1", "rx": 0, "tx": 1}
+    assert {"from": "sketch1.A0", "to": "sketch2.A4"} in found["wires"]
+    assert drafted(tmp_path, servo)["servos"][0]["pin"] == 3
+    assert drafted(tmp_path, "void setup() { Serial1.begin(9600); }")["boards"]["sketch1"]["board"] == "mega"
+
+
+def test_a_library_that_is_not_there_yet_is_noted(tmp_path: Path) -> None:
+    (tmp_path / "s.ino").write_text("#include <Wire.h>\n#include <Servo.h>\n", "utf-8")
+    made = draft([tmp_path / "s.ino"], tmp_path, [], [])
+    assert "# s.ino:1 has Wire.h, which is not there yet" in made
+    assert "Servo.h" not in made
+
+
+def test_init_writes_a_draft_beside_a_set_and_with_a_new_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PATH", "")  # without a compiler nothing is run
+    (tmp_path / "rover.ino").write_text(ROVER, "utf-8")
+    (tmp_path / "eyes.ino").write_text(EYES, "utf-8")
+    assert main(["init", "--sketch", "rover.ino", "eyes.ino", "new"]) == 0
+    assert main(["check", "new"]) == 0
+    assert "motors[2] right: in1 rover.8, in2 rover.10, en rover.9" in capsys.readouterr().out
+    init_set(tmp_path / "config", bundled_sets()["mission"])
+    before = (tmp_path / "config" / "settings.toml").read_bytes()
+    assert main(["init", "--sketch", "eyes.ino"]) == 0
+    assert 'sketch = "../eyes.ino"' in (tmp_path / "config" / "wiring.toml").read_text("utf-8")
+    assert (tmp_path / "config" / "settings.toml").read_bytes() == before
+    assert main(["init", "--sketch", "eyes.ino"]) == 2
+    assert "has wiring.toml already; nothing is overwritten" in capsys.readouterr().err
+    assert main(["init", "--sketch", "nose.ino"]) == 2
+    assert "nose.ino: there is no such sketch" in capsys.readouterr().err
