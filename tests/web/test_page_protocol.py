@@ -15,6 +15,7 @@ from http.client import HTTPConnection, HTTPResponse
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus, WebSocketException
 
+from simmer_tui.live.operating import robot_operator
 from simmer_tui.report.player import RecordingEncoder
 from simmer_tui.report.verdict import Outcome, Verdict
 from simmer_tui.run.events import (
@@ -290,6 +291,19 @@ def test_lines_and_keys_go_the_way_of_the_consoles() -> None:
         assert "nonsense" in driving.wait(lambda message: "told" in message)["told"]
         driving.say(key="poll")
         run.wait(lambda event: isinstance(event, CommandResult) and event.reading is not None)
+
+
+def test_a_page_far_ahead_of_its_answers_is_told_and_can_stop(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(robot_operator, "MOST_UNANSWERED", 3)
+    with page_run(web__control=True) as run, PageViewer(run) as driving:
+        driving.say(line=":pause")
+        for _ in range(4):
+            driving.say(line="d1-3")
+        assert "d1-3: dropped, 3 commands wait" in driving.wait(lambda message: "told" in message)["told"]
+        driving.say(line=":stop")
+        run.wait(lambda event: isinstance(event, ActionDone) and event.action.name is ActionName.STOP)
+        driving.say(line=":resume")
+        run.wait(lambda event: isinstance(event, CommandResult))
 
 
 @pytest.mark.quick_cases(3)

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from simmer_tui.links.backend import CommandBudget
+from simmer_tui.links.backend import MOST_COMMANDS, CommandBudget
 from simmer_tui.live.operating.line_advice import line_advice
 from simmer_tui.live.server import Server
 from simmer_tui.run.events import Action, ActionName, Notice, NoticeKind
@@ -27,6 +27,9 @@ DRIVES: dict[str, tuple[DriveKind, float]] = {
     "sideways_right": (DriveKind.DOWN, 1.0),
 }
 # A robot with one of two opposite drives moves the other way by a negative value.
+# A thousand wait for their turn, and more are answered busy behind them: some megabytes of memory.
+MOST_UNANSWERED = 4 * MOST_COMMANDS
+"""Commands of a person at a page without an answer; further ones are dropped."""
 _OPPOSITE = {kind: other for pair in AXIS_KINDS for kind, other in (pair, pair[::-1])}
 
 
@@ -39,6 +42,8 @@ class Operator:
         self._spec = server.configuration.simulation
         self._screen = server.configuration.settings.screen
         self._session, self._budget = server.open_session(lane), budget
+        # Counted apart, since each is written by one thread alone.
+        self._sent = self._answered = 0
         self._block_told = False
         self._block_at = self._spec.block_center
         self._block_since = -1
@@ -46,17 +51,30 @@ class Operator:
 
     def send(self, command: Command, refused: Callable[[str], None] | None = None) -> None:
         """Send a command, as a program would. If the robot refuses it, `refused` is called with the reason,
-        in the robot's thread."""
+        in the robot's thread. Of one with a budget, commands far ahead of their answers are dropped."""
 
         def answered(results: Sequence[CommandResult], data: bytes | None) -> None:
+            self._answered += 1
             if not results:  # a query, which is no command and makes no event
                 self.hint(self._server.mission_told)
             for result in results:
                 if refused is not None and result.reason and math.isnan(result.reply):
                     refused(self._refusal(result))
 
+        if self._budget is not None and self._waiting >= MOST_UNANSWERED:
+            if refused is not None:
+                refused(
+                    f"{command.shown}: dropped, {MOST_UNANSWERED} commands wait already. Stop them with :stop"
+                )
+            return
         message = self._server.message(command)
+        self._sent += 1
         self._server.call(self._server.submit, message, self._session, answered, self._budget)
+
+    @property
+    def _waiting(self) -> int:
+        """Count of its commands that are not answered yet."""
+        return self._sent - self._answered
 
     def close(self) -> None:
         """Drop the commands that wait, and end a velocity that it has set."""
