@@ -145,12 +145,9 @@ ACCEPTED = 16
 _CROWD, _TAKEN = 384, 64
 """Connections that are kept until they are let in, where a crowd is expected, and how many are taken from the
 system in one turn of the event loop."""
-# Each takes 0.1 ms: the kept ones of a crowd are in after 64 ms, and leave others most of the time.
-_SILENT, _SILENT_PAUSE = 2, 0.001
-"""Silent connections of a crowd let in in one turn of the event loop, and seconds to the next ones."""
 # A close takes 10 to 30 us, and a round trip of another client is several turns.
 _CLOSED, _CLOSED_IF_FULL = 8, 48
-"""Connections of a crowd closed in one turn of the event loop; the second if there is no room for more."""
+"""Connections of a crowd closed in one turn of the event loop; the second if more wait in the system."""
 
 GONE_AFTER = 60
 """Seconds after which a connection ends whose other machine is gone (a laptop closed).
@@ -325,12 +322,12 @@ class Acceptor:
         spoken, silent = self._spoken, self._silent
         for _ in range(min(ACCEPTED, len(spoken))):
             self._let_in(*spoken.popleft())
-        self.in_crowd = True
-        for _ in range(0 if self._is_full else min(_SILENT, len(silent))):
+        if silent:  # one a turn, as it takes 0.1 ms
+            self.in_crowd = True
             self._let_in(*silent.popleft())
+            self.in_crowd = False
             self._kept += 1
-        self.in_crowd = False
-        closed = _CLOSED if len(spoken) + len(silent) <= _CROWD - _TAKEN else _CLOSED_IF_FULL
+        closed = _CLOSED_IF_FULL if self._is_full else _CLOSED
         for _ in range(min(closed, len(silent), self._kept + len(silent) - crowd.most_silent)):
             sock, there = oldest = silent.popleft()
             if _has_spoken(sock):  # meanwhile
@@ -338,10 +335,8 @@ class Acceptor:
                 continue
             sock.close()
             crowd.closed(_peer(there))
-        if spoken or self._is_full:
+        if spoken or silent:
             self._letting_in = self._loop.call_soon(self._let_crowd_in, crowd)
-        elif silent:
-            self._letting_in = self._loop.call_later(_SILENT_PAUSE, self._let_crowd_in, crowd)
         else:
             self._kept = 0
 
