@@ -71,5 +71,5 @@ def configuration_of(log: Path) -> Generator[None, None, None]:
     try:
         yield
     except ConfigurationError as error:
-        refused = f"the configuration in {log} is refused:"
-        raise RunLogError(f"{refused}\n{error}") from None
+        mistakes = "; ".join(error.lines())
+        raise RunLogError(f"the configuration in {log} is refused: {mistakes}") from None

@@ -121,8 +121,8 @@ def _may_run(program: _Program, logged: RunCommand | None, path: Path, *, yes: b
     """True if the command of a log may run: the user says so, or it is the user's own saved run. Raises
     TrialsError if nobody can be asked."""
     # The whole command: its end decides as much as its beginning.
-    what = f"{program.command}\n  in {program.folder}"
-    say(f"The program of this run:\n  {what}")
+    for line in ("The program of this run:", f"  {program.command}", f"  in {program.folder}"):
+        say(line)
     is_own = _is_saved_here(path) and logged is not None and logged.is_sealed_here
     has_person = sys.stdin.isatty() and sys.stderr.isatty()
     if is_own and (yes or not has_person):

@@ -17,6 +17,7 @@ from simmer_tui.document.model import (
     DataTable,
     Document,
     Paragraph,
+    Prose,
     VerdictBox,
     unfolded,
     words,
@@ -38,12 +39,8 @@ def print_document(document: Document, console: Console) -> None:
                 print_table(part, console)
             case Paragraph() if part.text and part.kind != "run":
                 style = _STYLES.get(part.kind, "")
-                text = printable(words(part.text))
                 typed = any(isinstance(piece, Code) for piece in part.text)
-                if typed:
-                    # A path longer than a line stays whole: with a line end in it, it could not be copied.
-                    width = console.width
-                    text = textwrap.fill(text, width, break_long_words=False, break_on_hyphens=False)
+                text = _filled(part.text, console.width) if typed else printable(words(part.text))
                 console.print(Text(text, style=style), soft_wrap=typed)
             case VerdictBox():
                 console.print(Text(printable(part.text), style=_STYLES["strong"]))
@@ -52,6 +49,19 @@ def print_document(document: Document, console: Console) -> None:
                 for entry in part.entries:
                     console.print(Text(f"- {printable(words(entry))}"))
                 console.print()
+
+
+def _filled(text: tuple[Prose, ...] | str, width: int) -> str:
+    """A paragraph in lines of at most `width` characters. A command is never broken: it can be copied.
+    A longer one has a line of its own, which the terminal folds."""
+    pieces = (text,) if isinstance(text, str) else text
+    # Escaped text has no NUL: it stands for the spaces of a command.
+    shown = [
+        printable(words(piece)).replace(" ", "\0") if isinstance(piece, Code) else printable(words(piece))
+        for piece in pieces
+    ]
+    filled = textwrap.fill("".join(shown), width, break_long_words=False, break_on_hyphens=False)
+    return filled.replace("\0", " ")
 
 
 def print_table(table: DataTable, console: Console) -> None:

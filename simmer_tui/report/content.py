@@ -228,7 +228,8 @@ def again(name: str) -> Paragraph:
     argument = f" {typed_path(name)}" if name else ""
     commands: tuple[Prose, ...] = (
         *("Play it: ", Code(f"simmer-tui replay{argument}")),
-        *(". Compare every reply: ", Code(f"simmer-tui rerun{argument}")),
+        # No full stop: it would be copied with the command before it.
+        *("   Compare every reply: ", Code(f"simmer-tui rerun{argument}")),
     )
     return Paragraph(commands, kind="note")
 

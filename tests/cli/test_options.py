@@ -14,10 +14,11 @@ from simmer_tui.cli.command_line import (
     default_text,
     overrides_from,
 )
+from simmer_tui.cli.log_options import configuration_of
 from simmer_tui.cli.main import SUBCOMMANDS, build_parser, main
 from simmer_tui.config.loader import load
 from simmer_tui.config.settings import Settings, all_settings
-from simmer_tui.errors import ConfigurationError
+from simmer_tui.errors import ConfigurationError, Problem, RunLogError
 
 
 def parser() -> OneLineParser:
@@ -204,3 +205,11 @@ def test_an_interrupt_while_modules_are_loaded_is_no_traceback(monkeypatch: pyte
     with pytest.raises(SystemExit) as ended:
         entry()
     assert ended.value.code == ExitCode.INTERRUPTED
+
+
+def test_the_mistakes_in_the_configuration_of_a_log_are_one_line() -> None:
+    mistakes = [Problem("maze.csv:1", "is blank"), Problem("robot.csv", "is missing")]
+    with pytest.raises(RunLogError) as refused, configuration_of(Path("run.jsonl")):
+        raise ConfigurationError(mistakes)
+    told = "the configuration in run.jsonl is refused: maze.csv:1: is blank; robot.csv: is missing"
+    assert str(refused.value) == told
