@@ -47,6 +47,8 @@ UPDATE_ENDS = b"\x1b[?2026l"
 UNKNOWN_TO_PYTE = re.compile(rb"\x1b\[[<>=?][0-9;]*[a-zA-Z]|\x1b\[[0-9;?]*\$p|\x1bP.*?\x1b\\", re.DOTALL)
 STARTS_WITHIN = 120.0
 """Seconds; a busy machine needs some."""
+ENDED_AFTER = 10.0
+"""Seconds without a byte after which the program has ended."""
 SETTLING = 3.0
 """Seconds after the program's first command that are left out of rates."""
 ROBOT = "b9ffd5"
@@ -91,9 +93,13 @@ def capture(size: tuple[int, int], command: Sequence[str], frames: int, seconds:
 
 def _updates(master: int, process: subprocess.Popen[bytes], frames: int, seconds: float) -> Iterator[Update]:
     held, driven, end = b"", 0, time.monotonic() + STARTS_WITHIN
+    last = time.monotonic()
     while driven < frames and time.monotonic() < end and process.poll() is None:
         if not select.select([master], [], [], 0.05)[0]:
+            if driven and time.monotonic() - last > ENDED_AFTER:
+                return
             continue
+        last = time.monotonic()
         try:
             data = os.read(master, 65536)
         except OSError:
@@ -261,6 +267,7 @@ def command_of(program: str, pace: str) -> list[str]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("--quick", action="store_true", help="20 frames a case")
     parser.add_argument("--frames", type=int, default=200)
     parser.add_argument("--seconds", type=float, default=40.0, help="longest time of a case")
     parser.add_argument("--size", default="120x36")
@@ -269,10 +276,11 @@ def main() -> None:
     parser.add_argument("--examples", type=int, default=3, help="disagreements to print for each case")
     parser.add_argument("--json", metavar="FILE", type=Path, help="write the figures to a file too")
     options = parser.parse_args()
+    wanted = 20 if options.quick else options.frames
     columns, rows = (int(part) for part in options.size.split("x"))
     figures = {}
     for case in options.case or cases:
-        updates = capture((columns, rows), command_of(*case.split("-")), options.frames, options.seconds)
+        updates = capture((columns, rows), command_of(*case.split("-")), wanted, options.seconds)
         frames, wrong, kinds, examples = wrong_frames((columns, rows), updates)
         figures[case] = {"frames": frames, "wrong": wrong, **rates(updates)}
         shown = ", ".join(f"{kind} {count}" for kind, count in kinds.items()) or "none"

@@ -159,12 +159,14 @@ def _observed(
     base = _base(sensor, _true(history, rows, spec))
     # A restart sets simulated time to 0; drift that is declared follows it.
     expected = spec.gain * base + spec.bias + spec.drift * (rows["taken"] - history.clock.before)
-    spread = np.sqrt(
-        (spec.gain * spec.error * base) ** 2
-        + spec.absolute_error**2
-        + spec.resolution**2 / 12.0
-        + sensor.least_error**2
-    )
+    # A log changed by hand may have any number; one that is too large has an unbounded spread.
+    with np.errstate(over="ignore"):
+        spread = np.sqrt(
+            (spec.gain * spec.error * base) ** 2
+            + spec.absolute_error**2
+            + spec.resolution**2 / 12.0
+            + sensor.least_error**2
+        )
     within = sensor.within_limits(expected, _CLEAR * spread)
     values = rows["value"]
     there = np.isfinite(values)

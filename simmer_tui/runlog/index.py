@@ -22,7 +22,6 @@ from simmer_tui.runlog.log_records import (
     EndRecord,
     LegEndRecord,
     MissionRecord,
-    PlanRecord,
     ReadingRecord,
     decode_line,
 )
@@ -35,7 +34,7 @@ class EntryFlag(IntFlag):
     """Properties of an entry, which the index keeps."""
 
     COMMAND = 1
-    """A command taken up: a reading, a movement that begins, or an answer to another command."""
+    """A command with its outcome: a reading, a movement that ends, or an answer to another command."""
     ACTION = 2
     BELIEF = 4
     OTHER = 8
@@ -54,9 +53,8 @@ class EntryFlag(IntFlag):
 _OTHER = EntryFlag.OTHER
 _FLAGS: dict[type, tuple[EntryFlag, EntryFlag]] = dict.fromkeys(get_args(AnyRecord), (_OTHER, _OTHER)) | {
     ReadingRecord: (EntryFlag.COMMAND, EntryFlag.COMMAND),
-    PlanRecord: (EntryFlag.COMMAND, EntryFlag.COMMAND),
     AnswerRecord: (EntryFlag.COMMAND, EntryFlag.COMMAND | EntryFlag.REFUSED),
-    EndRecord: (_OTHER, _OTHER | EntryFlag.CONTACT),
+    EndRecord: (EntryFlag.COMMAND, EntryFlag.COMMAND | EntryFlag.CONTACT),
     LegEndRecord: (_OTHER, _OTHER | EntryFlag.CONTACT),
     ActionRecord: (EntryFlag.ACTION, EntryFlag.ACTION | EntryFlag.RESTART),
     BeliefRecord: (EntryFlag.BELIEF, EntryFlag.BELIEF),
@@ -77,7 +75,7 @@ def _flags_of(record: AnyRecord) -> EntryFlag:
         case AnswerRecord(status=Status.DONE) if record.velocity is not None or record.waits:
             return usual  # it moves the robot, or time, itself
         case AnswerRecord(status=Status.ACCEPTED | Status.DONE):
-            return EntryFlag.OTHER  # the plan before it is the command's entry
+            return EntryFlag.OTHER  # the end before it is the command's entry
         # Answered with a refusal, or asked for something that moves nothing.
         case AnswerRecord():
             return special if record.status in REFUSALS else usual

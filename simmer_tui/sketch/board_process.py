@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 from simmer_tui import platform_has
 from simmer_tui.errors import BoardError
-from simmer_tui.sketch.build import RUNTIME
+from simmer_tui.sketch.build import RUNTIME_NAME
 from simmer_tui.sketch.compiler import links_at_fixed_addresses
 
 _REQUEST = struct.Struct("<QBBHiII")
@@ -204,7 +204,7 @@ class BoardProcess:
         except (OSError, subprocess.SubprocessError):
             return ""
         # A function of the runtime that was inlined comes before the line that calls it.
-        own = [each for each in done.stdout.splitlines() if str(RUNTIME) not in each and "?" not in each]
+        own = [each for each in done.stdout.splitlines() if RUNTIME_NAME not in each and "?" not in each]
         found = re.match(r"(?:.*/)?([^/:]+?)(?:(?<=\.ino)\.cpp)?:(\d+)", own[0]) if own else None
         return f"{found[1]}:{found[2]}" if found else ""
 

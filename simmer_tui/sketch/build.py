@@ -28,6 +28,9 @@ from simmer_tui.sketch.preprocess import (
 
 RUNTIME = Path(__file__).parent / "arduino"
 """The C++ runtime: Arduino's core and libraries in simulated time."""
+RUNTIME_NAME = "<runtime>"
+"""Folder of the runtime in a build's debugging information, which may have been made by another
+installation."""
 MOST_ERRORS = 3
 """Errors of the compiler that are shown: later ones mostly follow from the first."""
 _CODE = frozenset((".h", ".hpp", ".hh", ".c", ".cpp", ".cc", ".cxx"))
@@ -284,7 +287,8 @@ def _flags(kind: BoardKind) -> list[str]:
 
 def _instrumented(compiler: Compiler) -> list[str]:
     coverage = "trace-pc" if compiler.is_gcc else "bb,no-prune,trace-pc"
-    return ["-O1", "-g1", f"-fsanitize-coverage={coverage}"]
+    named = f"-fdebug-prefix-map={RUNTIME}={RUNTIME_NAME}"
+    return ["-O1", "-g1", named, f"-fsanitize-coverage={coverage}"]
 
 
 def _include_paths(work: Path, sources: Sequence[_Source]) -> list[str]:

@@ -13,6 +13,7 @@ from textual.widget import Widget
 
 from simmer_tui.config.loader import Configuration
 from simmer_tui.live.snapshot import LogEntry, Snapshot
+from simmer_tui.run.events import ActionDone, Event
 from simmer_tui.sim.command import PEOPLE, counted
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.wheels import WheelKinematics
@@ -88,6 +89,10 @@ _BARS = (
 )
 
 
+def _restarts(event: Event) -> bool:
+    return isinstance(event, ActionDone) and event.restarts
+
+
 class AnswerSlot:
     """The one place for answers: a requested one, the end of the run, first steps, or the present
     movement."""
@@ -107,6 +112,8 @@ class AnswerSlot:
         self._closed = False
         self._commands = -1
         self._has_end = False
+        self._begun = 0
+        """Number of the event that restarted the run last."""
 
     def ask(self, answer: AnswerCard, snapshot: Snapshot, *, stays: bool = False) -> None:
         """Show an answer until it is closed, or until the robot moves again. One that `stays` is not ended by
@@ -130,9 +137,12 @@ class AnswerSlot:
             else:
                 self._asked = None
         end = end_answer(snapshot, orders=self.has_orders, tries=self.tries)
-        if end is None:
+        # A run may begin and end between two frames.
+        begun = max((each.number for each in snapshot.entries if _restarts(each.event)), default=0)
+        if end is None or begun > self._begun:
             self._closed, self._commands = False, -1
-        elif phase is RunPhase.ENDED:
+        self._begun = max(begun, self._begun)
+        if end is not None and phase is RunPhase.ENDED:
             # A person who drives on has seen it.
             self._commands = state.commands if self._commands < 0 else self._commands
             self._closed = self._closed or state.commands != self._commands

@@ -416,7 +416,7 @@ def test_its_columns_are_in_the_json_of_check_and_can_be_varied(
     assert main(["check", str(folder), "--json"]) == 0
     *others, own = json.loads(capsys.readouterr().out)["sensors"]
     assert (own["id"], own["ambient"]) == ("temp1", 17.0)
-    assert {each["ambient"] for each in others} == {None}
+    assert not any("ambient" in each for each in others), "a column of one kind is no other's"
     out = tmp_path / "trials"
     given = ["trials", "--run", program, "--config", str(folder), "--runs", "1", "--out", str(out)]
     assert main([*given, "--vary", "h1.ambent=15,18"]) == 2

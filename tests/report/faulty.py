@@ -202,13 +202,14 @@ def reading_on(setting: Setting) -> None:
 
 @dataclass(frozen=True)
 class Fault:
-    """A fault, what it may rightly be laid to (who is lost may have driven unseeing, too), and how long a
-    reading takes (seconds)."""
+    """A fault, what it may rightly be laid to (who is lost may have driven unseeing, too), words that its
+    text has in any case, and how long a reading takes (seconds)."""
 
     put: Callable[[Setting], None]
     kinds: frozenset[Kind]
     read_time: float = 0.0
     small: bool = False
+    says: str = ""
 
 
 FAULTS = {
@@ -218,7 +219,9 @@ FAULTS = {
     "no slowing": Fault(closed_late, frozenset({Kind.MISSED_GRIP})),
     "clearance": Fault(small_robot, frozenset({Kind.TOO_CLOSE, Kind.KNOWN_WALL}), small=True),
     "frozen belief": Fault(frozen, frozenset({Kind.LOST})),
-    "ignored sensors": Fault(ignoring, frozenset({Kind.UNREAD})),
+    "ignored sensors": Fault(
+        ignoring, frozenset({Kind.UNREAD, Kind.LOST}), says="No range sensor had been read"
+    ),
     "other drop zone": Fault(other_zone, frozenset({Kind.DROPPED_OUTSIDE})),
     "reading too often": Fault(reading_on, frozenset({Kind.TOO_SLOW}), read_time=0.1),
 }

@@ -173,7 +173,7 @@ def test_the_time_line_has_the_moments_and_the_path_its_colours(width: int, tmp_
             return found
 
         browser.open(page.as_uri(), size=(width, 800))
-        browser.wait(f"{links}.every((each) => each.style.left)")
+        browser.wait(f"{links}.length > 0 && {links}.every((each) => each.style.left)")
         times = list(dict.fromkeys(f"{each.elapsed:.1f} s" for each in run.verdict.moments))
         assert of_each("each.textContent") == times
         (cause,) = (each for each in run.verdict.moments if each.is_cause)

@@ -50,11 +50,11 @@ def wanted(line: Any) -> EntryFlag:
     match line:
         case BrokenLine():
             return EntryFlag.BROKEN
-        case ReadingRecord() | PlanRecord():
+        case ReadingRecord():
             return EntryFlag.COMMAND
         case EndRecord():
-            return EntryFlag.OTHER | (EntryFlag.CONTACT if line.contact else EntryFlag(0))
-        case AnswerRecord(status=Status.ACCEPTED) | NoticeRecord():
+            return EntryFlag.COMMAND | (EntryFlag.CONTACT if line.contact else EntryFlag(0))
+        case AnswerRecord(status=Status.ACCEPTED) | NoticeRecord() | PlanRecord():
             return EntryFlag.OTHER
         case AnswerRecord():
             refused = line.status in (Status.UNKNOWN, Status.REFUSED, Status.BUSY)

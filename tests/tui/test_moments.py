@@ -37,9 +37,9 @@ def test_frames_of_a_robot_that_moves_and_reads_agree(fly: Callable[..., int | N
 @pytest.mark.parametrize("program", PROGRAMS)
 def test_frames_on_a_terminal_agree(program: str, pace: str) -> None:
     """Two hundred frames as a terminal gets them, of two sample programs, as fast as they can and at the
-    usual pace. A program may end before."""
+    usual pace. A program may end before: as fast as it can, `solve` takes a second or two."""
     size = (120, 36)
     updates = capture(size, command_of(program, pace), frames=260, seconds=120.0)
     frames, wrong, _, examples = wrong_frames(size, updates)
-    assert frames >= (25 if program == "solve" else 200)
+    assert frames >= (5 if program == "solve" else 200)
     assert not wrong, examples[:3]

@@ -146,11 +146,11 @@ def test_contacts_and_refused_commands_are_found(run: Run) -> None:
         await until(pilot, lambda: "r1-90" in events(app)[-1])
         assert "touched the wall left" in events(app)[-1], "turning at a wall touches it"
         await pilot.press("c")
-        assert app.run_shown.entry == 6, "there is no further contact"
+        assert app.run_shown.entry == 9, "there is no further contact"
         await pilot.press("C", "X")
         await until(pilot, lambda: "zz" in events(app)[-1])
         await pilot.press("x")
-        assert app.run_shown.entry == 8
+        assert app.run_shown.entry == 11
         await until(pilot, lambda: "[red]x[/red]" in events(app)[-1])  # markup is shown, not followed
 
     play(run, act)
@@ -246,7 +246,7 @@ def test_t_takes_over_where_the_replay_stands(run: Run) -> None:
     play(run, act)
     chosen = ended[0].taken_over
     assert chosen is not None
-    assert (chosen.path, chosen.moment.line, chosen.moment.elapsed) == (run.path, 3, 0.5)
+    assert (chosen.path, chosen.moment.line, chosen.moment.elapsed) == (run.path, 4, 0.5)
 
 
 @pytest.mark.slow

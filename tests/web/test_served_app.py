@@ -33,7 +33,8 @@ def commands_in(log: Path) -> list[str]:
     """The commands of a log, as far as it is written."""
     lines = log.read_text("utf-8").splitlines() if log.exists() else []
     records = [json.loads(line) for line in lines if line.endswith("}")]
-    return [each["cmd"] for each in records if "cmd" in each]
+    # A movement has a line when it begins and one when it ends, of the same number.
+    return [*{each["n"]: each["cmd"] for each in records if "cmd" in each}.values()]
 
 
 def wait_for(log: Path, *commands: str) -> None:

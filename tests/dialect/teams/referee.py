@@ -148,18 +148,17 @@ def places(entries: list[Entry]) -> list[tuple[float, Pose, tuple[float, float, 
             began, start, motion = found[-1]
             assert motion is not None
             over = abs(t - leg.get("end", math.inf)) < 1e-9
-            pose = tuple(leg["pose"]) if over else along(start, motion, t - began)
+            pose = tuple(leg["to"]) if over else along(start, motion, t - began)
             leg = None
 
-    for entry in sorted(
-        (e for e in entries if e["kind"] in ("leg", "cut", "plan", "end", "velocity")), key=lambda e: e["t"]
-    ):
+    motions = ("leg", "leg_end", "plan", "end", "velocity")
+    for entry in sorted((each for each in entries if each["kind"] in motions), key=lambda each: each["t"]):
         t = entry["t"]
         if leg is not None and "end" in leg and t > leg["end"] + 1e-9:
             ended = leg["end"]
             stop(ended)
             found.append((ended, pose, None))
-        if entry["kind"] in ("cut", "velocity"):
+        if entry["kind"] in ("leg_end", "velocity"):
             stop(t)
             found.append((t, pose, None))
         elif entry["kind"] == "leg":
