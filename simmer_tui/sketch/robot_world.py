@@ -12,15 +12,13 @@ from msgspec import Struct
 
 from simmer_tui.robot.engine import Engine
 from simmer_tui.robot.sessions import Session
-from simmer_tui.run.phrases import BOARDS
+from simmer_tui.run.phrases import BOARD_SOURCE
 from simmer_tui.sim.command import parse_command
 from simmer_tui.sim.records import CommandResult, Status
 from simmer_tui.sim.specs import VelocityKind
 from simmer_tui.sim.wheels import WheelKinematics
 from simmer_tui.sketch.parts import EncoderState
 
-SOURCE = BOARDS
-"""Source of the commands that boards make; those that set the wheels name the place in the sketch too."""
 SECOND = 1_000_000_000
 # A line sensor is read thousands of times a second: all of that would be most of the log. Real errors last
 # too, those of light, of surfaces, of a motor's noise.
@@ -42,7 +40,7 @@ class RobotWorld:
             (each.code for each in spec.velocities if each.kind is VelocityKind.WHEELS and each.enabled), ""
         )
         self._speeds: tuple[float, ...] = ()
-        self._source = SOURCE
+        self._source = BOARD_SOURCE
         self._waiting: tuple[float, ...] | None = None
         """Rim speeds that wait for the end of the gripper's movement."""
         self._leg: object = None
@@ -72,7 +70,7 @@ class RobotWorld:
         trajectory, due = self._simulator.trajectory, self._simulator.next_event
         self._due = due if trajectory is None else min(due, trajectory.end_time)
 
-    def _act(self, text: str, source: str = SOURCE) -> CommandResult:
+    def _act(self, text: str, source: str = BOARD_SOURCE) -> CommandResult:
         """Do a command now, and tell it."""
         self._simulator.advance(self.time / SECOND)
         result = self._engine.act(parse_command(text, source), self._session)
@@ -116,7 +114,7 @@ class RobotWorld:
             return False
         self._speeds = asked
         place = where()
-        self._source = f"{SOURCE}, {place}" if place else SOURCE
+        self._source = f"{BOARD_SOURCE}, {place}" if place else BOARD_SOURCE
         if self._simulator.trajectory is not None:
             self._waiting = asked
         else:

@@ -94,7 +94,7 @@ class SketchSet(Struct, frozen=True):
     bauds: Mapping[str, int]
     """The fastest rate that each sketch names."""
     facts: Mapping[str, SketchFacts] = {}
-    """What the text of each sketch says."""
+    """Facts of the text of each sketch."""
 
 
 def compile_set(wiring: Wiring, directory: Path) -> SketchSet:
