@@ -473,7 +473,10 @@ def test_a_program_that_does_not_want_to_end_is_ended_by_a_signal_to_the_simulat
 
 @pytest.mark.slow
 @posix
-@pytest.mark.parametrize("is_interrupted", [True, False])
+@pytest.mark.parametrize(
+    "is_interrupted",
+    [True, pytest.param(False, marks=pytest.mark.skipif(sys.platform != "linux", reason="no /proc"))],
+)
 def test_a_signal_ends_it_though_its_first_line_is_never_read(tmp_path: Path, is_interrupted: bool) -> None:
     """Also if the signal does not interrupt the main thread, which it may miss just before it blocks."""
     reading, writing = os.pipe()
