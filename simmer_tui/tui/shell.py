@@ -264,6 +264,8 @@ class Shell(FaultReporting, TerminalApp):
 
     def _laid_out(self, screen: Screen[object]) -> None:
         """Draw into boxes that have just got their sizes."""
+        if not self.screen_stack:
+            return  # a layout may be told after the app has ended
         # A layout before new boxes may be told after them: theirs is known by the sizes.
         sizes = [widget.size for widget in self.screen_stack[0].children]
         if self._is_arranged or sizes != self._sizes:
