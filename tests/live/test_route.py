@@ -50,6 +50,20 @@ def test_the_whole_route_stays_with_few_points_and_its_times() -> None:
     )
 
 
+@pytest.mark.parametrize("step", [0.02, 0.08, 0.5])
+def test_an_arc_of_many_small_movements_stays_an_arc(step: float) -> None:
+    turn = np.arange(0.0, 40.0, step) / 20.0
+    points = np.column_stack((20.0 * np.cos(turn), 20.0 * np.sin(turn)))
+    keeper = RouteKeeper()
+    for number in range(len(points) - 1):
+        keeper.add(list(map(tuple, points[number : number + 2])), 7.0 + number, 8.0 + number)
+    pieces = keeper.route.pieces
+    assert distances(points[:-1], np.concatenate(pieces)[:, :2]).max() <= TOLERANCE
+    assert sum(map(len, pieces)) < 30
+    assert [first[-1].tolist() for first in pieces[:-1]] == [later[0].tolist() for later in pieces[1:]]
+    assert keeper.route is keeper.route, "it is simplified once"
+
+
 def test_a_robot_put_elsewhere_leaves_no_line_between() -> None:
     keeper = RouteKeeper()
     keeper.add([(0.0, 0.0), (2.0, 0.0)], 0.0, 1.0)
