@@ -223,6 +223,9 @@ def read_console_command(line: str, spec: SimulationSpec) -> ConsoleCommand:
     if order is None:
         hint = did_you_mean(name, CONSOLE_COMMANDS) or _other_order(known) or "; :help lists them"
         raise ConsoleCommandError(f":{cut(name, WORD)} is not an order{hint}")
+    if order.read in (_text, _file, _svg):
+        # As typed: a board may tell two blanks from one, and so do names of files.
+        words = [each for each in (text.partition(name)[2].strip(),) if each]
     try:
         return order.read(order, words)
     except ValueError as error:

@@ -26,10 +26,10 @@ DRIVES: dict[str, tuple[DriveKind, float]] = {
     "sideways_left": (DriveKind.UP, 1.0),
     "sideways_right": (DriveKind.DOWN, 1.0),
 }
-# A robot with one of two opposite drives moves the other way by a negative value.
 # A thousand wait for their turn, and more are answered busy behind them: some megabytes of memory.
 MOST_UNANSWERED = 4 * MOST_COMMANDS
 """Commands of a person at a page without an answer; further ones are dropped."""
+# A robot with one of two opposite drives moves the other way by a negative value.
 _OPPOSITE = {kind: other for pair in AXIS_KINDS for kind, other in (pair, pair[::-1])}
 
 
