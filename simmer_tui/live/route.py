@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from msgspec import Struct
@@ -19,7 +20,7 @@ _STANDSTILL = 0.05
 """Inches within which the robot counts as standing."""
 # A mission has about 20, an hour of driving some thousands.
 _MOST_PIECES = 4000
-"""Pieces kept; of more the oldest half is simplified further, to one."""
+"""Pieces kept; of more the oldest half is joined and simplified further."""
 _COARSE = 1.0
 """Inches by which that half may differ: a dot of the usual screens."""
 
@@ -29,8 +30,8 @@ _NOWHERE: FloatArray = np.full(3, np.nan)
 
 
 class Route(Struct, frozen=True, eq=False):
-    """Pieces of the route, oldest first, each (n, 3): x and y in inches, simulated seconds. A piece never
-    changes once another follows, so it can be drawn once."""
+    """Pieces of the route, oldest first, each (n, 3): x and y in inches, simulated seconds. A piece is an
+    array of its own that never changes, so it can be drawn once."""
 
     pieces: tuple[FloatArray, ...] = ()
 
@@ -99,8 +100,8 @@ class RouteKeeper:
         if len(self._open) > 1:
             self._closed.append(self._shortened())
         if len(self._closed) > _MOST_PIECES:
-            old = np.concatenate(self._closed[: _MOST_PIECES // 2])
-            self._closed[: _MOST_PIECES // 2] = [simplified(old, _COARSE)]
+            old = joined(self._closed[: _MOST_PIECES // 2])
+            self._closed[: _MOST_PIECES // 2] = [simplified(each, _COARSE) for each in old]
 
     def _reopen(self, point: FloatArray) -> None:
         """Begin a piece at a point: x, y, simulated time."""
@@ -113,6 +114,17 @@ def timed_line(points: FloatArray, begin: float, end: float) -> FloatArray:
     along = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))))
     share = along / along[-1] if along[-1] > 0.0 else np.linspace(0.0, 1.0, len(points))
     return np.column_stack((points, begin + share * (end - begin)))
+
+
+def joined(pieces: Sequence[FloatArray]) -> list[FloatArray]:
+    """The pieces, with those as one whose ends meet."""
+    groups = [[pieces[0]]]
+    for before, piece in pairwise(pieces):
+        if np.allclose(before[-1, :2], piece[0, :2], atol=_STANDSTILL):
+            groups[-1].append(piece)
+        else:
+            groups.append([piece])
+    return [np.concatenate(each) for each in groups]
 
 
 def simplified(line: FloatArray, tolerance: float) -> FloatArray:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from simmer_tui.live.route import TOLERANCE, RouteKeeper, simplified
+from simmer_tui.live.route import TOLERANCE, RouteKeeper, joined, simplified
 
 
 def distances(points: np.ndarray, line: np.ndarray) -> np.ndarray:
@@ -62,6 +62,12 @@ def test_an_arc_of_many_small_movements_stays_an_arc(step: float) -> None:
     assert sum(map(len, pieces)) < 30
     assert [first[-1].tolist() for first in pieces[:-1]] == [later[0].tolist() for later in pieces[1:]]
     assert keeper.route is keeper.route, "it is simplified once"
+
+
+def test_old_pieces_are_joined_where_their_ends_meet() -> None:
+    first, second = np.array([(0.0, 0.0, 7.0), (9.0, 0.0, 8.0)]), np.array([(9.0, 0.0, 8.0), (9.0, 9.0, 9.0)])
+    far = np.array([(60.0, 0.0, 9.0), (70.0, 0.0, 10.0)])
+    assert [len(each) for each in joined([first, second, far])] == [4, 2]
 
 
 def test_a_robot_put_elsewhere_leaves_no_line_between() -> None:

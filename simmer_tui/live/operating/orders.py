@@ -186,7 +186,7 @@ _ORDERS = (
     OrderSpec(":step", "while paused, let one command through", _alone),
     OrderSpec(":plot_robot [on|off]", "draw the maze and the robot", _switch),
     OrderSpec(":plot_sense [on|off]", "draw what the sensors see", _switch),
-    OrderSpec(":trail [on|off]", "draw the last movements", _switch),
+    OrderSpec(":trail [on|off]", "draw the route since the start", _switch),
     OrderSpec(":truth [on|off]", "true values beside readings", _switch),
     OrderSpec(":shot FILE.svg", "a picture of the screen", _svg),
     OrderSpec(":save FILE", "write the log panel to a file", _file),
