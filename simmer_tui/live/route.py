@@ -100,7 +100,7 @@ class RouteKeeper:
         if len(self._open) > 1:
             self._closed.append(self._shortened())
         if len(self._closed) > _MOST_PIECES:
-            old = joined(self._closed[: _MOST_PIECES // 2])
+            old = merged_pieces(self._closed[: _MOST_PIECES // 2])
             self._closed[: _MOST_PIECES // 2] = [simplified(each, _COARSE) for each in old]
 
     def _reopen(self, point: FloatArray) -> None:
@@ -116,7 +116,7 @@ def timed_line(points: FloatArray, begin: float, end: float) -> FloatArray:
     return np.column_stack((points, begin + share * (end - begin)))
 
 
-def joined(pieces: Sequence[FloatArray]) -> list[FloatArray]:
+def merged_pieces(pieces: Sequence[FloatArray]) -> list[FloatArray]:
     """The pieces, with those as one whose ends meet."""
     groups = [[pieces[0]]]
     for before, piece in pairwise(pieces):

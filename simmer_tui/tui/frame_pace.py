@@ -85,8 +85,8 @@ class InputFirst:
 
 
 class ByteBudget:
-    """Leaves out pictures while the bytes for them are used up: where much changes, as with a robot that
-    jumps, there are fewer of them. Each is whole in any case."""
+    """A token bucket of bytes. It leaves out pictures while they are used up: where much changes, as with a
+    robot that jumps, there are fewer of them. Each is whole in any case."""
 
     def __init__(self) -> None:
         self._tokens, self._at, self._written = 0.0, -math.inf, 0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from simmer_tui.live.route import TOLERANCE, RouteKeeper, joined, simplified
+from simmer_tui.live.route import TOLERANCE, RouteKeeper, merged_pieces, simplified
 
 
 def distances(points: np.ndarray, line: np.ndarray) -> np.ndarray:
@@ -67,7 +67,7 @@ def test_an_arc_of_many_small_movements_stays_an_arc(step: float) -> None:
 def test_old_pieces_are_joined_where_their_ends_meet() -> None:
     first, second = np.array([(0.0, 0.0, 7.0), (9.0, 0.0, 8.0)]), np.array([(9.0, 0.0, 8.0), (9.0, 9.0, 9.0)])
     far = np.array([(60.0, 0.0, 9.0), (70.0, 0.0, 10.0)])
-    assert [len(each) for each in joined([first, second, far])] == [4, 2]
+    assert [len(each) for each in merged_pieces([first, second, far])] == [4, 2]
 
 
 def test_a_robot_put_elsewhere_leaves_no_line_between() -> None:
