@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 from msgspec import Struct
 
+from simmer_tui.run.state import timed_line
 from simmer_tui.sim.arrays import FloatArray
 
 # Half a dot is 0.3 in at 120 x 36 and 0.17 in at 200 x 60; this holds up to 30 columns a maze cell.
@@ -107,13 +108,6 @@ class RouteKeeper:
         """Begin a piece at a point: x, y, simulated time."""
         self._open, self._length, self._last = [point[None]], 0.0, point
         self._route = Route(tuple(self._closed))
-
-
-def timed_line(points: FloatArray, begin: float, end: float) -> FloatArray:
-    """Points (n, 2) with the times at which an even motion passes them, (n, 3)."""
-    along = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))))
-    share = along / along[-1] if along[-1] > 0.0 else np.linspace(0.0, 1.0, len(points))
-    return np.column_stack((points, begin + share * (end - begin)))
 
 
 def merged_pieces(pieces: Sequence[FloatArray]) -> list[FloatArray]:

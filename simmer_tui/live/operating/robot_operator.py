@@ -166,7 +166,7 @@ class Operator:
 def drives_through_block(state: State, spec: SimulationSpec) -> bool:
     """True if the robot's last movement leads through a block that does not stop it."""
     block = state.block
-    if spec.block_solid or not block.size or state.holding or not state.legs:
+    if spec.block_solid or not block.size or state.holding or not len(state.path):
         return False
-    path = state.legs[-1]
+    path = state.path
     return bool(np.hypot(path[:, 0] - block.x, path[:, 1] - block.y).min() < spec.robot.reach)
