@@ -233,6 +233,7 @@ class RunLife:
 
             advice = no_hook_advice(server.terminal)
             server.tell(Notice(NoticeKind.FAULT, f"{NOT_CONNECTED}: {why}. {advice}"))
+        server.note_output(self._output.settle)
         self._shutdown.program = Program(
             command,
             server.environment,
@@ -241,7 +242,6 @@ class RunLife:
             output=self._output,
             adopts=True,
         )
-        server.note_output(self._shutdown.program.settle_output)
         self._latest = command
         server.note_program(self._shutdown.program.pid)
         self._expect_connection()

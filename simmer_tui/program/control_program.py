@@ -58,10 +58,6 @@ class RunningProgram:
         self._waiter = threading.Thread(target=self._wait, args=(wait, on_end), name="program", daemon=True)
         self._waiter.start()
 
-    def settle_output(self) -> bool:
-        """Wait until all its output so far has been read; False if that takes too long."""
-        return self._output.settle()
-
     def end(self, grace: float = 0.0) -> None:
         """Make sure that it and all that it started has ended. Within the first `grace` seconds it may end by
         itself.

@@ -46,6 +46,10 @@ _LINE_END = 0.01
 """Seconds to wait for the rest of a line before a part of it is passed on."""
 _STDOUT, _STDERR = 1, 2
 """Descriptors of the standard streams (POSIX)."""
+# A reader of our output may stop for a moment: at load 17 on two processors once for 0.2 s in 400 runs. A
+# pager stops for long, and is not waited for.
+_SETTLING = 2.0
+"""Seconds (real) to wait at most until output so far has been read."""
 
 
 class OutputTail:
@@ -97,6 +101,25 @@ class ProgramOutput:
         self.stderr = OutputTail(now)
         self.stdout = OutputTail(now)
         self.on_lost = on_lost
+        self._reader: OutputReader | None = None
+
+    def begin(self, streams: list[_Stream], *, windows: bool = not platform_has.POSIX) -> OutputReader:
+        """Begin to read the streams of its program."""
+        self._reader = OutputReader(streams, windows=windows)
+        return self._reader
+
+    def settle(self) -> bool:
+        """Wait until all output so far is kept; False if that takes too long.
+
+        A program may have printed, and may wait for the clock, before its start has returned to us and its
+        output is read. It is called for a program that runs, in any thread.
+        """
+        until = time.monotonic() + _SETTLING
+        while self._reader is None or self._reader.is_behind:
+            if time.monotonic() > until:
+                return False
+            time.sleep(0.00005)
+        return True
 
     def end(self, code: int, *, stopped: bool = False) -> ProgramEnded:
         """The event of the program's end, now.
@@ -264,7 +287,7 @@ class OutputRoute:
         self.stderr: int | None = None
         """Ends for the program; None where it shares ours."""
         self._streams: list[_Stream] = []
-        self._on_lost = output.on_lost
+        self._output = output
         if on_line is not None:
             self.stdout, self.stderr = (
                 self._opened(tail, None, on_line) for tail in (output.stdout, output.stderr)
@@ -277,7 +300,7 @@ class OutputRoute:
         """Open a stream. Returns the program's end."""
         has_terminal = target is not None and not self._windows and os.isatty(target)
         ours, theirs = _terminal(target) if target is not None and has_terminal else os.pipe()
-        self._streams.append(_Stream(ours, tail, target, on_line, self._on_lost))
+        self._streams.append(_Stream(ours, tail, target, on_line, self._output.on_lost))
         return theirs
 
     def _passed(self, tail: OutputTail, target: int) -> int | None:
@@ -294,7 +317,7 @@ class OutputRoute:
     def start(self) -> OutputReader:
         """Begin to read: the program has its ends."""
         self._close_ends()
-        return OutputReader(self._streams, windows=self._windows)
+        return self._output.begin(self._streams, windows=self._windows)
 
     def abandon(self) -> None:
         """Close everything: the program has not been started."""
@@ -312,13 +335,7 @@ def reading(output: ProgramOutput, stdout: int, stderr: int, on_line: Callable[[
     """A reader of both descriptors of a program until their ends: it keeps the last lines, passes all on, and
     closes them."""
     streams = [_Stream(stdout, output.stdout, None, on_line), _Stream(stderr, output.stderr, None, on_line)]
-    return OutputReader(streams)
-
-
-# A reader of our output may stop for a moment: at load 17 on two processors once for 0.2 s in 400 runs. A
-# pager stops for long, and is not waited for.
-_SETTLING = 2.0
-"""Seconds (real) to wait at most until output so far has been read."""
+    return output.begin(streams)
 
 
 class OutputReader:
@@ -340,14 +357,10 @@ class OutputReader:
         for thread in self._threads:
             thread.join(max(until - time.monotonic(), 0.0))
 
-    def settle(self) -> bool:
-        """Wait until all output so far is kept; False if that takes too long."""
-        until = time.monotonic() + _SETTLING
-        while any(stream.is_behind for stream in self._streams):
-            if time.monotonic() > until:
-                return False
-            time.sleep(0.00005)
-        return True
+    @property
+    def is_behind(self) -> bool:
+        """True if bytes wait that are not kept yet."""
+        return any(stream.is_behind for stream in self._streams)
 
 
 def _read_all(streams: list[_Stream]) -> None:

@@ -191,6 +191,7 @@ class TrialRun:
             write_whole(self._maze_file, configuration.files[maze_csv.FILE])
             given[variables.MAZE] = str(self._maze_file.resolve())
         output = ProgramOutput(lambda: server.engine.present)
+        server.note_output(output.settle)
         try:
             program = self._sandbox.start(
                 self._trial.command, given, self._happened.put, self._take_line, output=output
@@ -202,7 +203,6 @@ class TrialRun:
             ended = output.not_started(error)
             server.tell(ended)
             return self._give_up(server, _End(Ending.EXIT, ended.exit_code))
-        server.note_output(program.settle_output)
         grace = 0.0
         try:
             end = self._wait(server, program, output)

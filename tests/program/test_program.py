@@ -521,3 +521,18 @@ def test_only_a_python_of_any_version_and_place_falls_back_to_ours(monkeypatch: 
     assert words_of("python3 robot.py") == [sys.executable, "robot.py"]
     for command in ("python3.99 robot.py", "/nowhere/python robot.py", "octave robot.m"):
         assert words_of(command) == command.split()
+
+
+@posix
+def test_output_that_comes_before_the_start_has_returned_has_the_time_of_the_clock() -> None:
+    output, lines, settled = ProgramOutput(lambda: 7.0), queue.Queue[str](), queue.Queue[bool]()
+    route = OutputRoute(output, lines.put)
+    assert route.stdout is not None
+    os.write(route.stdout, b"early\n")
+    thread = threading.Thread(target=lambda: settled.put(output.settle()))
+    thread.start()
+    reader = route.start()
+    assert settled.get(timeout=60)
+    assert [(each.time, each.text) for each in output.end(0).stdout] == [(7.0, "early")]
+    thread.join()
+    reader.join(60)

@@ -15,6 +15,8 @@ from typing import Any, ClassVar
 
 Entry = dict[str, Any]
 Pose = tuple[float, float, float]
+CONTROL_PERIOD = 0.02
+"""Seconds between two looks of the robot at what it has been sent."""
 Drive = tuple[float, ...]
 CM, MM, CELL = 2.54, 25.4, 12.0
 SPREADS = 6.0
@@ -190,6 +192,7 @@ def judge(name: str, log: Path, notes: Path, folder: Path) -> Judgement:
     judge_readings(run, judgement)
     reads: dict[str, float] = {}
     drives: list[Drive] = []
+    last_asked = -math.inf
     for entry in run.entries:
         if entry["kind"] == "read" and entry["cmd"] != "sc":
             reads[entry["cmd"]] = float(entry["reply"])
@@ -197,12 +200,18 @@ def judge(name: str, log: Path, notes: Path, folder: Path) -> Judgement:
             team.check(entry["data"].encode("latin-1"), entry["t"], reads, run, judgement)
             reads = {}
         elif entry["kind"] == "wire":
-            drives += team.drives(team.seen(entry["data"].encode("latin-1")))
+            asked = team.drives(team.seen(entry["data"].encode("latin-1")))
+            last_asked = entry["t"] if asked else last_asked
+            drives += asked
     done = [
         drive(e["cmd"])
         for e in run.entries
         if e["kind"] == "plan" or ("velocity" in e and e["kind"] == "answer")
     ]
+    left = [e["t"] for e in run.entries if e["kind"] == "notice" and e.get("about") == "left"]
+    # A velocity begins with the robot's next control period, and ends when its program leaves.
+    if left and last_asked > left[-1] - CONTROL_PERIOD and len(drives) == len(done) + 1:
+        drives.pop()
     same = len(done) == len(drives) and all(near(a, b) for a, b in zip(done, drives, strict=True))
     judgement.expect("drives as asked", same, len(done), len(drives), first_difference(done, drives))
     judgement.counts["drives"] = len(done)
