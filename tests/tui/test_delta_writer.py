@@ -161,3 +161,16 @@ def test_what_is_wider_than_the_screen_is_cut(text: str) -> None:
     glass.show(0, 2, Segment(text))
     assert glass.text(0) == f"  {text}"[:WIDTH]
     assert not glass.text(1).strip()
+
+
+def test_scattered_cells_of_one_style_are_sent_together() -> None:
+    red, green = Style(color="#ff0000", bgcolor="#001122"), Style(color="#00ff00", bgcolor="#001122")
+    glass = Glass()
+    glass.writer.begin(WIDTH, HEIGHT, TRUE)
+    for row in range(HEIGHT):
+        glass.writer.write(row, 0, [Segment("a", red), Segment("    b    ", green), Segment("a", red)])
+    sent = glass.writer.end()
+    glass.stream.feed(sent)
+    assert len(re.findall(r"38;2;", sent)) == 2
+    assert [glass.text(row).rstrip() for row in range(HEIGHT)] == ["a    b    a"] * HEIGHT
+    assert [glass.screen.buffer[1][column].fg for column in (0, 5, 10)] == ["ff0000", "00ff00", "ff0000"]
