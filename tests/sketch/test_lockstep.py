@@ -104,6 +104,19 @@ def test_a_restart_starts_the_boards_again(tmp_path: Path) -> None:
     assert first[0] != configuration.simulation.start_pose
 
 
+def test_the_busy_share_begins_again_with_a_reset_by_usb(tmp_path: Path) -> None:
+    text = "void setup() { Serial.begin(9600); }\nvoid loop() { delay(10); }\n"
+    boards = Boards(made_set(tmp_path / "set", ROVER + MOTORS, {"rover.ino": text}))
+    try:
+        boards.run_to(3.0)
+        boards.robot.views()
+        boards.robot.reset_by_usb()
+        boards.run_to(4.5)
+        assert boards.robot.views()[0].busy < 0.1
+    finally:
+        boards.close()
+
+
 def test_others_may_read_and_not_drive(tmp_path: Path) -> None:
     boards = Boards(made_set(tmp_path / "set", ROVER + MOTORS, {"rover.ino": STOPPABLE}))
     engine = boards.robot.engine
