@@ -25,7 +25,7 @@ sys.path.insert(0, str(ROOT))  # the runs of boards without a server are those o
 
 from simmer_tui.sketch.sketch_robot import compile_set  # noqa: E402
 from simmer_tui.sketch.wiring import wiring_of  # noqa: E402
-from tests.sketch.test_lockstep import (  # noqa: E402
+from tests.sketch.rovers import (  # noqa: E402
     DRIVE,
     JOINED,
     MOTORS,

@@ -137,7 +137,10 @@ def _take_directory(options: argparse.Namespace) -> None:
     """Take DIR out of the sketches before which it was not given: `init --sketch rover.ino my-robot`."""
     last = options.sketch[-1]
     is_named_so = last.suffix.lower() in SKETCH_ENDINGS
-    if options.directory is None and len(options.sketch) > 1 and not (is_named_so or is_sketch_path(last)):
+    # The folder of a sketch that is named too is where the set is to be: `init --sketch rover.ino .`
+    has_others = any(each.resolve().parent == last.resolve() for each in options.sketch[:-1])
+    is_sketch = is_named_so or (is_sketch_path(last) and not has_others)
+    if options.directory is None and len(options.sketch) > 1 and not is_sketch:
         options.directory = options.sketch.pop()
     if options.directory is None:
         options.directory = Path(LOCAL_FOLDER)

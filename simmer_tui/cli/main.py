@@ -27,7 +27,7 @@ from simmer_tui.cli.command_line import (
     without_effect,
 )
 from simmer_tui.config.loader import Configuration, load
-from simmer_tui.config.sets import find_mission_set, find_set
+from simmer_tui.config.sets import find_mission_set, find_set, set_in
 from simmer_tui.config.settings import OFF
 from simmer_tui.errors import ConfigurationError, Problem, is_disk_full, lacks_temporary_folder, reason_of
 from simmer_tui.version import __version__, requirement
@@ -214,8 +214,22 @@ def _server(options: argparse.Namespace) -> Server:
 
 def _sketch_set(options: argparse.Namespace) -> str:
     """The set of `--sketch`. Raises ConfigurationError."""
+    from simmer_tui.config.set_sketches import WIRING_FILE
+    from simmer_tui.sim.command import typed_path
+
     if options.config is not None:
         raise ConfigurationError([Problem("--sketch", "names the set already: leave --config out")])
+    path = Path(options.sketch)
+    if path.is_file():
+        # The set is beside the sketch, one folder up, or in `config` there.
+        places = (set_in(each) for each in (path.parent, path.absolute().parent.parent))
+        there = next((each for each in places if (each / WIRING_FILE).is_file()), None)
+        what = "is a file; --sketch takes the folder of the set that names it"
+        if there is None:
+            what = f"{what}. Make one: simmer-tui init my-robot --sketch {typed_path(path)}"
+        else:
+            what = f"{what}: simmer-tui --sketch {typed_path(there)}"
+        raise ConfigurationError([Problem(str(path), what)])
     return str(options.sketch)
 
 

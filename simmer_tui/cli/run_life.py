@@ -229,7 +229,7 @@ class RunLife:
             lambda: server.engine.present, lambda why: server.tell(Notice(NoticeKind.FAULT, why))
         )
         if SERIAL.purpose in server.ports and (why := out_of_reach(command)):
-            from simmer_tui.links.dialect_link import no_hook_advice
+            from simmer_tui.links.port_link import no_hook_advice
 
             advice = no_hook_advice(server.terminal)
             server.tell(Notice(NoticeKind.FAULT, f"{NOT_CONNECTED}: {why}. {advice}"))
@@ -406,7 +406,7 @@ def _unconnected_text(server: Server) -> str:
     if places:
         where = f"use {host}, {' or '.join(places)}"
     else:
-        from simmer_tui.links.dialect_link import no_hook_advice
+        from simmer_tui.links.port_link import no_hook_advice
 
         where = f"it must open its serial port. {no_hook_advice(server.terminal)}"
     # Short: a line of a small screen has room for the address.

@@ -4,63 +4,42 @@ from __future__ import annotations
 
 import asyncio
 import math
-import socket
 from collections.abc import Callable, Mapping, Sequence
 
 from msgspec.structs import replace
 
-from simmer_tui import platform_has
-from simmer_tui.config.dialects import SERIAL
 from simmer_tui.config.settings import USUAL_BAUD
 from simmer_tui.dialect.device import DialectDevice, MoveEnd
 from simmer_tui.dialect.dialect_rules import DialectRules
 from simmer_tui.dialect.expressions import FieldValue
 from simmer_tui.dialect.timer import Timer
 from simmer_tui.links.course_device import FRAMINGS, CourseDevice
-from simmer_tui.links.driver_lock import NOT_SERVED, DriverLock
-from simmer_tui.links.hook_port import HookedProgram
 from simmer_tui.links.link import LinkContext
-from simmer_tui.links.peer import MOST_WAITING, PIECE, ReadBudget
+from simmer_tui.links.port_link import PortLink
 from simmer_tui.links.protocol.packets import STOP
-from simmer_tui.links.pty_port import PtyDevice, PtyPort
 from simmer_tui.links.serial_wire import SerialEndpoint, Wire
 from simmer_tui.robot.engine import Engine
 from simmer_tui.robot.sessions import Session
 from simmer_tui.run.events import (
-    NOT_CONNECTED,
     ActionDone,
     Event,
     LegEnded,
     Notice,
     NoticeKind,
-    ProgramEnded,
     VelocityEnd,
     VelocityEnded,
     WireMessage,
 )
-from simmer_tui.sim.command import PEOPLE, WORD, Command, counted, cut, parse_command
+from simmer_tui.sim.command import PEOPLE, Command, parse_command
 from simmer_tui.sim.records import REFUSALS, CommandResult, Status
 
 # A stream at 240 Hz would be most of a log, and its messages are all alike.
 LOGGED_OF_STREAM = 1000
 """Messages of streams that are logged; later ones are only counted."""
-NO_HOOK = "it is no Python, it is frozen, or it was started with -I, -E or -S"
-"""Reasons why a program may not use the hook."""
 _ENDED_BY_OTHERS = frozenset((VelocityEnd.STOP, VelocityEnd.PLACED, VelocityEnd.MOVEMENT))
 """Ends of a velocity that are not its own, while its sender is there."""
 _STOP = Command(STOP, STOP, stops=True)
 """The stop sent by a rule of the dialect, or at the end of a run."""
-
-
-def no_hook_advice(terminal: PtyDevice | None) -> str:
-    """The next step for a program without the hook, with the pseudo-terminal that there is."""
-    if terminal is not None:
-        other = f"let it open {terminal.path}"
-    elif platform_has.POSIX:
-        other = "give it a serial port with --pty PATH"
-    else:
-        other = "send commands over TCP (listeners)"
-    return f"Run it as plain Python, or {other}"
 
 
 def move_end(result: CommandResult) -> MoveEnd:
@@ -185,73 +164,29 @@ def reply_value(result: CommandResult) -> FieldValue:
     return result.reply if ranges is None else tuple(ranges.tolist())
 
 
-class DialectLink:
+class DialectLink(PortLink):
     """The team's own language: one program at a time drives the robot."""
 
     def __init__(self, context: LinkContext) -> None:
         rules = context.dialect
         assert rules is not None, "the loader serves a dialect only where there is one"
-        self.budget = ReadBudget(PIECE)
-        self._context = context
-        self._lock = context.driver_lock or DriverLock()
-        self._programs: set[HookedProgram] = set()
-        self._driver: SerialEndpoint | None = None
-        """The program that has the port open."""
-        self.engine = context.engine
+        super().__init__(context)
         self._loop = asyncio.get_running_loop()
-        self._last = ""
         self._sent_by_itself = 0
         """Count of messages of streams that were sent."""
         self._since_reply = 0
         """Bytes of streams that were sent since the last reply."""
-        self._instant = context.settings.line == "instant"
         framing = rules.framing if rules.protocol is None else FRAMINGS[rules.protocol]
         self._wire = Wire(self.engine, framing, 0 if self._instant else USUAL_BAUD)
         self._host = SimulatedHost(self.engine, rules, self._reply)
         self._device: DialectDevice | CourseDevice = DialectDevice(rules, self._host)
         if rules.protocol is not None:
             self._device = CourseDevice(rules.protocol, context, lambda data: self._reply(data, False))
-        self._has_exchanged = False
-        """True once bytes have passed between the robot and the program that has the port open."""
-        self._reached = False
-        """True once a program is known to find the port."""
-        self.engine.watch(self._watch)
         self._runs_on = rules.robot.runs_on
-        self._acceptor = context.accept(SERIAL, self._welcome)
-        self._terminal: PtyPort | None = None
-        if context.terminal is not None:
-            self._terminal = PtyPort(context.terminal, self)
-            where = str(context.terminal.path)
-            self.engine.tell(Notice(NoticeKind.HINT, f"the robot's serial port is at {where}"))
-
-    @property
-    def has_clients(self) -> bool:
-        """True if a program is connected."""
-        return bool(self._programs) or self._driver is not None
-
-    def close(self) -> None:
-        """End all connections."""
-        self._acceptor.close()
-        if self._terminal is not None:
-            self._terminal.close()
-        for program in tuple(self._programs):
-            program.close()
-
-    def _welcome(self, sock: socket.socket, peer: str) -> None:
-        if len(self._programs) >= MOST_WAITING:
-            self._acceptor.refuse(sock, peer)
-            return
-        self._programs.add(HookedProgram(sock, peer, self))
-
-    # -- endpoints -----------------------------------------------------------------------------
-
-    def reached(self) -> None:
-        """Note that a program with the hook has begun: it will find the port."""
-        self._reached = True
 
     def _watch(self, event: Event) -> None:
-        """Tell the device of contacts and other ends of its runs. Report at its end that a program could not
-        find the port."""
+        """Tell the device of contacts and other ends of its runs, too."""
+        super()._watch(event)
         if isinstance(self._device, DialectDevice):
             note_motion(event, self._device)
         if isinstance(event, ActionDone) and event.restarts:
@@ -259,35 +194,8 @@ class DialectLink:
             has_program = self._driver is not None and self._context.backend.byte_robot is None
             if has_program and isinstance(self._device, DialectDevice):
                 self._device.begin_streams()
-        if isinstance(event, Notice) and event.text.startswith(NOT_CONNECTED):
-            self._reached = True
-        elif isinstance(event, ProgramEnded) and event.started and not event.stopped:
-            clock = self._context.clock
-            if not (self._reached or self._lock.used or (clock is not None and clock.reached)):
-                advice = no_hook_advice(self._context.terminal)
-                self.engine.tell_fault(f"{NOT_CONNECTED}: {NO_HOOK}. {advice}")
 
-    def opened(self, endpoint: SerialEndpoint, name: str, baud: float | None) -> None:
-        """Answer a program that opens a port."""
-        names = self._context.settings.serial_names
-        # A person has chosen the path of a pseudo-terminal.
-        if isinstance(endpoint, HookedProgram) and names and name not in names:
-            endpoint.answer(f"could not open port '{name}': there is only {', '.join(names)}")
-            return
-        refused = self._refused(endpoint, name)
-        if refused:
-            self.engine.tell_fault(f"a program opened {cut(name, WORD)}{refused}: it was refused")
-            endpoint.answer(f"could not open port '{name}': Access is denied.")
-            return
-        self._driver = endpoint
-        self._reached, self._has_exchanged = True, False
-        rate = ""
-        if baud is not None:
-            self.set_baud(endpoint, baud)
-            rate = f" at {baud:g} baud"
-        text = f"a program opened {cut(name, WORD)}{rate}"
-        self.engine.tell(Notice(NoticeKind.CONNECTED, text, endpoint.peer))
-        endpoint.answer("")
+    def _joined(self, baud: float | None) -> None:
         backend = self._context.backend
         backend.program = self._pass_on
         if backend.byte_robot is None:
@@ -295,40 +203,22 @@ class DialectLink:
         else:
             backend.byte_robot.joined(baud)
 
-    def _refused(self, endpoint: SerialEndpoint, name: str) -> str:
-        """The reason why a program may not drive, with the name of its port; empty if it may."""
-        if self._context.clock is not None and not endpoint.by_clock:
-            return f", but {NOT_SERVED}"
-        if self._driver is not None:
-            return f" while another one drives the robot by {cut(self._driver.port, WORD)}"
-        refused = self._lock.acquire(self, f"a program by {name}")
-        return f", but {refused}" if refused else ""
+    def _set_rate(self, baud: float) -> None:
+        if not self._instant:
+            self._wire.set_baud(baud)
 
-    def written(self, endpoint: SerialEndpoint, data: bytes) -> None:
-        """The program has written bytes."""
+    def send(self, data: bytes) -> None:
+        """Send bytes of the program to the robot."""
         robot = self._context.backend.byte_robot
-        if endpoint is not self._driver:
-            return
-        self._has_exchanged = True
         if robot is not None:
             robot.wrote(data)
         else:
             self._wire.transmit(data, self._device.received)
-        self._last = data[-60:].decode("utf-8", "surrogateescape").strip()
 
-    def set_baud(self, endpoint: SerialEndpoint, baud: float) -> None:
-        """The program has set another baud rate."""
-        if endpoint is self._driver and not self._instant:
-            self._wire.set_baud(baud)
-
-    def closed(self, endpoint: SerialEndpoint, unread: int) -> None:
-        """A program has closed its port or has ended, and has left `unread` bytes unread."""
-        if isinstance(endpoint, HookedProgram):
-            self._programs.discard(endpoint)
-        if endpoint is not self._driver:
-            return
+    def _flush(self) -> None:
         self._wire.flush()
-        self._driver = None
+
+    def _left(self, endpoint: SerialEndpoint) -> None:
         if self._sent_by_itself > LOGGED_OF_STREAM:
             more = self._sent_by_itself - LOGGED_OF_STREAM
             text = f"{more} further messages of streams were sent, and not logged one by one"
@@ -338,19 +228,12 @@ class DialectLink:
         backend.program = None
         if backend.byte_robot is not None:
             backend.byte_robot.left()
-        self._lock.release(self)
         self._device.closed()
-        if unread:
-            # Nobody reads the last messages of a stream.
-            kind = NoticeKind.FAULT if unread > self._since_reply else NoticeKind.ROBOT
-            text = f"dialect: the program left {counted(unread, 'byte')} of replies unread"
-            self.engine.tell(Notice(kind, text))
         self._host.close(runs_on=self._runs_on)
-        text = f"the program closed {cut(endpoint.port, WORD)}"
-        self.engine.tell(Notice(NoticeKind.LEFT, text, endpoint.peer))
-        # One that only looks which ports there are is no client.
-        if self._has_exchanged:
-            self._context.client_left()
+
+    def _kind_of_unread(self, unread: int) -> NoticeKind:
+        # Nobody reads the last messages of a stream.
+        return NoticeKind.FAULT if unread > self._since_reply else NoticeKind.ROBOT
 
     def _reply(self, data: bytes, droppable: bool) -> None:
         """Send bytes of the robot to the program; without a program they are dropped."""
@@ -375,13 +258,3 @@ class DialectLink:
         if self._driver is not None:
             self._has_exchanged = True
             self._driver.deliver(self._loop.time(), 0.0, data)
-
-    def waits(self, endpoint: SerialEndpoint, place: str) -> None:
-        """A read of the program has waited for long, at `place`."""
-        if endpoint is not self._driver:
-            return
-        last = f"; the last message was '{cut(self._last)}'" if self._last else ""
-        where = cut(place)
-        self.engine.tell_fault(
-            f"dialect: the program waits at {where} for bytes that have not come for 10 s{last}"
-        )

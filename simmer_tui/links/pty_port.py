@@ -335,7 +335,7 @@ class PtyPort:
         if len(data) > room and not self._has_lost:
             self._has_lost = True
             where = cut(self.port)
-            self._robot.engine.tell_fault(f"dialect: the program at {where} does not read: replies are lost")
+            self._robot.engine.tell_fault(f"the program at {where} does not read: replies are lost")
         self._unread += data[:room]
 
     def _flush(self) -> None:

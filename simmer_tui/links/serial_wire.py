@@ -76,6 +76,32 @@ USB_FRAME = 0.001
 """Seconds of bytes that become readable together, if the robot has written them in one piece."""
 
 
+class LostBytes:
+    """Count of a program's bytes that the line could not keep. It is told at the first loss, and in sum."""
+
+    def __init__(self, engine: Engine) -> None:
+        self._engine = engine
+        self._count = self._told = 0
+
+    def add(self, count: int) -> None:
+        """Count bytes that are lost, if `count` is above 0."""
+        if count <= 0:
+            return
+        self._count += count
+        if not self._told:
+            self._told = count
+            self._engine.tell_fault(
+                f"the program writes faster than the line carries: {MOST_IN_TRANSIT} bytes wait, "
+                f"{count} more are lost. A write to a real port would wait"
+            )
+
+    def report(self) -> None:
+        """Tell the sum, unless it is known, and begin again: the program has closed the port."""
+        if self._count > self._told:
+            self._engine.tell_fault(f"{self._count} bytes of the program were lost on the line")
+        self._count = self._told = 0
+
+
 class Wire:
     """The delay of bytes on a line of `baud` bits a second, both ways; 0 is a line without delay. Times are
     simulated seconds."""
@@ -92,8 +118,7 @@ class Wire:
         """The bytes of these messages."""
         self.left_out = 0
         """Count of messages of streams that were left out."""
-        self._has_lost = False
-        """True once bytes of the program were lost; reported once."""
+        self._lost = LostBytes(engine)
         self.set_baud(baud)
 
     def set_baud(self, baud: float) -> None:
@@ -104,12 +129,14 @@ class Wire:
         """Send bytes of the program to the robot. Each message arrives with its last byte."""
         now = self._engine.now()
         at = max(self._in_free, now)
+        taken = 0
         for part in _messages(data, self._framing):
             while self._in_transit and not self._in_transit[0].pending:
                 self._in_transit.popleft()
             if self._under_way > MOST_IN_TRANSIT:
-                self._lose()
+                self._lost.add(len(data) - taken)
                 break
+            taken += len(part)
             self._under_way += len(part)
             at += len(part) * self.byte
             if at <= now and not self._in_transit:
@@ -119,14 +146,6 @@ class Wire:
                 self._in_transit.append(arrival)
                 self._engine.call_at(at, arrival)
         self._in_free = at
-
-    def _lose(self) -> None:
-        if not self._has_lost:
-            self._has_lost = True
-            self._engine.tell_fault(
-                f"dialect: the program writes faster than the line carries: {MOST_IN_TRANSIT} bytes wait, "
-                "more are lost. A write to a real port would wait"
-            )
 
     def _arrive(self, receive: Callable[[bytes], None], data: bytes) -> None:
         self._under_way -= len(data)
@@ -139,7 +158,7 @@ class Wire:
         while self._in_transit:
             self._in_transit.popleft()()
         self._in_free = self._out_free = -math.inf
-        self._has_lost = False
+        self._lost.report()
 
     def delay(self, count: int, *, droppable: bool = False) -> float | None:
         """Time until the first of `count` bytes of the robot begins; they are sent. None if too many bytes

@@ -12,8 +12,8 @@ from simmer_tui.run.events import LegEnded, Notice, NoticeKind
 from simmer_tui.sim.legs import Leg
 from simmer_tui.sketch.board_process import BoardRecord, BoardWait, Waits
 from simmer_tui.sketch.lockstep import Board
+from simmer_tui.sketch.robot_world import SECOND
 
-_SECOND = 1_000_000_000
 # A long wait is rarely over a second, and a second has few legs.
 _KEPT_LEGS, _KEPT_BYTES = 100, 200
 # Judged: half of it is within the errors of most drives.
@@ -51,13 +51,13 @@ class BoardFacts:
         if contact is None or event.leg.pressed or contact.time == self._contact:
             return
         self._contact = contact.time
-        at = round(contact.time * _SECOND)
+        at = round(contact.time * SECOND)
         for board in boards:
             wait = board.wait_at(at)
             if wait is None or at - wait.begin < _TOLD_WAIT:
                 continue
             line = board.process.line_of(wait.place)
-            begin = wait.begin / _SECOND
+            begin = wait.begin / SECOND
             took, gone = (at - wait.begin) / 1e6, self._gone(begin, contact.time)
             text = (
                 f"at the contact, board {board.name} was {_call(wait, line)} for {took:.0f} ms; "
@@ -71,7 +71,7 @@ class BoardFacts:
 
     def was_late(self, board: Board, record: BoardRecord, until: int) -> None:
         """Tell that a board has read a byte long after it had arrived, if the robot went on meanwhile."""
-        gone = self._gone(record.time / _SECOND, until / _SECOND)
+        gone = self._gone(record.time / SECOND, until / SECOND)
         if gone < _TOLD_DISTANCE:
             return
         line = board.process.line_of(record.value & 0xFFFFFFFF)
@@ -94,7 +94,7 @@ class BoardFacts:
         lost, _, lines = self._edges.get(key, (0, 0, Counter()))
         lines[board.process.line_of(place)] += 1
         self._edges[key] = lost + 1, edges, lines
-        if _is_told(lost + 1):
+        if is_told(lost + 1):
             self._tell_edges(key)
 
     def tell_totals(self) -> None:
@@ -119,7 +119,7 @@ class BoardFacts:
 
     def _is_due(self, kind: str, line: str) -> bool:
         self._counts[kind, line] += 1
-        return _is_told(self._counts[kind, line])
+        return is_told(self._counts[kind, line])
 
     def _gone(self, begin: float, end: float) -> float:
         """Inches that the robot has gone between two times, seconds."""
@@ -138,6 +138,6 @@ def _call(wait: BoardWait, line: str) -> str:
     return f"{call} at {line}" if line else call
 
 
-def _is_told(count: int) -> bool:
-    """True for 1, 10, 100 ..."""
+def is_told(count: int) -> bool:
+    """True for the counts at which a fact is told again: 1, 10, 100 ..."""
     return str(count).strip("0") == "1"

@@ -5,22 +5,13 @@ A program opens it by the hook in its pyserial, or by a pseudo-terminal. One at 
 
 from __future__ import annotations
 
-import asyncio
-import socket
-
-from simmer_tui.config.dialects import SERIAL
 from simmer_tui.config.settings import BITS_OF_A_BYTE, USUAL_BAUD
-from simmer_tui.links.driver_lock import NOT_SERVED, DriverLock
-from simmer_tui.links.hook_port import HookedProgram
 from simmer_tui.links.link import LinkContext
-from simmer_tui.links.peer import MOST_WAITING, PIECE, ReadBudget
-from simmer_tui.links.pty_port import PtyPort
-from simmer_tui.links.serial_wire import MOST_IN_TRANSIT, SerialEndpoint
-from simmer_tui.run.events import ActionDone, Event, Notice, NoticeKind
-from simmer_tui.sim.command import WORD, counted, cut
+from simmer_tui.links.port_link import PortLink
+from simmer_tui.links.serial_wire import MOST_IN_TRANSIT, LostBytes, SerialEndpoint
+from simmer_tui.run.events import ActionDone, Event
+from simmer_tui.sketch.robot_world import SECOND
 from simmer_tui.sketch.sketch_robot import SketchRobot
-
-_SECOND = 1_000_000_000
 
 
 def sampled(value: int, sent_at: int, read_at: int) -> int:
@@ -36,120 +27,58 @@ def sampled(value: int, sent_at: int, read_at: int) -> int:
     return made
 
 
-class BoardLink:
+class BoardLink(PortLink):
     """The laptop's end of the line."""
 
+    device = "board"
+
     def __init__(self, context: LinkContext, robot: SketchRobot) -> None:
-        self.budget = ReadBudget(PIECE)
-        self.engine = context.engine
-        self._context = context
+        super().__init__(context)
         self._robot = robot
-        self._loop = asyncio.get_running_loop()
-        self._lock = context.driver_lock or DriverLock()
-        self._programs: set[HookedProgram] = set()
-        self._driver: SerialEndpoint | None = None
-        self._instant = context.settings.line == "instant"
         self._baud = USUAL_BAUD
         self._free = 0
         """Time until which the line to the board carries earlier bytes, nanoseconds."""
-        self._has_exchanged = False
-        self._has_lost = self._has_told_baud = False
-        self._acceptor = context.accept(SERIAL, self._welcome)
-        self._terminal: PtyPort | None = None
+        self._lost = LostBytes(self.engine)
+        self._has_told_baud = False
         robot.on_sent = self._deliver
         robot.lockstep.laptop_listens = context.clock is not None
-        self.engine.watch(self._watch)
-        if context.terminal is not None:
-            self._terminal = PtyPort(context.terminal, self)
-            where = str(context.terminal.path)
-            self.engine.tell(Notice(NoticeKind.HINT, f"the board's serial port is at {where}"))
-
-    @property
-    def has_clients(self) -> bool:
-        """True if a program is connected."""
-        return bool(self._programs) or self._driver is not None
-
-    def close(self) -> None:
-        """End all connections."""
-        self._acceptor.close()
-        if self._terminal is not None:
-            self._terminal.close()
-        for program in tuple(self._programs):
-            program.close()
-
-    def _welcome(self, sock: socket.socket, peer: str) -> None:
-        if len(self._programs) >= MOST_WAITING:
-            self._acceptor.refuse(sock, peer)
-            return
-        self._programs.add(HookedProgram(sock, peer, self))
 
     def _watch(self, event: Event) -> None:
+        super()._watch(event)
         if isinstance(event, ActionDone) and event.restarts:
             self._free = 0
             self._robot.lockstep.laptop_listens = self._context.clock is not None
 
     # -- the program's side ----------------------------------------------------------------------------
 
-    def reached(self) -> None:
-        """A program with the hook has begun: it will find the port."""
-        self._lock.used = True
-
-    def opened(self, endpoint: SerialEndpoint, name: str, baud: float | None) -> None:
-        """Answer a program that opens a port."""
-        names = self._context.settings.serial_names
-        if isinstance(endpoint, HookedProgram) and names and name not in names:
-            endpoint.answer(f"could not open port '{name}': there is only {', '.join(names)}")
-            return
-        refused = self._refused(endpoint, name)
-        if refused:
-            self.engine.tell_fault(f"a program opened {cut(name, WORD)}{refused}: it was refused")
-            endpoint.answer(f"could not open port '{name}': Access is denied.")
-            return
-        self._driver = endpoint
-        self._has_exchanged = self._has_told_baud = False
-        rate = ""
-        if baud is not None:
-            self.set_baud(endpoint, baud)
-            rate = f" at {baud:g} baud"
-        self.engine.now()
+    def _joined(self, baud: float | None) -> None:
+        self._has_told_baud = False
         self._robot.reset_by_usb()
-        text = f"a program opened {cut(name, WORD)}{rate}"
-        self.engine.tell(Notice(NoticeKind.CONNECTED, text, endpoint.peer))
-        endpoint.answer("")
 
-    def _refused(self, endpoint: SerialEndpoint, name: str) -> str:
-        if self._context.clock is not None and not endpoint.by_clock:
-            return f", but {NOT_SERVED}"
-        if self._driver is not None:
-            return f" while another one has {cut(self._driver.port, WORD)} open"
-        refused = self._lock.acquire(self, f"a program by {name}")
-        return f", but {refused}" if refused else ""
-
-    def set_baud(self, endpoint: SerialEndpoint, baud: float) -> None:
-        """The program has set another baud rate."""
-        if endpoint is self._driver and baud >= 1:
+    def _set_rate(self, baud: float) -> None:
+        if baud >= 1:
             self._baud = round(baud)
 
-    def written(self, endpoint: SerialEndpoint, data: bytes) -> None:
-        """The program has written bytes: they arrive at the board one after the other."""
-        if endpoint is self._driver and data:
-            self._has_exchanged = True
-            self.send(data)
+    def _flush(self) -> None:
+        self._lost.report()
+
+    def _left(self, endpoint: SerialEndpoint) -> None:
+        """The board runs on."""
 
     def send(self, data: bytes) -> None:
-        """Send bytes to the board, of a program or of a person."""
-        now = round(self.engine.now() * _SECOND)
+        """Send bytes to the board, of a program or of a person. What the line cannot keep is lost."""
+        now = round(self.engine.now() * SECOND)
         board_baud = self._robot.laptop_baud
-        baud = board_baud if self._instant or not board_baud or self._driver is None else self._baud
-        byte = 0 if self._instant else BITS_OF_A_BYTE * _SECOND // baud
+        # A port that the sketch has not opened yet has no rate, and takes no byte.
+        has_own_rate = bool(board_baud) and self._driver is not None and not self._instant
+        baud = self._baud if has_own_rate else board_baud or USUAL_BAUD
+        byte = 0 if self._instant else BITS_OF_A_BYTE * SECOND // baud
         at = max(self._free, now)
-        if byte and (at - now) // byte + len(data) > MOST_IN_TRANSIT:
-            if not self._has_lost:
-                self._has_lost = True
-                self.engine.tell_fault(
-                    f"the program writes faster than the line carries: {MOST_IN_TRANSIT} bytes wait, more "
-                    "are lost. A write to a real port would wait"
-                )
+        if byte:
+            room = max(MOST_IN_TRANSIT - (at - now) // byte, 0)
+            self._lost.add(len(data) - room)
+            data = data[:room]
+        if not data:
             return
         self._compare_baud(board_baud)
         self._robot.tell_line(data.decode("latin-1"), reply=False)
@@ -168,27 +97,6 @@ class BoardLink:
                 "wrong. Give both the same"
             )
 
-    def waits(self, endpoint: SerialEndpoint, place: str) -> None:
-        """A read of the program has waited for long."""
-        if endpoint is self._driver:
-            self.engine.tell_fault(f"the program waits at {cut(place)} for bytes that have not come for 10 s")
-
-    def closed(self, endpoint: SerialEndpoint, unread: int) -> None:
-        """The program has closed the port, or has ended."""
-        if isinstance(endpoint, HookedProgram):
-            self._programs.discard(endpoint)
-        if endpoint is not self._driver:
-            return
-        self._driver = None
-        self._lock.release(self)
-        if unread:
-            text = f"the program left {counted(unread, 'byte')} of the board unread"
-            self.engine.tell(Notice(NoticeKind.ROBOT, text))
-        text = f"the program closed {cut(endpoint.port, WORD)}"
-        self.engine.tell(Notice(NoticeKind.LEFT, text, endpoint.peer))
-        if self._has_exchanged:
-            self._context.client_left()
-
     # -- the board's side ------------------------------------------------------------------------------
 
     def _deliver(self) -> None:
@@ -203,7 +111,7 @@ class BoardLink:
         driver = self._driver
         engine, scale = self.engine, self.engine.time_scale
         board_baud = self._robot.laptop_baud or USUAL_BAUD
-        byte = 0 if self._instant else BITS_OF_A_BYTE * _SECOND // board_baud
+        byte = 0 if self._instant else BITS_OF_A_BYTE * SECOND // board_baud
         start = 0
         if driver is not None:
             self._compare_baud(board_baud)
@@ -217,8 +125,8 @@ class BoardLink:
                 data = bytes(
                     each if self._instant else sampled(each, board_baud, self._baud) for each in values
                 )
-                begin = engine.clock_time((piece[0][0] - byte) / _SECOND)
-                driver.deliver(begin, byte / _SECOND / scale, data)
+                begin = engine.clock_time((piece[0][0] - byte) / SECOND)
+                driver.deliver(begin, byte / SECOND / scale, data)
                 start = place
         sent.clear()
         clock = self._context.clock

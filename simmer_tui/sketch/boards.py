@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 
 class BoardKind(Struct, frozen=True, kw_only=True):
@@ -60,18 +61,9 @@ UNO = BoardKind(
     software_rx=frozenset(range(20)),
     servo_takes=_AVR_SERVO,
 )
-NANO = BoardKind(
-    name="nano",
-    title="Nano",
-    macro="ARDUINO_AVR_NANO",
-    pins=22,
-    first_analog=14,
-    analog_only=frozenset((20, 21)),
-    pwm=_AVR_PWM,
-    interrupts=_AVR_INTERRUPTS,
-    serial={"Serial": (0, 1)},
-    software_rx=frozenset(range(20)),
-    servo_takes=_AVR_SERVO,
+# The same processor in a case with two more analog inputs.
+NANO = replace(
+    UNO, name="nano", title="Nano", macro="ARDUINO_AVR_NANO", pins=22, analog_only=frozenset((20, 21))
 )
 MEGA = BoardKind(
     name="mega",

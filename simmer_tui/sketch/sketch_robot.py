@@ -31,7 +31,7 @@ from simmer_tui.run.events import (
 )
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.records import CommandResult, Status
-from simmer_tui.sketch.board_facts import BoardFacts
+from simmer_tui.sketch.board_facts import BoardFacts, is_told
 from simmer_tui.sketch.board_process import (
     BYTE,
     EDGE,
@@ -69,14 +69,17 @@ _USB_PINS = (0, 1)
 _TYPED = "binary"
 """The dialect of typed commands."""
 # Two byte times of silence: a sketch that prints without line ends pauses for much longer.
-_GAP, _LINE_END, _LONGEST = 2, 10, 200
+_GAP, _LINE_END = 2, 10
+# A few lines of the screen; a sketch that never ends a line would have a message of any length.
+_LONGEST_MESSAGE = 200
+"""Bytes of a message that has no end."""
 NOT_DRIVEN = "boards drive the robot; send their program a line with :send TEXT"
 """The reason of a drive of anybody else that is refused."""
 # A frame of the screen is 67 ms, a byte at 9600 baud 1 ms.
 TICK = 0.005
 """Real seconds between two times at which boards are brought to the present."""
 # A servo's angle by the pulses of Servo.h: 544 us is 0 degrees, 2400 us 180.
-_SHORTEST, _LONGEST, _HALF_TURN = 544, 2400, 180.0
+_SHORTEST_PULSE, _LONGEST_PULSE, _HALF_TURN = 544, 2400, 180.0
 BEHIND = (
     "the boards cannot keep pace with the real clock on this machine: simulated time falls behind. Run the "
     "program by its own clock: --no-ui --clock program --run CMD"
@@ -137,7 +140,7 @@ class SentMessages:
             self._end(self._last + _GAP * self._byte)
         self._text += chr(value)
         self._last, self._byte = time, byte
-        if value == _LINE_END or len(self._text) >= _LONGEST:
+        if value == _LINE_END or len(self._text) >= _LONGEST_MESSAGE:
             self._end(time)
         self._plan()
 
@@ -174,9 +177,6 @@ class SketchRobot(LockstepWorld):
         """Seconds by which simulated time has fallen behind the real clock so far."""
         self._has_told_late = False
         self._facts = BoardFacts(engine)
-        self._wrong = list(wrong_functions(sketches.wiring, engine.simulator.spec.wheels, sketches.facts))
-        """Functions that move the robot otherwise than they are named, until that is told."""
-        self._lost: dict[tuple[str, int, int], int] = {}
         self.failed = ""
         """The sentence about boards that have ended; empty while they run."""
         self.on_end: Callable[[], None] = lambda: None
@@ -200,6 +200,11 @@ class SketchRobot(LockstepWorld):
 
     def _start(self) -> None:
         """Start the boards at time 0."""
+        wheels = self.engine.simulator.spec.wheels
+        self._wrong = list(wrong_functions(self._set.wiring, wheels, self._set.facts))
+        """Functions that move the robot otherwise than they are named, until that is told."""
+        self._lost: dict[tuple[str, int, int], int] = {}
+        """Count of bytes that were lost, by board, kind and pin."""
         self._messages = SentMessages()
         self._busy: dict[str, tuple[int, int, float]] = {}
         """Each board's clock and time in delay() at the last look, and its busy share until then."""
@@ -264,6 +269,7 @@ class SketchRobot(LockstepWorld):
         self._watchdog.replace(board.process, process)
         process.now = now
         board.process = process
+        self._busy[board.name] = now, 0, 0.0
         board.events.clear()
         self._set_levels(board)
         try:
@@ -393,7 +399,7 @@ class SketchRobot(LockstepWorld):
         """The gripper's servo has got another pulse: its jaws are on the side of the nearer angle."""
         if opened is None or closed is None or not width:
             return
-        angle = (width - _SHORTEST) / (_LONGEST - _SHORTEST) * _HALF_TURN
+        angle = (width - _SHORTEST_PULSE) / (_LONGEST_PULSE - _SHORTEST_PULSE) * _HALF_TURN
         close = abs(angle - closed) < abs(angle - opened)
         before, self._gripper_closed = self._gripper_closed, close
         # A run begins with open jaws.
@@ -434,7 +440,7 @@ class SketchRobot(LockstepWorld):
         """Tell the first byte that is lost at a pin, the tenth, the hundredth ..."""
         key = (board.name, record.kind, record.pin)
         count = self._lost[key] = self._lost.get(key, 0) + 1
-        if str(count).strip("0") != "1":
+        if not is_told(count):
             return
         kind = self._set.wiring.boards[board.name].kind
         line = board.process.line_of(record.value & 0xFFFFFFFF)

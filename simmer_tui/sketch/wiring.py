@@ -355,7 +355,8 @@ class _WiringReader:
 
     def _laptop(self) -> LaptopLine | None:
         given = self._file.table("laptop")
-        if not given:
+        # An empty table lacks its board; without the table no laptop is wired.
+        if not given and self._file.tree.get("laptop") != {}:
             return None
         values = self._row(given, "laptop", wiring_toml.LAPTOP, ("rx", "tx", "baud"))
         if values is None:

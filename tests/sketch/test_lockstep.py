@@ -3,138 +3,36 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
 
-from simmer_tui.config.loader import Configuration, load
-from simmer_tui.config.sets import bundled_sets, init_set
 from simmer_tui.errors import ConfigurationError
 from simmer_tui.links.backend import Message
 from simmer_tui.links.protocol.replies import ReplyForm, ReplyFormat
-from simmer_tui.robot.engine import Engine
-from simmer_tui.run.events import Action, ActionName, CommandResult, Event, LegEnded
-from simmer_tui.sim import Simulator
+from simmer_tui.run.events import Action, ActionName, CommandResult, LegEnded
 from simmer_tui.sim.command import parse_command
 from simmer_tui.sim.records import Status
 from simmer_tui.sketch.compiler import find_compiler
-from simmer_tui.sketch.sketch_robot import NOT_DRIVEN, SketchRobot, compile_set, with_boards
-from simmer_tui.sketch.wiring import wiring_of
+from simmer_tui.sketch.sketch_robot import NOT_DRIVEN
+from tests.sketch.rovers import (
+    ENCODERS,
+    JOINED,
+    MOTORS,
+    ROVER,
+    ROVER_BY_LINK,
+    SENSOR,
+    STOPPABLE,
+    Boards,
+    made_set,
+)
 from tests.sketch.running import run_boards
-from tests.stepped_clock import Clock
 
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(find_compiler() is None, reason="there is no C++ compiler"),
 ]
 SECOND = 1_000_000_000
-MOTORS = """
-[[motors]]
-board = "rover"
-driver = "pwm2"
-in1 = 5
-in2 = 6
-wheel = "left"
-top_speed = 12
-dead_band = 0
-[[motors]]
-board = "rover"
-driver = "pwm2"
-in1 = 9
-in2 = 10
-wheel = "right"
-top_speed = 12
-dead_band = 0
-"""
-ROVER = '[boards.rover]\nsketch = "rover.ino"\nboard = "uno"\n[laptop]\nboard = "rover"\n'
-ENCODERS = "".join(
-    f'[[sensors]]\nboard = "{{board}}"\npart = "encoder"\nwheel = "{wheel}"\na = {pin}\nedges_per_inch = 40\n'
-    for wheel, pin in (("left", 2), ("right", 3))
-)
-DRIVE = """
-void drive(int left, int right) {
-  analogWrite(5, left > 0 ? left : 0); analogWrite(6, left < 0 ? -left : 0);
-  analogWrite(9, right > 0 ? right : 0); analogWrite(10, right < 0 ? -right : 0);
-}
-"""
-
-
-def made_set(folder: Path, wiring: str, sketches: Mapping[str, str]) -> Configuration:
-    init_set(folder, bundled_sets()["mission"])
-    with (folder / "settings.toml").open("a", encoding="utf-8") as file:
-        file.write('\n[wheels]\nlayout = "diff"\n')
-    (folder / "wiring.toml").write_text(wiring, "utf-8")
-    for name, text in sketches.items():
-        (folder / name).write_text(text, "utf-8")
-    return load(folder)
-
-
-class Boards:
-    """Boards of a set without a server, and the events of their run."""
-
-    def __init__(self, configuration: Configuration, *, noise: bool = True, slice_length: int = 20_000_000):
-        wiring = wiring_of(configuration)
-        assert wiring is not None
-        sketches = compile_set(wiring, configuration.directory)
-        self.simulator = Simulator(with_boards(configuration, wiring).simulation, 1)
-        self.simulator.noise = noise
-        engine = Engine(self.simulator, timed=True)
-        self.events: list[Event] = []
-        engine.watch(self.events.append)
-        self._clock = Clock(0.0)
-        engine.start(self._clock)
-        self.robot = SketchRobot(sketches, engine, slice_length)
-
-    def run_to(self, seconds: float) -> None:
-        while self.robot.run_to(seconds) < seconds:
-            pass
-
-    def close(self) -> None:
-        self.robot.close()
-        self._clock.close()
-
-
-SENSOR = """
-#include <SoftwareSerial.h>
-SoftwareSerial link(9, 10);
-volatile int left, right;
-void countLeft() { left++; }
-void countRight() { right++; }
-void setup() {
-  Serial.begin(9600);
-  link.begin(9600);
-  attachInterrupt(digitalPinToInterrupt(2), countLeft, CHANGE);
-  attachInterrupt(digitalPinToInterrupt(3), countRight, CHANGE);
-  link.write('F');
-}
-void loop() {
-  if (left + right > 600) { link.write('S'); left = right = 0; delay(300); link.write('F'); }
-  static unsigned long last;
-  if (millis() - last > 100) { last = millis(); Serial.print(left + right); Serial.println(' '); }
-}
-"""
-ROVER_BY_LINK = (
-    DRIVE
-    + """
-#include <SoftwareSerial.h>
-SoftwareSerial link(7, 8);
-void setup() { link.begin(9600); }
-void loop() {
-  if (!link.available()) return;
-  char what = link.read();
-  if (what == 'F') drive(220, 180);
-  if (what == 'S') drive(-200, 0);
-}
-"""
-)
-JOINED = (
-    '[boards.sensor]\nsketch = "sensor.ino"\nboard = "uno"\n'
-    '[boards.rover]\nsketch = "rover.ino"\nboard = "uno"\n'
-    '[laptop]\nboard = "sensor"\n[[wires]]\nfrom = "sensor.10"\nto = "rover.7"\n'
-    + MOTORS
-    + ENCODERS.format(board="sensor")
-)
 
 
 def test_slices_of_any_length_give_the_same_run(tmp_path: Path) -> None:
@@ -147,21 +45,6 @@ def test_slices_of_any_length_give_the_same_run(tmp_path: Path) -> None:
         runs.append((repr(boards.events), boards.robot.lockstep.sent, boards.simulator.pose))
     assert runs[1:] == runs[:1] * 3
     assert any(isinstance(event, LegEnded) for event in boards.events)
-
-
-STOPPABLE = (
-    DRIVE
-    + """
-void setup() { Serial.begin(9600); }
-void loop() {
-  if (Serial.available() == 0) return;
-  char what = Serial.read();
-  if (what == 'F') drive(255, 255);
-  if (what == 'B') drive(-255, -255);
-  if (what == 'S') drive(0, 0);
-}
-"""
-)
 
 
 def test_a_stop_at_any_moment_ends_the_wheels_by_the_costs(tmp_path: Path) -> None:
@@ -219,6 +102,19 @@ def test_a_restart_starts_the_boards_again(tmp_path: Path) -> None:
     boards.close()
     assert (boards.simulator.pose, boards.robot.lockstep.sent) == first
     assert first[0] != configuration.simulation.start_pose
+
+
+def test_the_busy_share_begins_again_with_a_reset_by_usb(tmp_path: Path) -> None:
+    text = "void setup() { Serial.begin(9600); }\nvoid loop() { delay(10); }\n"
+    boards = Boards(made_set(tmp_path / "set", ROVER + MOTORS, {"rover.ino": text}))
+    try:
+        boards.run_to(3.0)
+        boards.robot.views()
+        boards.robot.reset_by_usb()
+        boards.run_to(4.5)
+        assert boards.robot.views()[0].busy < 0.1
+    finally:
+        boards.close()
 
 
 def test_others_may_read_and_not_drive(tmp_path: Path) -> None:

@@ -24,7 +24,7 @@ from simmer_tui.run.events import Event
 from simmer_tui.sketch.compiler import find_compiler
 from simmer_tui.sketch.sketch_robot import compile_set, with_boards
 from simmer_tui.sketch.wiring import wiring_of
-from tests.sketch.test_lockstep import MOTORS, ROVER, STOPPABLE, made_set
+from tests.sketch.rovers import MOTORS, ROVER, STOPPABLE, made_set
 
 pytestmark = [
     pytest.mark.slow,

@@ -199,6 +199,11 @@ def test_a_set_without_wheels_or_boards_is_told_so(parts: WiringParts) -> None:
     assert "is not TOML" in read("boards = {", parts)[1][0]
 
 
+def test_an_empty_table_of_the_laptop_lacks_its_board(parts: WiringParts) -> None:
+    empty = TWO_BOARDS.replace('[laptop]\nboard = "sensor"\nrx = 9\ntx = 10\n', "[laptop]\n")
+    assert "laptop.board: is missing" in "\n".join(read(empty, parts)[1])
+
+
 def test_the_schema_allows_what_the_reader_allows() -> None:
     jsonschema.Draft7Validator.check_schema(wiring_schema())
     jsonschema.validate(tomllib.loads(TWO_BOARDS), wiring_schema())

@@ -193,6 +193,22 @@ def test_init_drafts_where_the_set_is(
     assert (tmp_path / "new" / "wiring.toml").is_file()
 
 
+def test_the_folder_of_a_sketch_is_no_second_sketch(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "rover").mkdir()
+    monkeypatch.chdir(tmp_path / "rover")
+    Path("rover.ino").write_text(ROVER, "utf-8")
+    assert main(["--no-ui", "--sketch", "rover.ino"]) == 2
+    assert "simmer-tui init my-robot --sketch rover.ino" in capsys.readouterr().err
+    assert main(["init", "--sketch", "rover.ino", "."]) == 0
+    assert list(tomllib.loads(Path("wiring.toml").read_text("utf-8"))["boards"]) == ["rover"]
+    assert not Path("config").exists()
+    capsys.readouterr()
+    assert main(["--no-ui", "--sketch", "rover.ino"]) == 2
+    assert "takes the folder of the set that names it: simmer-tui --sketch ." in capsys.readouterr().err
+
+
 def test_a_sketch_with_quotes_in_its_name_is_drafted_as_toml(tmp_path: Path) -> None:
     path = tmp_path / 'my "r" \\ rover.ino'
     path.write_text(ROVER, "utf-8")

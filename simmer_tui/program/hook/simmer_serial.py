@@ -1,7 +1,7 @@
 """The serial port of a program that the simulator runs: `serial.Serial` connected to the simulated robot.
 
 It is imported into other people's programs, by whatever Python they use: standard library alone, Python 3.8
-on, and nothing of the package. `links/dialect_link.py` is the other end; `links/hook_port.py` describes the
+on, and nothing of the package. `links/port_link.py` is the other end; `links/hook_port.py` describes the
 frames.
 """
 
