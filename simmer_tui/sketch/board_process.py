@@ -26,8 +26,38 @@ _RECORD = struct.Struct("<QBBHi")
 # A slice takes milliseconds. A board that says nothing for this long is in a loop that no clock sees.
 SILENT = 5.0
 """Real seconds of silence after which a board is ended."""
+_LOOKS = 10
+"""Looks at a board in this time. They do not happen while the simulator itself is suspended."""
+_CAUSES: dict[int, str] = {
+    signal.SIGSEGV: "it used memory that is not its own, or its stack is full",
+    signal.SIGFPE: "it divided by zero",
+    signal.SIGABRT: "it gave up",
+    signal.SIGILL: "a function ended without its return",
+}
+"""Causes of a board's death by its signal."""
+if platform_has.POSIX:
+    # The trap of a missing return on ARM, and bad memory on macOS.
+    _CAUSES |= {signal.SIGTRAP: _CAUSES[signal.SIGILL], signal.SIGBUS: _CAUSES[signal.SIGSEGV]}
+NEVER = 1 << 62
+"""A time that no board reaches."""
 STOP_WHEN_SENT = 0x100
 """Flag of a grant: a byte sent at the pin in the low byte ends the slice."""
+
+
+class Silence:
+    """The silence of a board by looks at the time since when it has been silent, 0 while it is not."""
+
+    def __init__(self) -> None:
+        self._since = 0.0
+        self._looks = 0
+
+    def is_too_long(self, since: float, now: float) -> bool:
+        """True at the look at which it has lasted too long, in real time and in looks."""
+        if since != self._since:
+            self._since, self._looks = since, 0
+            return False
+        self._looks += 1
+        return since > 0.0 and self._looks >= _LOOKS and now - since > SILENT
 
 
 class Reason(IntEnum):
@@ -137,6 +167,7 @@ class BoardProcess:
         self._send = self._process.stdin.write
         self._read = self._process.stdout.read
         self._waits_since = 0.0
+        self._silence = Silence()
         self._is_hung = False
         self.exchanges = 0
 
@@ -148,7 +179,7 @@ class BoardProcess:
             data
         )
         begin, place, kind = wait
-        self.wait = BoardWait(kind, place, begin, 1 << 62) if kind else None
+        self.wait = BoardWait(kind, place, begin, NEVER) if kind else None
         self.exchanges += 1
         if not count:
             self._waits_since = 0.0
@@ -175,7 +206,7 @@ class BoardProcess:
     def look(self, now: float) -> None:
         """End the board if it has been silent for too long; any thread may call it."""
         since = self._waits_since
-        if since and now - since > SILENT:
+        if self._silence.is_too_long(since, now):
             self._is_hung = True
             # Its handler tells where it is. Windows has no such signal for processes.
             self._waits_since = 0.0
@@ -213,8 +244,8 @@ class BoardProcess:
                 f"board {self.name} hangs{where} {clock}: it has done nothing for {SILENT:g} s of real time"
             )
         if died:
-            names = {11: "it used memory that is not its own", 8: "it divided by zero", 6: "it gave up"}
-            return f"board {self.name} died{where} {clock}: {names.get(int(died[1]), f'signal {died[1]}')}"
+            cause = _CAUSES.get(int(died[1]), f"signal {died[1]}")
+            return f"board {self.name} died{where} {clock}: {cause}"
         return f"board {self.name} died{where} {clock}: exit code {code}"
 
     def line_of(self, place: int) -> str:
@@ -263,7 +294,7 @@ class Watchdog:
         self._thread.join()
 
     def _run(self) -> None:
-        while not self._over.wait(SILENT / 10):
+        while not self._over.wait(SILENT / _LOOKS):
             now = time.monotonic()
             for each in tuple(self._boards):
                 each.look(now)

@@ -183,7 +183,7 @@ def _headers_of(library: Sequence[_Source]) -> set[str]:
 
 
 def _library_of(header: str, there: Mapping[str, Sequence[_Source]]) -> str:
-    """The library with a header, by Arduino's rule: one of the header's own name goes first. Empty if none."""
+    """The library with a header, by Arduino's rule: the header's own name goes first. Empty if none."""
     found = [name for name, code in there.items() if header in _headers_of(code)]
     stem = Path(header).stem
     return min(found, key=lambda each: (each.lower() != stem, each), default="")

@@ -15,6 +15,7 @@ from msgspec import Struct, field
 
 from simmer_tui.sketch.board_process import (
     BYTE,
+    NEVER,
     STOP_WHEN_SENT,
     BoardEvent,
     BoardProcess,
@@ -23,18 +24,16 @@ from simmer_tui.sketch.board_process import (
     Reason,
     Told,
 )
-from simmer_tui.sketch.parts import LARGEST_DUTY, EncoderState
+from simmer_tui.sketch.parts import LARGEST_DUTY, SECOND, EncoderState
 
-NEVER = 1 << 62
 BOARD_SLICE = 20_000_000
 """Nanoseconds that a board runs at most at a time, so that a person's stop is not late."""
 # Boards with motors and encoders each wait for the other; then they go on in steps of this length.
 _STEP = 10_000
 _BITS, _USUAL_BAUD = 10, 9600
-_SECOND = 1_000_000_000
-# A call must return to the event loop soon, for stops and Ctrl-C.
 # The world is a slice behind a board at most, and a wait that is told lasts as long.
 _KEPT_WAITS = 8
+# A call must return to the event loop soon, for stops and Ctrl-C.
 REAL_SLICE = 0.02
 """Real seconds after which `run` returns early."""
 
@@ -320,12 +319,12 @@ class Lockstep:
     def _pass_on(self, board: Board, record: BoardRecord) -> None:
         """Bytes on the lines of a board: they arrive when their stop bit is over."""
         baud = board.baud.get(record.pin, _USUAL_BAUD)
-        arrives = record.time + max(board.byte - _BITS * _SECOND // baud, 0)
+        arrives = record.time + max(board.byte - _BITS * SECOND // baud, 0)
         for other, rx in board.lines.get(record.pin, ()):
             self.put(other, BoardEvent(arrives, BYTE, rx, record.value | baud << 8))
         if self._laptop is not None and self._laptop[0] is board and self._laptop[1] == record.pin:
             self.sent.append((arrives, record.value))
-            self._world.sent(arrives, record.value, _BITS * _SECOND // baud)
+            self._world.sent(arrives, record.value, _BITS * SECOND // baud)
 
 
 def _clock(board: Board) -> int:

@@ -117,7 +117,9 @@ def _with_timed_loops(source: str) -> str:
     """
     if _LOOP.search(source) is None:
         return source
-    flat = _TOKEN.sub(lambda match: match[0] if match["word"] or match["number"] else _blank(match[0]), source)
+    flat = _TOKEN.sub(
+        lambda match: match[0] if match["word"] or match["number"] else _blank(match[0]), source
+    )
     ends = _closing_places(flat)
     made: list[str] = []
     done = 0

@@ -78,7 +78,7 @@ def test_a_build_folder_that_fails_is_told(tmp_path: Path, monkeypatch: pytest.M
         ("g++ (Debian 12.2.0) 12.2.0", "g++", True),
     ],
 )
-def test_a_compiler_is_named_by_its_version(tmp_path: Path, told: str, name: str, is_gcc: bool) -> None:  # noqa: FBT001
+def test_a_compiler_is_named_by_its_version(tmp_path: Path, told: str, name: str, is_gcc: bool) -> None:
     program = tmp_path / "g++"
     program.write_text(f'#!/bin/sh\necho "{told}"; echo "$LC_ALL" >&2\n', "utf-8")
     os.chmod(program, 0o755)  # noqa: PTH101

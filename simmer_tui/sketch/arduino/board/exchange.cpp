@@ -2,7 +2,6 @@
 
 #include <cstdio>
 #include <cstdlib>
-#include <cstring>
 #include <vector>
 
 #ifdef _WIN32
@@ -50,8 +49,14 @@ static_assert(sizeof(Request) == 40 && sizeof(Grant) == 24, "as on the channel")
 constexpr size_t MOST_TOLD = 2000;  // records that wait for the next exchange: `count` has 16 bits
 
 int channel_in = 0, channel_out = 1;
-std::vector<Record> told, events;
-std::vector<char> buffer;
+// What is told, behind the request with which it is sent: one write, and no memory is taken.
+struct {
+  Request request;
+  Record records[MOST_TOLD];
+} told;
+static_assert(sizeof told == sizeof(Request) + sizeof told.records, "no gap on the channel");
+size_t told_count = 0;
+std::vector<Record> events;
 size_t next = 0;
 
 void receive(void* data, size_t size) {
@@ -89,23 +94,24 @@ void open_channel() {
 #endif
 }
 
+void send_told(Reason reason, Query query, int pin) {
+  const size_t count = told_count;
+  told.request = {now,
+                  static_cast<uint8_t>(reason),
+                  static_cast<uint8_t>(query),
+                  static_cast<uint16_t>(count),
+                  pin,
+                  static_cast<uint32_t>(waited / MILLISECOND),
+                  place,
+                  waiting.begin,
+                  waiting.place,
+                  static_cast<uint32_t>(waiting.kind)};
+  told_count = 0;
+  send(&told, sizeof(Request) + count * sizeof(Record));
+}
+
 double exchange(Reason reason, Query query, int pin) {
-  const Request request{now,
-                        static_cast<uint8_t>(reason),
-                        static_cast<uint8_t>(query),
-                        static_cast<uint16_t>(told.size()),
-                        pin,
-                        static_cast<uint32_t>(waited / MILLISECOND),
-                        place,
-                        waiting.begin,
-                        waiting.place,
-                        static_cast<uint32_t>(waiting.kind)};
-  const size_t size = told.size() * sizeof(Record);
-  buffer.resize(sizeof request + size);
-  std::memcpy(buffer.data(), &request, sizeof request);
-  if (size) std::memcpy(buffer.data() + sizeof request, told.data(), size);
-  told.clear();
-  send(buffer.data(), buffer.size());
+  send_told(reason, query, pin);
   Grant grant;
   receive(&grant, sizeof grant);
   events.resize(grant.count);
@@ -118,12 +124,12 @@ double exchange(Reason reason, Query query, int pin) {
 }
 
 void tell(Told kind, int pin, int value, Nanoseconds time) {
-  told.push_back({time, static_cast<uint8_t>(kind), static_cast<uint8_t>(pin), 0, value});
-  if (told.size() >= MOST_TOLD) exchange(Reason::Full);
+  told.records[told_count] = {time, static_cast<uint8_t>(kind), static_cast<uint8_t>(pin), 0, value};
+  if (++told_count >= MOST_TOLD) exchange(Reason::Full);
 }
 
 void make_room(unsigned int count) {
-  if (told.size() + count >= MOST_TOLD) exchange(Reason::Full);
+  if (told_count + count >= MOST_TOLD) exchange(Reason::Full);
 }
 
 void tell_span(Told kind, int pin, uint32_t place, Nanoseconds begin, Nanoseconds end) {
