@@ -44,7 +44,7 @@ STOP_WHEN_SENT = 0x100
 """Flag of a grant: a byte sent at the pin in the low byte ends the slice."""
 
 
-class Silence:
+class BoardSilence:
     """The silence of a board by looks at the time since when it has been silent, 0 while it is not."""
 
     def __init__(self) -> None:
@@ -167,7 +167,7 @@ class BoardProcess:
         self._send = self._process.stdin.write
         self._read = self._process.stdout.read
         self._waits_since = 0.0
-        self._silence = Silence()
+        self._silence = BoardSilence()
         self._is_hung = False
         self.exchanges = 0
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from simmer_tui.run.events import WireMessage
-from simmer_tui.sketch.board_process import SILENT, Silence
+from simmer_tui.sketch.board_process import SILENT, BoardSilence
 from simmer_tui.sketch.boards import BOARDS, MEGA, BoardKind
 from simmer_tui.sketch.build import RUNTIME
 from simmer_tui.sketch.compiler import find_compiler
@@ -77,7 +77,7 @@ def test_calls_do_what_the_core_and_its_libraries_do(tmp_path: Path) -> None:
 
 
 def test_silence_is_counted_while_the_simulator_runs() -> None:
-    silence = Silence()
+    silence = BoardSilence()
     # After Ctrl-Z and fg an hour has gone.
     assert not any(silence.is_too_long(1.0, now) for now in (1.0, 1.5, 3600.0, 3600.5))
     assert not silence.is_too_long(3601.0, 3601.0), "it has answered"
