@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import re
 import shutil
 import signal
@@ -23,6 +24,8 @@ from simmer_tui.sketch.compiler import links_at_fixed_addresses
 _REQUEST = struct.Struct("<QBBHiIIQII")
 _GRANT = struct.Struct("<QdII")
 _RECORD = struct.Struct("<QBBHi")
+# A request with as many records as a board keeps is half of it.
+_LARGEST_READ = 65536
 # A slice takes milliseconds. A board that says nothing for this long is in a loop that no clock sees.
 SILENT = 5.0
 """Real seconds of silence after which a board is ended."""
@@ -164,8 +167,8 @@ class BoardProcess:
         )
         assert self._process.stdin is not None
         assert self._process.stdout is not None
-        self._send = self._process.stdin.write
-        self._read = self._process.stdout.read
+        self._input = self._process.stdin.fileno()
+        self._output = self._process.stdout.fileno()
         self._waits_since = 0.0
         self._silence = BoardSilence()
         self._is_hung = False
@@ -174,24 +177,23 @@ class BoardProcess:
     def receive(self) -> list[BoardRecord]:
         """Wait until the board stops again. Returns its records. Raises BoardError if it died or hangs."""
         self._waits_since = time.monotonic()
-        data = self._read_whole(_REQUEST.size)
-        self.now, self.reason, self.query, count, self.pin, self.waited, self.place, *wait = _REQUEST.unpack(
-            data
-        )
-        begin, place, kind = wait
+        # The board sends one request with its records, mostly in one piece, and waits for a grant.
+        data = self._read_more(b"", _REQUEST.size)
+        self.now, self.reason, self.query, count, *rest = _REQUEST.unpack_from(data)
+        self.pin, self.waited, self.place, begin, place, kind = rest
         self.wait = BoardWait(kind, place, begin, NEVER) if kind else None
         self.exchanges += 1
-        if not count:
-            self._waits_since = 0.0
-            return []
-        data = self._read_whole(count * _RECORD.size)
+        records: list[BoardRecord] = []
+        if count:
+            data = self._read_more(data, _REQUEST.size + count * _RECORD.size)
+            records = [BoardRecord._make(each) for each in _RECORD.iter_unpack(data[_REQUEST.size :])]
         self._waits_since = 0.0
-        return [BoardRecord._make(each) for each in _RECORD.iter_unpack(data)]
+        return records
 
-    def _read_whole(self, size: int) -> bytes:
-        data: bytes = self._read(size) or b""
+    def _read_more(self, data: bytes, size: int) -> bytes:
+        """The data with what follows, of this size at least."""
         while len(data) < size:
-            more = self._read(size - len(data))
+            more = os.read(self._output, _LARGEST_READ)
             if not more:
                 raise BoardError(self._end())
             data += more
@@ -199,9 +201,12 @@ class BoardProcess:
 
     def grant(self, horizon: int, events: Iterable[BoardEvent], answer: float, flags: int) -> None:
         """Let the board continue to a horizon, nanoseconds. The events replace those of the last grant."""
-        parts = [_RECORD.pack(each.time, each.kind, each.pin, 0, each.value) for each in events]
+        pack = _RECORD.pack
+        parts = [pack(time, kind, pin, 0, value) for time, kind, pin, value in events]
+        data = _GRANT.pack(horizon, answer, len(parts), flags) + b"".join(parts)
         with contextlib.suppress(OSError):  # it has died, which the next read tells
-            self._send(_GRANT.pack(horizon, answer, len(parts), flags) + b"".join(parts))
+            while data:
+                data = data[os.write(self._input, data) :]
 
     def look(self, now: float) -> None:
         """End the board if it has been silent for too long; any thread may call it."""

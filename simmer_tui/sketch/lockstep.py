@@ -7,7 +7,7 @@ smallest, so that all of it happens in order. How long slices are changes nothin
 from __future__ import annotations
 
 import time as real
-from bisect import insort
+from bisect import bisect_left, insort
 from collections import deque
 from collections.abc import Iterable, Sequence
 
@@ -36,6 +36,10 @@ _KEPT_WAITS = 8
 # A call must return to the event loop soon, for stops and Ctrl-C.
 REAL_SLICE = 0.02
 """Real seconds after which `run` returns early."""
+
+
+# Names of an enumeration take longer to read than its values, thousands of times a second.
+_QUERY = int(Reason.QUERY)
 
 
 class PinState(Struct):
@@ -175,12 +179,14 @@ class Lockstep:
             self._has_begun = True
             for each in self.boards:
                 self._receive(each)
+        boards = self.boards
         while True:
             if self.laptop_listens and self.sent:
                 until = min(until, self.sent[0][0])
-            if self.reached >= until:
+            board = boards[0] if len(boards) == 1 else min(boards, key=_clock)
+            if board.process.now >= until:
                 break
-            self._step(until)
+            self._step(board, until)
             count += 1
             if count & 31 == 0 and real.perf_counter() - begun > most_real:
                 break
@@ -202,14 +208,14 @@ class Lockstep:
         """Add an event that reaches a board, at its clock or later."""
         insort(board.events, event)
 
-    def _step(self, until: int) -> None:
+    def _step(self, board: Board, until: int) -> None:
         """Let the board with the smallest clock run to its horizon."""
         boards = self.boards
-        board = boards[0] if len(boards) == 1 else min(boards, key=_clock)
         now = board.process.now
         # Edges are known up to the next change of the wheels' speed.
         self._world.advance(now)
-        self._settle(board)
+        if board.waits:
+            self._settle(board)
         horizon = self._horizon(board, until)
         if horizon <= now:
             for other in boards:
@@ -263,23 +269,29 @@ class Lockstep:
             self._world.changed(board, changed)
         process = board.process
         board.answer = 0.0
-        if process.reason == Reason.QUERY:
+        if process.reason == _QUERY:
             board.answer = self._world.answer(board, process.query, process.pin)
 
     def _horizon(self, board: Board, until: int) -> int:
         """The earliest time at which anything could reach a board, its slice at most."""
-        horizon = min(until, board.process.now + self._slice)
+        horizon = board.process.now + self._slice
+        if until < horizon:
+            horizon = until
         for source in board.sources:
-            horizon = min(horizon, source.process.now + source.byte)
+            first = source.process.now + source.byte
+            if first < horizon:
+                horizon = first
         if board.encoders:
             horizon = min(horizon, self._world.next_change)
             for driver in self._drivers:
-                if driver is not board:
-                    horizon = min(horizon, driver.process.now)
+                if driver is not board and driver.process.now < horizon:
+                    horizon = driver.process.now
         return horizon
 
     def _grant(self, board: Board, horizon: int) -> None:
-        events: list[BoardEvent] = [each for each in board.events if each.time < horizon]
+        # They are in order.
+        known = board.events
+        events = known[: bisect_left(known, (horizon,))] if known else []
         if board.encoders:
             now = board.process.now
             for encoder in board.encoders:
@@ -294,12 +306,13 @@ class Lockstep:
 
     def _receive(self, board: Board) -> None:
         records = board.process.receive()
-        now = board.process.now
+        process = board.process
+        now = process.now
         events = board.events
         # All before the horizon and up to its clock have been applied.
         while events and events[0].time <= now and events[0].time < board.granted:
             del events[0]
-        board.waits = board.process.reason == Reason.QUERY
+        board.waits = process.reason == _QUERY
         begun: BoardRecord | None = None
         for record in records:
             if record.kind == Told.BYTE:

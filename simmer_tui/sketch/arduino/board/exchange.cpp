@@ -2,6 +2,7 @@
 
 #include <cstdio>
 #include <cstdlib>
+#include <cstring>
 #include <vector>
 
 #ifdef _WIN32
@@ -56,16 +57,27 @@ struct {
 } told;
 static_assert(sizeof told == sizeof(Request) + sizeof told.records, "no gap on the channel");
 size_t told_count = 0;
-std::vector<Record> events;
+// A grant, and its events behind it: mostly one read.
+constexpr size_t USUAL_EVENTS = 64;
+struct {
+  Grant grant;
+  Record events[USUAL_EVENTS];
+} given;
+static_assert(sizeof given == sizeof(Grant) + sizeof given.events, "no gap on the channel");
+std::vector<Record> more_events;  // all of them, if they are more
+const Record* events = given.events;
+size_t event_count = 0;
 size_t next = 0;
 
-void receive(void* data, size_t size) {
-  for (char* at = static_cast<char*>(data); size > 0;) {
-    const long got = read_file(channel_in, at, size);
+// Read at least `least` bytes. The simulator sends no more than one grant before the next request.
+size_t receive(void* data, size_t least, size_t room) {
+  size_t size = 0;
+  while (size < least) {
+    const long got = read_file(channel_in, static_cast<char*>(data) + size, room - size);
     if (got <= 0) std::_Exit(0);  // the simulator has ended the run
-    at += got;
-    size -= static_cast<size_t>(got);
+    size += static_cast<size_t>(got);
   }
+  return size;
 }
 
 void send(const void* data, size_t size) {
@@ -112,11 +124,21 @@ void send_told(Reason reason, Query query, int pin) {
 
 double exchange(Reason reason, Query query, int pin) {
   send_told(reason, query, pin);
-  Grant grant;
-  receive(&grant, sizeof grant);
-  events.resize(grant.count);
+  const Grant& grant = given.grant;
+  size_t size = receive(&given, sizeof grant, sizeof given);
   next = 0;
-  if (grant.count) receive(events.data(), grant.count * sizeof(Record));
+  event_count = grant.count;
+  const size_t whole = sizeof grant + event_count * sizeof(Record);
+  events = given.events;
+  if (event_count > USUAL_EVENTS) {
+    size -= sizeof grant;
+    more_events.resize(event_count);
+    std::memcpy(more_events.data(), given.events, size);
+    receive(reinterpret_cast<char*>(more_events.data()) + size, whole - sizeof grant - size, whole - sizeof grant - size);
+    events = more_events.data();
+  } else if (size < whole) {
+    receive(reinterpret_cast<char*>(&given) + size, whole - size, whole - size);
+  }
   horizon = grant.horizon;
   grant_flags = grant.flags;
   plan_stop();
@@ -138,10 +160,10 @@ void tell_span(Told kind, int pin, uint32_t place, Nanoseconds begin, Nanosecond
   tell(Told::Until, pin, 0, end);
 }
 
-Nanoseconds next_event() { return next < events.size() ? events[next].time : NEVER; }
+Nanoseconds next_event() { return next < event_count ? events[next].time : NEVER; }
 
 void apply_events() {
-  while (next < events.size() && events[next].time <= now) {
+  while (next < event_count && events[next].time <= now) {
     const Record event = events[next++];
     ++events_applied;
     if (event.kind == static_cast<uint8_t>(Event::Edge))
