@@ -51,8 +51,8 @@ class Compiler(Struct, frozen=True, dict=True):
         try:
             state = program.stat()
         except OSError:
-            return self.name
-        return f"{self.name} {program} {state.st_size} {state.st_mtime_ns}"
+            return " ".join(self.command)
+        return f"{' '.join(self.command)} {state.st_size} {state.st_mtime_ns}"
 
     def run(self, arguments: Sequence[str], folder: Path) -> subprocess.CompletedProcess[str]:
         """Run it in a folder. Raises OSError and TimeoutExpired."""

@@ -26,24 +26,27 @@ int deep(int n) {
 int unfinished(int n) {
   digitalWrite(13, n);
 }
-void setup() { Serial.begin(9600); }
+int dots;
+void setup() { Serial.begin(1000000); }
 void loop() {
   if (!Serial.available()) return;
   char what = Serial.read();
+  if (what == '.') { dots++; return; }
   Serial.print("got "); Serial.print(what);
   if (what == 'd') deep(1);
   if (what == 'u') Serial.print(unfinished(1));
   if (what == 'o') Serial.print(sonar.ping_cm());
   if (what == 'h') { digitalWrite(5, HIGH); analogWrite(5, 255); }
   if (what == 'p') for (int i = 0; i < 20; i++) { SoftwareSerial brief(0, 12); brief.begin(9600); }
+  if (what == '=') Serial.print(dots);
   if (what == 'e') while (1) { /* stays */ }
 }
 """
 
 
-def run(folder: Path, letters: str) -> BoardRun:
+def run(folder: Path, letters: str, later: str = "") -> BoardRun:
     configuration = made_set(folder / "set", ROVER + MOTORS + SONAR, {"rover.ino": BY_LETTER})
-    return run_boards(configuration, 1.0, [(0.3, letters.encode())])
+    return run_boards(configuration, 1.0, [(0.3, letters.encode()), (0.6, later.encode())])
 
 
 @pytest.mark.slow
@@ -67,10 +70,12 @@ def test_boards_end_with_their_last_words_and_their_cause(tmp_path: Path) -> Non
 @pytest.mark.skipif(find_compiler() is None, reason="there is no C++ compiler")
 def test_calls_do_what_the_core_and_its_libraries_do(tmp_path: Path) -> None:
     # One pin for trigger and echo hears; ports of a function that is over receive no more.
-    made = run(tmp_path / "o", "op!")
+    made = run(tmp_path / "o", "op", "!")
     found = re.fullmatch(r"got o(\d+)got pgot !", made.text)
     assert found, (made.text, made.failed)
     assert int(found[1]) > 5
+    # More bytes in one slice than a board takes in one read.
+    assert run(tmp_path / "=", "." * 300, "=").text == "got =300"
     # The level that was written before the pin was an output drives the motor.
     start = run(tmp_path / "n", "!").pose
     assert run(tmp_path / "h", "h").pose != start
