@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import re
 import shutil
 import signal
@@ -23,11 +24,43 @@ from simmer_tui.sketch.compiler import links_at_fixed_addresses
 _REQUEST = struct.Struct("<QBBHiIIQII")
 _GRANT = struct.Struct("<QdII")
 _RECORD = struct.Struct("<QBBHi")
+# A request with as many records as a board keeps is half of it.
+_LARGEST_READ = 65536
 # A slice takes milliseconds. A board that says nothing for this long is in a loop that no clock sees.
 SILENT = 5.0
 """Real seconds of silence after which a board is ended."""
+_LOOKS = 10
+"""Looks at a board in this time. They do not happen while the simulator itself is suspended."""
+_CAUSES: dict[int, str] = {
+    signal.SIGSEGV: "it used memory that is not its own, or its stack is full",
+    signal.SIGFPE: "it divided by zero",
+    signal.SIGABRT: "it gave up",
+    signal.SIGILL: "a function ended without its return",
+}
+"""Causes of a board's death by its signal."""
+if platform_has.POSIX:
+    # The trap of a missing return on ARM, and bad memory on macOS.
+    _CAUSES |= {signal.SIGTRAP: _CAUSES[signal.SIGILL], signal.SIGBUS: _CAUSES[signal.SIGSEGV]}
+NEVER = 1 << 62
+"""A time that no board reaches."""
 STOP_WHEN_SENT = 0x100
 """Flag of a grant: a byte sent at the pin in the low byte ends the slice."""
+
+
+class BoardSilence:
+    """The silence of a board by looks at the time since when it has been silent, 0 while it is not."""
+
+    def __init__(self) -> None:
+        self._since = 0.0
+        self._looks = 0
+
+    def is_too_long(self, since: float, now: float) -> bool:
+        """True at the look at which it has lasted too long, in real time and in looks."""
+        if since != self._since:
+            self._since, self._looks = since, 0
+            return False
+        self._looks += 1
+        return since > 0.0 and self._looks >= _LOOKS and now - since > SILENT
 
 
 class Reason(IntEnum):
@@ -134,33 +167,33 @@ class BoardProcess:
         )
         assert self._process.stdin is not None
         assert self._process.stdout is not None
-        self._send = self._process.stdin.write
-        self._read = self._process.stdout.read
+        self._input = self._process.stdin.fileno()
+        self._output = self._process.stdout.fileno()
         self._waits_since = 0.0
+        self._silence = BoardSilence()
         self._is_hung = False
         self.exchanges = 0
 
     def receive(self) -> list[BoardRecord]:
         """Wait until the board stops again. Returns its records. Raises BoardError if it died or hangs."""
         self._waits_since = time.monotonic()
-        data = self._read_whole(_REQUEST.size)
-        self.now, self.reason, self.query, count, self.pin, self.waited, self.place, *wait = _REQUEST.unpack(
-            data
-        )
-        begin, place, kind = wait
-        self.wait = BoardWait(kind, place, begin, 1 << 62) if kind else None
+        # The board sends one request with its records, mostly in one piece, and waits for a grant.
+        data = self._read_more(b"", _REQUEST.size)
+        self.now, self.reason, self.query, count, *rest = _REQUEST.unpack_from(data)
+        self.pin, self.waited, self.place, begin, place, kind = rest
+        self.wait = BoardWait(kind, place, begin, NEVER) if kind else None
         self.exchanges += 1
-        if not count:
-            self._waits_since = 0.0
-            return []
-        data = self._read_whole(count * _RECORD.size)
+        records: list[BoardRecord] = []
+        if count:
+            data = self._read_more(data, _REQUEST.size + count * _RECORD.size)
+            records = [BoardRecord._make(each) for each in _RECORD.iter_unpack(data[_REQUEST.size :])]
         self._waits_since = 0.0
-        return [BoardRecord._make(each) for each in _RECORD.iter_unpack(data)]
+        return records
 
-    def _read_whole(self, size: int) -> bytes:
-        data: bytes = self._read(size) or b""
+    def _read_more(self, data: bytes, size: int) -> bytes:
+        """The data with what follows, of this size at least."""
         while len(data) < size:
-            more = self._read(size - len(data))
+            more = os.read(self._output, _LARGEST_READ)
             if not more:
                 raise BoardError(self._end())
             data += more
@@ -168,14 +201,17 @@ class BoardProcess:
 
     def grant(self, horizon: int, events: Iterable[BoardEvent], answer: float, flags: int) -> None:
         """Let the board continue to a horizon, nanoseconds. The events replace those of the last grant."""
-        parts = [_RECORD.pack(each.time, each.kind, each.pin, 0, each.value) for each in events]
+        pack = _RECORD.pack
+        parts = [pack(time, kind, pin, 0, value) for time, kind, pin, value in events]
+        data = _GRANT.pack(horizon, answer, len(parts), flags) + b"".join(parts)
         with contextlib.suppress(OSError):  # it has died, which the next read tells
-            self._send(_GRANT.pack(horizon, answer, len(parts), flags) + b"".join(parts))
+            while data:
+                data = data[os.write(self._input, data) :]
 
     def look(self, now: float) -> None:
         """End the board if it has been silent for too long; any thread may call it."""
         since = self._waits_since
-        if since and now - since > SILENT:
+        if self._silence.is_too_long(since, now):
             self._is_hung = True
             # Its handler tells where it is. Windows has no such signal for processes.
             self._waits_since = 0.0
@@ -213,8 +249,8 @@ class BoardProcess:
                 f"board {self.name} hangs{where} {clock}: it has done nothing for {SILENT:g} s of real time"
             )
         if died:
-            names = {11: "it used memory that is not its own", 8: "it divided by zero", 6: "it gave up"}
-            return f"board {self.name} died{where} {clock}: {names.get(int(died[1]), f'signal {died[1]}')}"
+            cause = _CAUSES.get(int(died[1]), f"signal {died[1]}")
+            return f"board {self.name} died{where} {clock}: {cause}"
         return f"board {self.name} died{where} {clock}: exit code {code}"
 
     def line_of(self, place: int) -> str:
@@ -263,7 +299,7 @@ class Watchdog:
         self._thread.join()
 
     def _run(self) -> None:
-        while not self._over.wait(SILENT / 10):
+        while not self._over.wait(SILENT / _LOOKS):
             now = time.monotonic()
             for each in tuple(self._boards):
                 each.look(now)

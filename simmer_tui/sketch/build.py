@@ -8,7 +8,7 @@ import re
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from msgspec import Struct
 
 from simmer_tui import platform_has
 from simmer_tui.config.set_sketches import library_paths, main_files, source_paths
-from simmer_tui.errors import ConfigurationError, Problem
+from simmer_tui.errors import ConfigurationError, Problem, reason_of
 from simmer_tui.sketch.boards import BoardKind
 from simmer_tui.sketch.compiler import NO_COMPILER, Compiler, find_compiler, links_at_fixed_addresses
 from simmer_tui.sketch.preprocess import (
@@ -34,6 +34,9 @@ installation."""
 MOST_ERRORS = 3
 """Errors of the compiler that are shown: later ones mostly follow from the first."""
 _COMPILED = frozenset((".c", ".cpp", ".cc", ".cxx"))
+_HEADERS = frozenset((".h", ".hpp", ".hh"))
+_NOWHERE = "no-library/"
+"""Folder before the headers that no board has, so that the compiler finds none of this machine."""
 _STANDARD = frozenset(
     f"{name}.h"
     for name in (
@@ -54,6 +57,7 @@ _FLAGS = (
     "-std=gnu++17",
     "-fpermissive",
     "-Wno-narrowing",
+    "-Wreturn-type",
     "-DARDUINO=10819",
     "-DARDUINO_ARCH_AVR",
     "-D__AVR__",
@@ -65,7 +69,12 @@ _BAUDS = frozenset(
     )
 )
 _USUAL_BAUD = 9600
-_NOT_FITTING = ("-Woverflow", "-Wconstant-conversion")
+_WARNINGS = {
+    "-Woverflow": "this number does not fit",
+    "-Wconstant-conversion": "this number does not fit",
+    "-Wreturn-type": "this function ends without its return",
+}
+"""Sentences about the warnings of compilers that are passed on, by the warning's option."""
 
 
 class BuiltSketch(Struct, frozen=True):
@@ -74,7 +83,8 @@ class BuiltSketch(Struct, frozen=True):
     Attributes:
         program: the file to run.
         digest: SHA-256 of the sketch's own files, as 16 hexadecimal digits.
-        warnings: constants that do not fit their variable, each with its line.
+        warnings: constants that do not fit their variable, and functions that end without a return, each
+            with its line.
     """
 
     program: Path
@@ -108,17 +118,19 @@ def build_sketch(sketch: Path, kind: BoardKind, place: str = "") -> BuiltSketch:
     if not files:
         raise ConfigurationError([Problem(where, f"{sketch.name} has no .ino file")])
     sources = list(_sources(sketch, files))
-    if problems := list(_missing_headers(files, sources)):
-        raise ConfigurationError(problems)
     digest = _digest_of([*files, *(each.path for each in sources)])
     key = hashlib.sha256(
         "\0".join((digest, kind.macro, compiler.identity, _runtime_digest(), *_FLAGS)).encode()
     ).hexdigest()
     folder = build_folder() / f"{files[0].stem}-{key[:20]}"
     program = folder / "board.exe"
-    if not program.exists():
-        _compile(compiler, kind, files, sources, folder)
-    told = (folder / "warnings.txt").read_text(encoding="utf-8").splitlines()
+    try:
+        if not program.exists():
+            _compile(compiler, kind, files, sources, folder)
+        told = (folder / "warnings.txt").read_text(encoding="utf-8").splitlines()
+    except OSError as error:
+        what = f"the compiled sketch cannot be used: {reason_of(error)}. Delete what is there, or make room"
+        raise ConfigurationError([Problem(str(error.filename or folder), what)]) from None
     return BuiltSketch(program, digest[:16], tuple(told))
 
 
@@ -139,31 +151,69 @@ def build_folder() -> Path:
 
 
 def _sources(sketch: Path, files: Sequence[Path]) -> Iterator[_Source]:
-    """The code beside a sketch, and that of its libraries."""
-    yield from (_Source(each, each.name) for each in source_paths(sketch) if each not in files)
-    yield from (_Source(each, name) for each, name in library_paths(files[0].parent))
+    """The code beside a sketch, and that of the libraries which it includes."""
+    beside = [_Source(each, each.name) for each in source_paths(sketch) if each not in files]
+    libraries_there: dict[str, list[_Source]] = {}
+    own = files[0].parent / "libraries"
+    for path, name in library_paths(files[0].parent):
+        if not name.startswith("libraries/"):
+            beside.append(_Source(path, name))
+        else:
+            libraries_there.setdefault(name.split("/")[1], []).append(_Source(path, name))
+    provided = _provided()
+    for name, code in tuple(libraries_there.items()):
+        # Arduino takes one library for a header. That of the whole sketchbook needs the real chip.
+        if not own.is_dir() and not provided.isdisjoint(_headers_of(code)):
+            del libraries_there[name]
+    yield from beside
+    waiting = [*files, *(each.path for each in beside)]
+    while waiting and libraries_there:
+        for header, _ in includes(sketch_text(waiting.pop())):
+            name = _library_of(header.lower(), libraries_there)
+            if name:
+                code = libraries_there.pop(name)
+                waiting += [each.path for each in code]
+                yield from code
 
 
-def _missing_headers(files: Sequence[Path], sources: Sequence[_Source]) -> Iterator[Problem]:
-    """Problems with headers that nobody has."""
+def _headers_of(library: Sequence[_Source]) -> set[str]:
+    """The names by which the headers of a library are included."""
+    found = (each.name.split("/", 2)[2].lower() for each in library)
+    return {each for each in found if Path(each).suffix in _HEADERS}
+
+
+def _library_of(header: str, there: Mapping[str, Sequence[_Source]]) -> str:
+    """The library with a header, by Arduino's rule: the header's own name goes first. Empty if none."""
+    found = [name for name, code in there.items() if header in _headers_of(code)]
+    stem = Path(header).stem
+    return min(found, key=lambda each: (each.lower() != stem, each), default="")
+
+
+def _provided() -> set[str]:
+    """The headers of the runtime's libraries, in small letters."""
+    return {each.relative_to(RUNTIME / "libraries").as_posix().lower() for each in _library_headers()}
+
+
+def _known_headers(sources: Sequence[_Source]) -> set[str]:
+    """The headers that a sketch may include, in small letters."""
     own = {Path(each.name).name.lower() for each in sources}
-    there = {each.name.lower() for each in (RUNTIME / "core").glob("*.h")}
-    there |= {each.relative_to(RUNTIME / "libraries").as_posix().lower() for each in _library_headers()}
-    known = own | there | _STANDARD | set(_OTHER_NAMES)
-    known -= {"wire.h"} - {each.name.lower() for each in _library_headers()}
-    seen: set[str] = set()
-    for path in (*files, *(each.path for each in sources if not each.name.startswith("libraries/"))):
-        for header, line in includes(sketch_text(path)):
-            name = header.rpartition("/")[2].lower()
-            if name in known or header.lower() in known or name in seen:
-                continue
-            seen.add(name)
+    core = {each.name.lower() for each in (RUNTIME / "core").glob("*.h")}
+    known = own | core | _provided() | _STANDARD | set(_OTHER_NAMES)
+    return known - ({"wire.h"} - _provided())
+
+
+def _missing_header(output: str, files: Sequence[Path]) -> Problem | None:
+    """The problem of the header that a compiler did not find."""
+    for place, kind, text in _messages(output):
+        found = re.match(r"'?([^':]+?)'?(?:: No such file or directory| file not found)", text)
+        if kind == "error" and found:
             listed = ", ".join(libraries())
-            yield Problem(
-                f"{path.name}:{line}",
-                f"there is no library with {header}; there are {listed}. Put one of your own in "
-                f"{path.parent.name}/libraries/NAME",
+            return Problem(
+                place,
+                f"there is no library with {found[1].removeprefix(_NOWHERE)}; there are {listed}. Put one of "
+                f"your own in {files[0].parent.name}/libraries/NAME",
             )
+    return None
 
 
 def _library_headers() -> list[Path]:
@@ -193,16 +243,17 @@ def _compile(
 ) -> None:
     """Compile a sketch into a folder, which appears when all of it is done. Raises ConfigurationError."""
     folder.parent.mkdir(parents=True, exist_ok=True)
-    runtime = _runtime_object(compiler, kind)
+    known = _known_headers(sources)
     with tempfile.TemporaryDirectory(dir=folder.parent, prefix="build-") as name:
         work = Path(name)
         # Arduino's build names it so too. Debuggers take the name of the unit for that of its first file.
         main = f"{files[0].name}.cpp"
-        (work / main).write_text(_with_names(joined_source(files)), encoding="utf-8")
+        (work / main).write_text(_with_names(joined_source(files), known), encoding="utf-8")
         for each in sources:
             target = work / each.name
             target.parent.mkdir(parents=True, exist_ok=True)
-            text = f'#line 1 "{each.name}"\n{_with_names(board_source(sketch_text(each.path)))}'
+            own = None if each.name.startswith("libraries/") else known
+            text = f'#line 1 "{each.name}"\n{_with_names(board_source(sketch_text(each.path)), own)}'
             if target.suffix in _COMPILED:
                 text = f'#include "Arduino.h"\n{text}'
             target.write_text(text, encoding="utf-8")
@@ -214,6 +265,7 @@ def _compile(
             flags = [*_flags(kind), *_instrumented(compiler), *_include_paths(work, sources)]
             told += _run(compiler, [*flags, "-x", "c++", "-c", unit, "-o", made], work, files)
             objects.append(made)
+        runtime = _runtime_object(compiler, kind)
         fixed = ["-no-pie"] if links_at_fixed_addresses() else []
         _run(compiler, [*fixed, *objects, str(runtime), "-o", "board.exe"], work, files)
         (work / "warnings.txt").write_text("\n".join(told), encoding="utf-8")
@@ -255,7 +307,9 @@ def _flags(kind: BoardKind) -> list[str]:
 def _instrumented(compiler: Compiler) -> list[str]:
     coverage = "trace-pc" if compiler.is_gcc else "bb,no-prune,trace-pc"
     named = f"-fdebug-prefix-map={RUNTIME}={RUNTIME_NAME}"
-    return ["-O1", "-g1", named, f"-fsanitize-coverage={coverage}"]
+    # Else a function without its return would go on in the code that happens to follow.
+    trap = "-fsanitize-undefined-trap-on-error" if compiler.is_gcc else "-fsanitize-trap=return"
+    return ["-O1", "-g1", named, f"-fsanitize-coverage={coverage}", "-fsanitize=return", trap]
 
 
 def _include_paths(work: Path, sources: Sequence[_Source]) -> list[str]:
@@ -264,30 +318,36 @@ def _include_paths(work: Path, sources: Sequence[_Source]) -> list[str]:
     return [part for path in paths for part in ("-I", path)]
 
 
-def _with_names(source: str) -> str:
-    """Includes with the names of the files as they are here: elsewhere file names have no case."""
+def _with_names(source: str, allowed: set[str] | None) -> str:
+    """Includes with the names of the files as they are here: elsewhere file names have no case. Headers that
+    are not among those allowed get a folder that is not there."""
     known = {each.name.lower(): each.name for each in (*(RUNTIME / "core").glob("*.h"), *_library_headers())}
 
     def renamed(match: re.Match[str]) -> str:
         name = match[2]
-        found = known.get(name.lower()) or _OTHER_NAMES.get(name.lower())
+        low = name.lower()
+        if allowed is not None and low not in allowed and low.rpartition("/")[2] not in allowed:
+            return f"{match[1]}{_NOWHERE}{name}{match[3]}"
+        found = known.get(low) or _OTHER_NAMES.get(low)
         return f"{match[1]}{found or name}{match[3]}"
 
-    return re.sub(r'(?m)^(\s*#\s*include\s*[<"])([^>"/\n]+)([>"])', renamed, source)
+    return re.sub(r'(?m)^(\s*#\s*include\s*[<"])([^>"\n]+)([>"])', renamed, source)
 
 
 def _run(compiler: Compiler, arguments: Sequence[str], folder: Path, files: Sequence[Path]) -> list[str]:
-    """Run the compiler; returns its warnings about constants. Raises ConfigurationError with its errors."""
+    """Run the compiler; returns its warnings. Raises ConfigurationError with its errors."""
     try:
         done = compiler.run(arguments, folder)
     except (OSError, subprocess.SubprocessError) as error:
         raise ConfigurationError([Problem(compiler.name, f"could not be run: {error}")]) from None
     if done.returncode:
-        raise ConfigurationError(list(_errors(done.stderr, compiler, files)))
+        missing = _missing_header(done.stderr, files) if files else None
+        raise ConfigurationError([missing] if missing else list(_errors(done.stderr, compiler, files)))
     return [
-        f"{place}: this number does not fit: {text}"
+        f"{place}: {sentence}: {text}"
         for place, kind, text in _messages(done.stderr)
-        if kind == "warning" and any(flag in text for flag in _NOT_FITTING)
+        for option, sentence in _WARNINGS.items()
+        if kind == "warning" and option in text
     ]
 
 

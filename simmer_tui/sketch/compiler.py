@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import os
 import shutil
 import subprocess
 import sys
@@ -26,10 +27,17 @@ COMPILE_LIMIT = 600.0
 
 
 class Compiler(Struct, frozen=True, dict=True):
-    """A C++ compiler: its command, and its name for people."""
+    """A C++ compiler by its command."""
 
     command: tuple[str, ...]
-    name: str
+
+    @cached_property
+    def name(self) -> str:
+        """Its name for people. The command's own may be that of another: macOS calls its clang g++."""
+        if len(self.command) > 1:
+            return "ziglang"
+        told = self.version
+        return "clang++" if "clang" in told else "g++" if told else Path(self.command[0]).stem
 
     @property
     def is_gcc(self) -> bool:
@@ -43,8 +51,8 @@ class Compiler(Struct, frozen=True, dict=True):
         try:
             state = program.stat()
         except OSError:
-            return self.name
-        return f"{self.name} {program} {state.st_size} {state.st_mtime_ns}"
+            return " ".join(self.command)
+        return f"{' '.join(self.command)} {state.st_size} {state.st_mtime_ns}"
 
     def run(self, arguments: Sequence[str], folder: Path) -> subprocess.CompletedProcess[str]:
         """Run it in a folder. Raises OSError and TimeoutExpired."""
@@ -52,8 +60,10 @@ class Compiler(Struct, frozen=True, dict=True):
             [*self.command, *arguments],
             cwd=folder,
             capture_output=True,
-            text=True,
+            encoding="utf-8",
             errors="replace",
+            # Its messages are read here, in English.
+            env=os.environ | {"LC_ALL": "C"},
             stdin=subprocess.DEVNULL,
             timeout=COMPILE_LIMIT,
             check=False,
@@ -74,15 +84,10 @@ def find_compiler() -> Compiler | None:
     for name in _NAMES:
         program = shutil.which(name)
         if program is not None:
-            return Compiler((program,), "g++" if name == "g++" and not _is_apple() else name)
+            return Compiler((program,))
     if importlib.util.find_spec("ziglang") is not None:
-        return Compiler((sys.executable, "-m", "ziglang", "c++"), "ziglang")
+        return Compiler((sys.executable, "-m", "ziglang", "c++"))
     return None
-
-
-def _is_apple() -> bool:
-    # Apple's g++ is clang.
-    return sys.platform == "darwin"
 
 
 def links_at_fixed_addresses() -> bool:

@@ -7,7 +7,7 @@ smallest, so that all of it happens in order. How long slices are changes nothin
 from __future__ import annotations
 
 import time as real
-from bisect import insort
+from bisect import bisect_left, insort
 from collections import deque
 from collections.abc import Iterable, Sequence
 
@@ -15,6 +15,7 @@ from msgspec import Struct, field
 
 from simmer_tui.sketch.board_process import (
     BYTE,
+    NEVER,
     STOP_WHEN_SENT,
     BoardEvent,
     BoardProcess,
@@ -23,20 +24,22 @@ from simmer_tui.sketch.board_process import (
     Reason,
     Told,
 )
-from simmer_tui.sketch.parts import LARGEST_DUTY, EncoderState
+from simmer_tui.sketch.parts import LARGEST_DUTY, SECOND, EncoderState
 
-NEVER = 1 << 62
 BOARD_SLICE = 20_000_000
 """Nanoseconds that a board runs at most at a time, so that a person's stop is not late."""
 # Boards with motors and encoders each wait for the other; then they go on in steps of this length.
 _STEP = 10_000
 _BITS, _USUAL_BAUD = 10, 9600
-_SECOND = 1_000_000_000
-# A call must return to the event loop soon, for stops and Ctrl-C.
 # The world is a slice behind a board at most, and a wait that is told lasts as long.
 _KEPT_WAITS = 8
+# A call must return to the event loop soon, for stops and Ctrl-C.
 REAL_SLICE = 0.02
 """Real seconds after which `run` returns early."""
+
+
+# Names of an enumeration take longer to read than its values, thousands of times a second.
+_QUERY = int(Reason.QUERY)
 
 
 class PinState(Struct):
@@ -176,12 +179,14 @@ class Lockstep:
             self._has_begun = True
             for each in self.boards:
                 self._receive(each)
+        boards = self.boards
         while True:
             if self.laptop_listens and self.sent:
                 until = min(until, self.sent[0][0])
-            if self.reached >= until:
+            board = boards[0] if len(boards) == 1 else min(boards, key=_clock)
+            if board.process.now >= until:
                 break
-            self._step(until)
+            self._step(board, until)
             count += 1
             if count & 31 == 0 and real.perf_counter() - begun > most_real:
                 break
@@ -203,14 +208,14 @@ class Lockstep:
         """Add an event that reaches a board, at its clock or later."""
         insort(board.events, event)
 
-    def _step(self, until: int) -> None:
+    def _step(self, board: Board, until: int) -> None:
         """Let the board with the smallest clock run to its horizon."""
         boards = self.boards
-        board = boards[0] if len(boards) == 1 else min(boards, key=_clock)
         now = board.process.now
         # Edges are known up to the next change of the wheels' speed.
         self._world.advance(now)
-        self._settle(board)
+        if board.waits:
+            self._settle(board)
         horizon = self._horizon(board, until)
         if horizon <= now:
             for other in boards:
@@ -264,23 +269,29 @@ class Lockstep:
             self._world.changed(board, changed)
         process = board.process
         board.answer = 0.0
-        if process.reason == Reason.QUERY:
+        if process.reason == _QUERY:
             board.answer = self._world.answer(board, process.query, process.pin)
 
     def _horizon(self, board: Board, until: int) -> int:
         """The earliest time at which anything could reach a board, its slice at most."""
-        horizon = min(until, board.process.now + self._slice)
+        horizon = board.process.now + self._slice
+        if until < horizon:
+            horizon = until
         for source in board.sources:
-            horizon = min(horizon, source.process.now + source.byte)
+            first = source.process.now + source.byte
+            if first < horizon:
+                horizon = first
         if board.encoders:
             horizon = min(horizon, self._world.next_change)
             for driver in self._drivers:
-                if driver is not board:
-                    horizon = min(horizon, driver.process.now)
+                if driver is not board and driver.process.now < horizon:
+                    horizon = driver.process.now
         return horizon
 
     def _grant(self, board: Board, horizon: int) -> None:
-        events: list[BoardEvent] = [each for each in board.events if each.time < horizon]
+        # They are in order.
+        known = board.events
+        events = known[: bisect_left(known, (horizon,))] if known else []
         if board.encoders:
             now = board.process.now
             for encoder in board.encoders:
@@ -295,12 +306,13 @@ class Lockstep:
 
     def _receive(self, board: Board) -> None:
         records = board.process.receive()
-        now = board.process.now
+        process = board.process
+        now = process.now
         events = board.events
         # All before the horizon and up to its clock have been applied.
         while events and events[0].time <= now and events[0].time < board.granted:
             del events[0]
-        board.waits = board.process.reason == Reason.QUERY
+        board.waits = process.reason == _QUERY
         begun: BoardRecord | None = None
         for record in records:
             if record.kind == Told.BYTE:
@@ -320,12 +332,12 @@ class Lockstep:
     def _pass_on(self, board: Board, record: BoardRecord) -> None:
         """Bytes on the lines of a board: they arrive when their stop bit is over."""
         baud = board.baud.get(record.pin, _USUAL_BAUD)
-        arrives = record.time + max(board.byte - _BITS * _SECOND // baud, 0)
+        arrives = record.time + max(board.byte - _BITS * SECOND // baud, 0)
         for other, rx in board.lines.get(record.pin, ()):
             self.put(other, BoardEvent(arrives, BYTE, rx, record.value | baud << 8))
         if self._laptop is not None and self._laptop[0] is board and self._laptop[1] == record.pin:
             self.sent.append((arrives, record.value))
-            self._world.sent(arrives, record.value, _BITS * _SECOND // baud)
+            self._world.sent(arrives, record.value, _BITS * SECOND // baud)
 
 
 def _clock(board: Board) -> int:

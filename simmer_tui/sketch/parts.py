@@ -24,7 +24,8 @@ MOST_COUNTS = 1023
 """The greatest number that analogRead gives."""
 LARGEST_DUTY = 255
 
-_SECOND = 1_000_000_000
+SECOND = 1_000_000_000
+"""Nanoseconds of a second."""
 
 
 def rim_speed(motor: WiredMotor, level_of: Callable[[int], float]) -> float:
@@ -52,7 +53,7 @@ def echo_length(inches: float) -> int:
     """The length of an echo's pulse for a reading."""
     if not 0.0 <= inches <= LONGEST_RANGE:
         return NO_ECHO
-    return round(2.0 * inches / SOUND_SPEED * _SECOND)
+    return round(2.0 * inches / SOUND_SPEED * SECOND)
 
 
 def analog_counts(sensor: WiredAnalog, reading: float) -> int:
@@ -87,7 +88,7 @@ class EncoderState:
         """The wheel turns at another rim speed from a time on."""
         if speed == self._rate / self.wired.edges_per_inch:
             return
-        self._counted += self._rate * ((time - self._since) / _SECOND)
+        self._counted += self._rate * ((time - self._since) / SECOND)
         self._since, self._rate = time, speed * self.wired.edges_per_inch
 
     def edges(self, begin: int, end: int) -> Iterator[BoardEvent]:
@@ -98,13 +99,13 @@ class EncoderState:
         count = self._counted
         if rate > 0.0:
             # The first that may be due, less one for rounding.
-            k = max(math.floor(count + rate * ((begin - self._since) / _SECOND)) - 1, math.floor(count)) + 1
+            k = max(math.floor(count + rate * ((begin - self._since) / SECOND)) - 1, math.floor(count)) + 1
             step, after = 1, 0
         else:
-            k = min(math.floor(count + rate * ((begin - self._since) / _SECOND)) + 1, math.floor(count))
+            k = min(math.floor(count + rate * ((begin - self._since) / SECOND)) + 1, math.floor(count))
             step, after = -1, -1
         while True:
-            time = self._since + math.ceil((k - count) / rate * _SECOND)
+            time = self._since + math.ceil((k - count) / rate * SECOND)
             if time >= end:
                 return
             if time >= begin:
@@ -113,7 +114,7 @@ class EncoderState:
 
     def levels_at(self, time: int) -> Iterator[BoardEvent]:
         """The levels at a time."""
-        state = math.floor(self._counted + self._rate * ((time - self._since) / _SECOND))
+        state = math.floor(self._counted + self._rate * ((time - self._since) / SECOND))
         yield from self._levels(time, state)
 
     def _levels(self, time: int, state: int) -> Iterator[BoardEvent]:

@@ -22,13 +22,20 @@ _TOKEN = re.compile(
     re.VERBOSE | re.DOTALL | re.MULTILINE,
 )
 _TYPE_WORDS = frozenset(("unsigned", "signed", "long", "short", "int", "double"))
-# A block without a statement has no instrumentation in gcc: such a loop would take no time, and never end.
-_EMPTY_LOOP = re.compile(r"\b(while\s*\(\s*(?:1|true|HIGH)\s*\)|for\s*\(\s*;\s*;\s*\))(\s*)(;|\{\s*\})")
+_LOOP = re.compile(r"\b(?P<kind>while|for)\b\s*(?=\()")
+_NO_BODY = re.compile(r"\s*(?:;|\{[\s;]*\})")
+_ENDLESS = re.compile(r"\s*(?:|1|true|HIGH)\s*")
+_DECLARATION = re.compile(r"[\w:<>\s]*[\w>][\s*&]+[A-Za-z_]\w*\s*(?:=(?!=)|\{)")
+# A block without a statement has no instrumentation in gcc: a loop of it would take no time, and never end.
+_STATEMENT = '({ __asm__ volatile(""); 1; })'
 _FUNCTION = re.compile(
-    r"^[ \t]*(?P<type>(?:[A-Za-z_][\w:<>, ]*?[\s*&]+))"
-    r"(?P<name>[A-Za-z_]\w*)\s*\((?P<arguments>[^;{}()]*)\)\s*\{",
-    re.MULTILINE,
+    r"(?:^|[)] ?)(?P<type>[A-Za-z_][\w:<>, ]*?[ *&]+)"
+    r"(?P<name>[A-Za-z_]\w*) ?\((?P<arguments>[^()]*)\) ?$"
 )
+_DECLARED = re.compile(r"[\w:<>, *&]*\([^()]*\) ?$")
+# Arguments of many defaults are shorter.
+_LONGEST_HEADER = 2000
+"""Characters of a function's type, name and arguments."""
 _NO_FUNCTIONS = frozenset(("if", "while", "for", "switch", "catch"))
 _NO_TYPES = frozenset(
     ("else", "return", "new", "struct", "class", "union", "enum", "namespace", "template", "do")
@@ -99,29 +106,90 @@ def _char_types_kept(source: str) -> str:
 
 
 def board_source(source: str) -> str:
-    """A sketch's own source, with the board's number types, and with endless loops that take time."""
-    widened = _char_types_kept(with_board_widths(source))
-    return _EMPTY_LOOP.sub(r"\1\2{ yield(); __asm__ volatile(\"\"); }".replace(r"\"", '"'), widened)
+    """A sketch's own source, with the board's number types, and with empty loops that take time."""
+    return _with_timed_loops(_char_types_kept(with_board_widths(source)))
+
+
+def _with_timed_loops(source: str) -> str:
+    """The source with a statement in the condition of each loop that has none in its body.
+
+    A `for` with a condition that changes is counted, and ends: it stays.
+    """
+    if _LOOP.search(source) is None:
+        return source
+    flat = _TOKEN.sub(
+        lambda match: match[0] if match["word"] or match["number"] else _blank(match[0]), source
+    )
+    ends = _closing_places(flat)
+    made: list[str] = []
+    done = 0
+    for match in _LOOP.finditer(flat):
+        begin = match.end() + 1
+        end = ends.get(match.end())
+        if end is None or begin < done or not _NO_BODY.match(flat, end + 1):
+            continue
+        if match["kind"] == "for":
+            parts = [begin + at for at, sign in enumerate(flat[begin:end]) if sign == ";"]
+            if len(parts) != 2:
+                continue
+            begin, end = parts[0] + 1, parts[1]
+        condition = source[begin:end]
+        if _ENDLESS.fullmatch(flat, begin, end):
+            # Line numbers stay.
+            made += [source[done:begin], _STATEMENT, "\n" * condition.count("\n")]
+        elif match["kind"] == "while" and not _DECLARATION.match(flat, begin, end):
+            made += [source[done:begin], f"{_STATEMENT} && ({condition})"]
+        else:
+            continue
+        done = end
+    return "".join((*made, source[done:]))
+
+
+def _closing_places(flat: str) -> dict[int, int]:
+    """The place of the parenthesis that closes each one, by the place of that one."""
+    opened: list[int] = []
+    found: dict[int, int] = {}
+    for match in re.finditer(r"[()]", flat):
+        if match[0] == "(":
+            opened.append(match.start())
+        elif opened:
+            found[opened.pop()] = match.start()
+    return found
 
 
 def prototypes(source: str) -> tuple[list[str], int]:
     """Prototypes of a source's global functions, and the place of the first one: they go before it."""
     flat = _global_text(source)
     found: list[str] = []
+    declared: set[str] = set()
     first = len(source)
-    declared = {re.sub(r"\s+", " ", each) for each in re.findall(r"[^;{}]*\([^;{}()]*\)\s*(?=;)", flat)}
-    for match in _FUNCTION.finditer(flat):
-        kind, name, arguments = match["type"].strip(), match["name"], match["arguments"]
+    end = 0
+    for delimiter in re.finditer(r"[;{}]", flat):
+        begin, end = end, delimiter.end()
+        sign = delimiter[0]
+        text = flat[begin : end - 1]
+        begin += len(text) - len(text.lstrip())
+        text = re.sub(r"\s+", " ", text.strip())
+        if sign == "}" or len(text) > _LONGEST_HEADER:
+            continue
+        if sign == ";":
+            if _DECLARED.match(text):
+                declared.add(text.replace(" (", "("))
+            continue
+        match = _FUNCTION.search(text)
+        if match is None or text.startswith("template") or '"C"' in source[begin:end]:
+            continue
+        kind, name, arguments = match["type"].strip(), match["name"], match["arguments"].strip()
         words = re.findall(r"\w+", kind)
         if name in _NO_FUNCTIONS or not words or _NO_TYPES.intersection(words) or "operator" in words:
             continue
-        first = min(first, match.start())
+        first = min(first, begin)
         # One with default arguments stays as it is defined: a second default is an error.
         if "=" in arguments or "::" in kind:
             continue
-        text = re.sub(r"\s+", " ", f"{kind} {name}({arguments})").strip()
-        if text not in declared:
-            found.append(f"{text};")
+        made = f"{kind} {name}({arguments})"
+        if made not in declared:
+            found.append(f"{made};")
     return found, first
 
 
@@ -129,12 +197,10 @@ def _global_text(source: str) -> str:
     """The source with comments, texts, directives and the insides of braces blanked. Places stay."""
 
     def blank(match: re.Match[str]) -> str:
-        if match["word"] or match["number"]:
-            return match[0]
-        return re.sub(r"[^\n]", " ", match[0])
+        return match[0] if match["word"] or match["number"] else _blank(match[0])
 
     plain = _TOKEN.sub(blank, source)
-    plain = re.sub(r"(?m)^[ \t]*#(?:[^\n]*\\\n)*[^\n]*", lambda each: re.sub(r"[^\n]", " ", each[0]), plain)
+    plain = re.sub(r"(?m)^[ \t]*#(?:[^\n]*\\\n)*[^\n]*", lambda each: _blank(each[0]), plain)
     made: list[str] = []
     depth = 0
     for character in plain:

@@ -17,9 +17,9 @@ from simmer_tui.sim.command import parse_command
 from simmer_tui.sim.records import CommandResult, Status
 from simmer_tui.sim.specs import VelocityKind
 from simmer_tui.sim.wheels import WheelKinematics
-from simmer_tui.sketch.parts import EncoderState
+from simmer_tui.sketch.board_process import NEVER
+from simmer_tui.sketch.parts import SECOND, EncoderState
 
-SECOND = 1_000_000_000
 # A line sensor is read thousands of times a second: all of that would be most of the log. Real errors last
 # too, those of light, of surfaces, of a motor's noise.
 READING_PERIOD = SECOND // 50
@@ -59,7 +59,7 @@ class RobotWorld:
     @property
     def next_change(self) -> int:
         """The time of the next change of the wheels' speed that is known."""
-        return math.ceil(self._due * SECOND) if self._due < math.inf else 1 << 62
+        return math.ceil(self._due * SECOND) if self._due < math.inf else NEVER
 
     def look_again(self) -> None:
         """Plan again after a person has changed something."""

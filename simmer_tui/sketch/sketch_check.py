@@ -263,7 +263,7 @@ def _laptop(line: LaptopLine, facts: SketchFacts) -> Iterator[Problem]:
             what = f"{shown} are the other way round in the sketch: {swapped.name} at {swapped.spot}"
             yield Problem(line.place, what)
             return
-        there = ", ".join(_pins_of(facts, each) for each in facts.ports()) or "none is begun"
+        there = ", ".join(_pins_of(facts, each) for each in facts.ports()) or "no port that is begun"
         yield Problem(
             line.place, f"the sketch has no serial port with {shown}; it has {there} ({facts.file})"
         )
@@ -291,7 +291,7 @@ def _not_begun(row: WiringRow, port: SketchPort) -> Iterator[Problem]:
 
 
 def _no_port(facts: SketchFacts, pin: int, verb: str) -> str:
-    there = ", ".join(_pins_of(facts, each) for each in facts.ports()) or "none is begun"
+    there = ", ".join(_pins_of(facts, each) for each in facts.ports()) or "no port that is begun"
     shown = facts.kind.pin_name(pin)
     return f"no serial port of the sketch {verb} at pin {shown}; it has {there} ({facts.file})"
 

@@ -35,6 +35,7 @@ from simmer_tui.sketch.board_facts import BoardFacts, is_told
 from simmer_tui.sketch.board_process import (
     BYTE,
     EDGE,
+    NEVER,
     BoardEvent,
     BoardProcess,
     BoardRecord,
@@ -43,16 +44,17 @@ from simmer_tui.sketch.board_process import (
 )
 from simmer_tui.sketch.board_view import BoardView, PinView
 from simmer_tui.sketch.build import BuiltSketch, build_sketch, fastest_baud
-from simmer_tui.sketch.lockstep import BOARD_SLICE, NEVER, Board, Lockstep, LockstepWorld, PinState
+from simmer_tui.sketch.lockstep import BOARD_SLICE, Board, Lockstep, LockstepWorld, PinState
 from simmer_tui.sketch.motion_check import wrong_functions
 from simmer_tui.sketch.parts import (
     ECHO_DELAY,
+    SECOND,
     EncoderState,
     analog_counts,
     echo_length,
     rim_speed,
 )
-from simmer_tui.sketch.robot_world import SECOND, RobotWorld
+from simmer_tui.sketch.robot_world import RobotWorld
 from simmer_tui.sketch.sketch_check import facts_of
 from simmer_tui.sketch.sketch_scan import SketchFacts
 from simmer_tui.sketch.wiring import (
@@ -327,9 +329,12 @@ class SketchRobot(LockstepWorld):
         return time if reached >= until else engine.clock_time(reached)
 
     def _fail(self, text: str) -> None:
-        self.failed = text
-        self._world.advance(self.lockstep.reached)
+        # What the board did before is done, and its last words have left it.
+        self.advance(self.lockstep.reached)
         self._world.settle()
+        self._tell_messages(NEVER)
+        self.on_sent()
+        self.failed = text
         self._world.set_speeds({})
         self.engine.tell(Notice(NoticeKind.FAULT, f"{_ENDED}{text}"))
         self.on_end()
@@ -359,11 +364,16 @@ class SketchRobot(LockstepWorld):
         if time <= self._world.time:
             return
         if time >= self._messages.next_due:
-            for at, text in self._messages.due(time):
-                self._world.advance(at)
-                self.last_line = text
-                self.engine.tell(WireMessage(at / SECOND, text, reply=True))
+            self._tell_messages(time)
         self._world.advance(time)
+
+    def _tell_messages(self, until: int) -> None:
+        """Tell the messages that are over by a time; those that are still on their way at the present one."""
+        for at, text in self._messages.due(until):
+            if until < NEVER:
+                self._world.advance(at)
+            self.last_line = text
+            self.engine.tell(WireMessage(min(at, self._world.time) / SECOND, text, reply=True))
 
     def sent(self, time: int, value: int, byte: int) -> None:
         self._messages.add(time, value, byte)

@@ -1,5 +1,6 @@
 """A sketch made into C++: widths of numbers, prototypes, line numbers, loops that take time."""
 
+import time
 from pathlib import Path
 
 import pytest
@@ -32,10 +33,29 @@ def test_numbers_have_the_widths_of_the_board(written: str, made: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "loop", ["while(1);", "while (true) ;", "for(;;);", "for ( ; ; ) {}", "while(1) { }"]
+    "loop",
+    [
+        *("while(1);", "while (true) ;", "for(;;);", "for ( ; ; ) {}", "while(1) { }", "do {} while (1);"),
+        *("while (1) /* error */;", "for (;;) { // wait (\n }", "while (1) { ; }", "while ( !(on ) );"),
+    ],
 )
 def test_an_empty_endless_loop_gets_a_statement(loop: str) -> None:
-    assert "__asm__" in board_source(f"void f() {{ {loop} }}")
+    made = board_source(f"void f() {{ {loop} }}")
+    assert made.count("__asm__") == 1
+    assert made.count("\n") == loop.count("\n")
+    # It is a part of the condition: what follows the loop stays.
+    assert made.endswith(f"{loop[loop.rindex(')') :]} }}")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        *('print("while(1);");', "// for (;;);\n", "while (1) { go(); }", "for (byte i = 0; i < 9; i++);"),
+        *("while (char c = next());", "do { go(); } while_(1);"),
+    ],
+)
+def test_other_loops_and_texts_stay(text: str) -> None:
+    assert board_source(text) == text
 
 
 def test_functions_have_prototypes_but_no_methods_and_no_defaults() -> None:
@@ -45,6 +65,9 @@ def test_functions_have_prototypes_but_no_methods_and_no_defaults() -> None:
         "int add(int a, int b)\n{ return a; }\n"
         "void step(int by = 2) {}\n"
         "P make(const char *name) { return P(); }\n"
+        "template <typename T>\nT least(T a, T b)\n{ return a; }\n"
+        'extern "C" void irq(void) {}\n'
+        "int known(int a);\nint known (int a) { return a; }\n"
     )
     found, first = prototypes(source)
     assert found == ["void setup();", "int add(int a, int b);", "P make(const char *name);"]
@@ -59,3 +82,11 @@ def test_files_are_joined_with_the_lines_of_each(tmp_path: Path) -> None:
     assert lines[lines.index('#line 2 "robot.ino"') + 1] == "void setup() {}"
     assert lines[lines.index('#line 1 "more.ino"') + 1] == "void loop() { setup(); }"
     assert lines.index("void loop();") < lines.index('#line 2 "robot.ino"')
+
+
+def test_long_sketches_are_read_in_a_moment() -> None:
+    """Comments, tables and bodies of ten thousand lines: the time grows with their length."""
+    lines = "/*" + "a b c\n" * 10_000 + "*/\nconst byte table[] = {" + "1, 2, 3,\n" * 10_000 + "};\n"
+    begun = time.process_time()
+    assert prototypes(f"int first = 1;\n{lines}void setup() {{}}\n{lines}")[0] == ["void setup();"]
+    assert time.process_time() - begun < 3.0

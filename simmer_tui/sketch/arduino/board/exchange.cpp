@@ -50,17 +50,34 @@ static_assert(sizeof(Request) == 40 && sizeof(Grant) == 24, "as on the channel")
 constexpr size_t MOST_TOLD = 2000;  // records that wait for the next exchange: `count` has 16 bits
 
 int channel_in = 0, channel_out = 1;
-std::vector<Record> told, events;
-std::vector<char> buffer;
+// What is told, behind the request with which it is sent: one write, and no memory is taken.
+struct {
+  Request request;
+  Record records[MOST_TOLD];
+} told;
+static_assert(sizeof told == sizeof(Request) + sizeof told.records, "no gap on the channel");
+size_t told_count = 0;
+// A grant, and its events behind it: mostly one read.
+constexpr size_t USUAL_EVENTS = 64;
+struct {
+  Grant grant;
+  Record events[USUAL_EVENTS];
+} given;
+static_assert(sizeof given == sizeof(Grant) + sizeof given.events, "no gap on the channel");
+std::vector<Record> more_events;  // all of them, if they are more
+const Record* events = given.events;
+size_t event_count = 0;
 size_t next = 0;
 
-void receive(void* data, size_t size) {
-  for (char* at = static_cast<char*>(data); size > 0;) {
-    const long got = read_file(channel_in, at, size);
+// Read at least `least` bytes. The simulator sends no more than one grant before the next request.
+size_t receive(void* data, size_t least, size_t room) {
+  size_t size = 0;
+  while (size < least) {
+    const long got = read_file(channel_in, static_cast<char*>(data) + size, room - size);
     if (got <= 0) std::_Exit(0);  // the simulator has ended the run
-    at += got;
-    size -= static_cast<size_t>(got);
+    size += static_cast<size_t>(got);
   }
+  return size;
 }
 
 void send(const void* data, size_t size) {
@@ -89,28 +106,39 @@ void open_channel() {
 #endif
 }
 
+void send_told(Reason reason, Query query, int pin) {
+  const size_t count = told_count;
+  told.request = {now,
+                  static_cast<uint8_t>(reason),
+                  static_cast<uint8_t>(query),
+                  static_cast<uint16_t>(count),
+                  pin,
+                  static_cast<uint32_t>(waited / MILLISECOND),
+                  place,
+                  waiting.begin,
+                  waiting.place,
+                  static_cast<uint32_t>(waiting.kind)};
+  told_count = 0;
+  send(&told, sizeof(Request) + count * sizeof(Record));
+}
+
 double exchange(Reason reason, Query query, int pin) {
-  const Request request{now,
-                        static_cast<uint8_t>(reason),
-                        static_cast<uint8_t>(query),
-                        static_cast<uint16_t>(told.size()),
-                        pin,
-                        static_cast<uint32_t>(waited / MILLISECOND),
-                        place,
-                        waiting.begin,
-                        waiting.place,
-                        static_cast<uint32_t>(waiting.kind)};
-  const size_t size = told.size() * sizeof(Record);
-  buffer.resize(sizeof request + size);
-  std::memcpy(buffer.data(), &request, sizeof request);
-  if (size) std::memcpy(buffer.data() + sizeof request, told.data(), size);
-  told.clear();
-  send(buffer.data(), buffer.size());
-  Grant grant;
-  receive(&grant, sizeof grant);
-  events.resize(grant.count);
+  send_told(reason, query, pin);
+  const Grant& grant = given.grant;
+  size_t size = receive(&given, sizeof grant, sizeof given);
   next = 0;
-  if (grant.count) receive(events.data(), grant.count * sizeof(Record));
+  event_count = grant.count;
+  const size_t whole = sizeof grant + event_count * sizeof(Record);
+  events = given.events;
+  if (event_count > USUAL_EVENTS) {
+    size -= sizeof grant;
+    more_events.resize(event_count);
+    std::memcpy(more_events.data(), given.events, size);
+    receive(reinterpret_cast<char*>(more_events.data()) + size, whole - sizeof grant - size, whole - sizeof grant - size);
+    events = more_events.data();
+  } else if (size < whole) {
+    receive(reinterpret_cast<char*>(&given) + size, whole - size, whole - size);
+  }
   horizon = grant.horizon;
   grant_flags = grant.flags;
   plan_stop();
@@ -118,12 +146,12 @@ double exchange(Reason reason, Query query, int pin) {
 }
 
 void tell(Told kind, int pin, int value, Nanoseconds time) {
-  told.push_back({time, static_cast<uint8_t>(kind), static_cast<uint8_t>(pin), 0, value});
-  if (told.size() >= MOST_TOLD) exchange(Reason::Full);
+  told.records[told_count] = {time, static_cast<uint8_t>(kind), static_cast<uint8_t>(pin), 0, value};
+  if (++told_count >= MOST_TOLD) exchange(Reason::Full);
 }
 
 void make_room(unsigned int count) {
-  if (told.size() + count >= MOST_TOLD) exchange(Reason::Full);
+  if (told_count + count >= MOST_TOLD) exchange(Reason::Full);
 }
 
 void tell_span(Told kind, int pin, uint32_t place, Nanoseconds begin, Nanoseconds end) {
@@ -132,10 +160,10 @@ void tell_span(Told kind, int pin, uint32_t place, Nanoseconds begin, Nanosecond
   tell(Told::Until, pin, 0, end);
 }
 
-Nanoseconds next_event() { return next < events.size() ? events[next].time : NEVER; }
+Nanoseconds next_event() { return next < event_count ? events[next].time : NEVER; }
 
 void apply_events() {
-  while (next < events.size() && events[next].time <= now) {
+  while (next < event_count && events[next].time <= now) {
     const Record event = events[next++];
     ++events_applied;
     if (event.kind == static_cast<uint8_t>(Event::Edge))

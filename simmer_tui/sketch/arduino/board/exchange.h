@@ -45,6 +45,7 @@ extern uint32_t place;  // address of the last basic block of the sketch
 extern uint32_t grant_flags;
 
 void open_channel();
+void send_told(Reason reason, Query query = Query::None, int pin = 0);  // safe in a signal handler
 double exchange(Reason reason, Query query = Query::None, int pin = 0);
 void tell(Told kind, int pin, int value, Nanoseconds time = now);
 void make_room(unsigned int count);  // the next records are of one exchange

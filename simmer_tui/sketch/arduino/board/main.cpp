@@ -3,8 +3,10 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
-#if defined(__linux__)
+#ifndef _WIN32
 #include <signal.h>
+#endif
+#if defined(__linux__)
 #include <ucontext.h>
 #endif
 
@@ -31,8 +33,8 @@ extern "C" void __sanitizer_cov_trace_pc() {
 }
 
 namespace {
-#if defined(__linux__)
 // The address at which it died, where that can be had.
+#if defined(__linux__)
 uint32_t fault_address(const void* context) {
   const mcontext_t& machine = static_cast<const ucontext_t*>(context)->uc_mcontext;
 #if defined(__x86_64__)
@@ -44,10 +46,13 @@ uint32_t fault_address(const void* context) {
   return 0;
 #endif
 }
+#else
+uint32_t fault_address(const void*) { return 0; }
 #endif
 
 void report_death(int number, uint32_t address) {
-  // Only what is safe in a signal handler. The simulator finds the line by the addresses.
+  // Only what is safe in a signal handler. First what the sketch did before; the simulator finds the line by the addresses.
+  board::send_told(board::Reason::Full);
   char text[80];
   const uint32_t clock = static_cast<uint32_t>(board::now / board::MICROSECOND);
   const int size = avr_snprintf(text, sizeof text, "simmer-board died %d %lu %lu %lu\n", number, address, board::place, clock);
@@ -56,12 +61,18 @@ void report_death(int number, uint32_t address) {
   std::_Exit(3);
 }
 
-#if defined(__linux__)
+#ifndef _WIN32
+// A stack of its own: a sketch that calls itself without end has filled the other.
+char handler_stack[1 << 16];
 void died(int number, siginfo_t*, void* context) { report_death(number, fault_address(context)); }
 void listen_for_death(int number) {
+  stack_t stack = {};
+  stack.ss_sp = handler_stack;
+  stack.ss_size = sizeof handler_stack;
+  sigaltstack(&stack, nullptr);
   struct sigaction action = {};
   action.sa_sigaction = died;
-  action.sa_flags = SA_SIGINFO;
+  action.sa_flags = SA_SIGINFO | SA_ONSTACK;
   sigaction(number, &action, nullptr);
 }
 #else
@@ -81,6 +92,9 @@ void for_pins(const char* list, void (*mark)(int)) {
 
 int main(int count, char** arguments) {
   for (int number : {SIGSEGV, SIGFPE, SIGILL, SIGABRT}) listen_for_death(number);
+#ifndef _WIN32
+  for (int number : {SIGBUS, SIGTRAP}) listen_for_death(number);
+#endif
   for (int at = 1; at + 1 < count; at += 2) {
     if (!std::strcmp(arguments[at], "--drives")) for_pins(arguments[at + 1], board::mark_driving);
     if (!std::strcmp(arguments[at], "--triggers")) for_pins(arguments[at + 1], board::mark_trigger);

@@ -24,12 +24,13 @@ Pin* pin_of(int number) {
   return number >= 0 && number < PINS ? &pins[number] : nullptr;
 }
 
-void set_output(int number, Pin& pin, int level, int duty) {
-  if (pin.level == level && pin.duty == duty) return;
+// Returns true if the level or the duty has changed, and an output has told it.
+bool set_output(int number, Pin& pin, int level, int duty) {
+  if (pin.level == level && pin.duty == duty) return false;
   const bool falls = pin.level == 1 && level == 0 && pin.duty == 0;
   pin.level = static_cast<uint8_t>(level);
   pin.duty = static_cast<int16_t>(duty);
-  if (pin.mode != OUTPUT) return;  // the pull-up of an input drives nothing
+  if (pin.mode != OUTPUT) return false;  // the pull-up of an input drives nothing
   if (duty)
     tell(Told::Duty, number, duty);
   else
@@ -38,6 +39,7 @@ void set_output(int number, Pin& pin, int level, int duty) {
     exchange(Reason::Query, Query::Sonar, number);
   else if (pin.drives)
     exchange(Reason::Output);
+  return true;
 }
 }  // namespace
 
@@ -98,20 +100,24 @@ void analogWrite(int number, int value) {
   Pin* pin = pin_of(number);
   if (!pin) return;
   // analogWrite makes the pin an output, as the core does.
-  if (pin->mode != OUTPUT) {
+  const bool was_input = pin->mode != OUTPUT;
+  if (was_input) {
     pin->mode = OUTPUT;
     tell(Told::Mode, number, OUTPUT);
+    tell(Told::Level, number, pin->level);
   }
   // The compare register has 8 bits: 256 is 0, -1 is 255.
   const int duty = value & 255;
+  bool told = false;
   if (value == 0)
-    set_output(number, *pin, 0, 0);
+    told = set_output(number, *pin, 0, 0);
   else if (value == 255)
-    set_output(number, *pin, 1, 0);
+    told = set_output(number, *pin, 1, 0);
   else if (digitalPinHasPWM(number))
-    set_output(number, *pin, duty == 255, duty == 255 ? 0 : duty);
+    told = set_output(number, *pin, duty == 255, duty == 255 ? 0 : duty);
   else
-    set_output(number, *pin, value >= 128, 0);  // no timer: the core writes a level
+    told = set_output(number, *pin, value >= 128, 0);  // no timer: the core writes a level
+  if (was_input && !told && pin->drives) exchange(Reason::Output);
 }
 
 int analogRead(int number) {

@@ -30,6 +30,15 @@ Port::Port(int rx, int tx) : rx_(rx), tx_(tx) {
   if (port_count < MOST_PORTS) ports[port_count++] = this;
 }
 
+// One that is local to a function receives no more after it.
+Port::~Port() {
+  for (int port = 0; port < port_count; ++port)
+    if (ports[port] == this) {
+      ports[port] = ports[--port_count];
+      return;
+    }
+}
+
 void Port::open(unsigned int baud) {
   baud_ = baud ? baud : 9600;
   byte_time_ = BITS * SECOND / baud_;

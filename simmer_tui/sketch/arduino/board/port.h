@@ -8,6 +8,9 @@ namespace board {
 class Port : public Stream {
  public:
   Port(int rx, int tx);
+  ~Port() override;
+  Port(const Port&) = delete;
+  Port& operator=(const Port&) = delete;
   int available() override;
   int read() override;
   int peek() override;

@@ -7,7 +7,12 @@ constexpr int INTERRUPT_PINS[] = {2, 3, 21, 20, 19, 18};
 inline bool digitalPinHasPWM(int pin) { return (pin >= 2 && pin <= 13) || (pin >= 44 && pin <= 46); }
 enum : unsigned char { SDA = 20, SCL = 21, MISO = 50, MOSI = 51, SCK = 52, SS = 53 };
 #else
-constexpr int FIRST_ANALOG = 14, ANALOG_PINS = 8, DIGITAL_PINS = 20, EEPROM_SIZE = 1024;
+#if defined(ARDUINO_AVR_NANO)
+constexpr int ANALOG_PINS = 8;
+#else
+constexpr int ANALOG_PINS = 6;  // the Uno's chip has A6 and A7 on no pin
+#endif
+constexpr int FIRST_ANALOG = 14, DIGITAL_PINS = 20, EEPROM_SIZE = 1024;
 constexpr int INTERRUPT_PINS[] = {2, 3};
 inline bool digitalPinHasPWM(int pin) {
   return pin == 3 || pin == 5 || pin == 6 || pin == 9 || pin == 10 || pin == 11;

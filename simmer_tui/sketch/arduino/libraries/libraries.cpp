@@ -110,6 +110,7 @@ bool NewPing::trigger() {
   digitalWrite(trigger_, HIGH);
   delayMicroseconds(10);
   digitalWrite(trigger_, LOW);
+  if (trigger_ == echo_) pinMode(echo_, INPUT);
   if (digitalRead(echo_)) return false;  // the last ping has not ended
   const Nanoseconds limit = now + (limit_ + MAX_SENSOR_DELAY) * MICROSECOND;
   while (!digitalRead(echo_)) {

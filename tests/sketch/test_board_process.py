@@ -1,0 +1,131 @@
+"""Boards as processes: the ends of boards, and calls whose state only the board has."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from simmer_tui.run.events import WireMessage
+from simmer_tui.sketch.board_process import SILENT, BoardSilence
+from simmer_tui.sketch.boards import BOARDS, MEGA, BoardKind
+from simmer_tui.sketch.build import RUNTIME
+from simmer_tui.sketch.compiler import find_compiler
+from tests.sketch.running import BoardRun, run_boards
+from tests.sketch.test_lockstep import MOTORS, ROVER, made_set
+
+SONAR = '[[sensors]]\nboard = "rover"\npart = "hc-sr04"\ncode = "u1"\ntrig = 8\necho = 8\n'
+BY_LETTER = """
+#include <NewPing.h>
+#include <SoftwareSerial.h>
+NewPing sonar(8, 8, 400);
+int deep(int n) {
+  volatile int room[50]; room[n % 50] = n; return deep(n + 1) + room[3];
+}
+int unfinished(int n) {
+  digitalWrite(13, n);
+}
+int dots;
+void setup() { Serial.begin(1000000); }
+void loop() {
+  if (!Serial.available()) return;
+  char what = Serial.read();
+  if (what == '.') { dots++; return; }
+  Serial.print("got "); Serial.print(what);
+  if (what == 'd') deep(1);
+  if (what == 'u') Serial.print(unfinished(1));
+  if (what == 'o') Serial.print(sonar.ping_cm());
+  if (what == 'h') { digitalWrite(5, HIGH); analogWrite(5, 255); }
+  if (what == 'p') {
+    for (int i = 0; i < 20; i++) SoftwareSerial brief(0, 12);
+    SoftwareSerial last(0, 12);
+    last.begin(9600); delay(500); Serial.print(last.available());
+  }
+  if (what == '=') Serial.print(dots);
+  if (what == 'e') while (1) { /* stays */ }
+}
+"""
+
+
+def run(folder: Path, letters: str, later: str = "") -> BoardRun:
+    configuration = made_set(folder / "set", ROVER + MOTORS + SONAR, {"rover.ino": BY_LETTER})
+    return run_boards(configuration, 1.0, [(0.3, letters.encode()), (0.6, later.encode())])
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(find_compiler() is None, reason="there is no C++ compiler")
+def test_boards_end_with_their_last_words_and_their_cause(tmp_path: Path) -> None:
+    for letter, where, cause in (
+        ("d", "rover.ino:6 after 0.3", "its stack is full"),
+        ("u", "rover.ino:", "a function ended without its return"),
+    ):
+        made = run(tmp_path / letter, letter)
+        assert where in made.failed
+        assert made.failed.endswith(cause)
+        assert made.text == f"got {letter}"
+        assert [each.data for each in made.events if isinstance(each, WireMessage)] == [f"got {letter}"]
+    # Nothing here kills the board: it waits without end.
+    made = run(tmp_path / "e", "e!")
+    assert (made.failed, made.text) == ("", "got e")
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(find_compiler() is None, reason="there is no C++ compiler")
+def test_calls_do_what_the_core_and_its_libraries_do(tmp_path: Path) -> None:
+    # One pin for trigger and echo hears; ports that are gone make room for others.
+    made = run(tmp_path / "o", "op", "!")
+    found = re.fullmatch(r"got o(\d+)got p1got !", made.text)
+    assert found, (made.text, made.failed)
+    assert int(found[1]) > 5
+    # More bytes in one slice than a board takes in one read.
+    assert run(tmp_path / "=", "." * 300, "=").text == "got =300"
+    # The level that was written before the pin was an output drives the motor.
+    start = run(tmp_path / "n", "!").pose
+    assert run(tmp_path / "h", "h").pose != start
+
+
+def test_silence_is_counted_while_the_simulator_runs() -> None:
+    silence = BoardSilence()
+    # After Ctrl-Z and fg an hour has gone.
+    assert not any(silence.is_too_long(1.0, now) for now in (1.0, 1.5, 3600.0, 3600.5))
+    assert not silence.is_too_long(3601.0, 3601.0), "it has answered"
+    looks = [silence.is_too_long(3601.0, 3601.0 + count * SILENT / 10) for count in range(1, 13)]
+    assert looks.index(True) in (9, 10)
+    # A board that works is not silent.
+    assert not any(silence.is_too_long(0.0, 9000.0 + count) for count in range(30))
+
+
+@pytest.mark.parametrize("kind", BOARDS.values(), ids=BOARDS.keys())
+def test_the_runtime_has_the_pins_of_the_boards(kind: BoardKind) -> None:
+    text = (RUNTIME / "core" / "boards.h").read_text("utf-8")
+    symbols = {kind.macro, "SIMMER_MEGA"} if kind is MEGA else {kind.macro}
+    kept: list[bool] = []
+    lines = []
+    for line in text.splitlines():
+        if line.startswith("#if"):
+            kept.append(line.split("(")[-1].rstrip(")") in symbols)
+        elif line.startswith("#else"):
+            kept[-1] = not kept[-1]
+        elif line.startswith("#endif"):
+            kept.pop()
+        elif all(kept):
+            lines.append(line)
+    text = "\n".join(lines)
+    numbers = {name: int(number) for name, number in re.findall(r"(\w+) = (\d+)", text)}
+    assert numbers["FIRST_ANALOG"] == kind.first_analog
+    assert numbers["FIRST_ANALOG"] + numbers["ANALOG_PINS"] == kind.pins
+    found = re.search(r"INTERRUPT_PINS\[\] = \{(.+?)\}", text)
+    assert found
+    assert {int(pin): number for number, pin in enumerate(found[1].split(","))} == kind.interrupts
+    found = re.search(r"digitalPinHasPWM.*?return (.*?);", text, re.DOTALL)
+    assert found
+    condition = found[1].replace("||", " or ").replace("&&", " and ").replace("\n", " ")
+    assert {pin for pin in range(kind.pins) if eval(condition, {"pin": pin})} == kind.pwm
+    ports = {
+        name: (int(rx), int(tx))
+        for name, rx, tx in re.findall(
+            r"(Serial\d?)\((\d+), (\d+)\)", (RUNTIME / "board" / "port.cpp").read_text("utf-8")
+        )
+    }
+    assert {name: ports[name] for name in kind.serial} == kind.serial

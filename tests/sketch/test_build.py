@@ -1,0 +1,87 @@
+"""Sketches compiled: the libraries that are taken, headers that are missing, warnings, folders that fail."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from simmer_tui import platform_has
+from simmer_tui.errors import ConfigurationError
+from simmer_tui.sketch.boards import UNO
+from simmer_tui.sketch.build import build_sketch, fastest_baud
+from simmer_tui.sketch.compiler import Compiler, find_compiler
+
+no_compiler = pytest.mark.skipif(find_compiler() is None, reason="there is no C++ compiler")
+EMPTY = "void setup() {}\nvoid loop() {}\n"
+
+
+def files(folder: Path, texts: dict[str, str]) -> Path:
+    for name, text in texts.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text, "utf-8")
+    return folder / "rover" / "rover.ino"
+
+
+def test_libraries_are_taken_as_arduino_takes_them(tmp_path: Path) -> None:
+    """By the fastest rate that their code names, which is in one library each."""
+    sketch = files(
+        tmp_path,
+        {
+            "rover/rover.ino": f"#include <First.h>\n#include <newping.h>\n{EMPTY}",
+            "libraries/First/src/First.h": '#include "second.h" // 19200\n',
+            "libraries/Second/Second.h": "// 38400\n",
+            # Another with the same header, one that nobody includes, and the runtime's own.
+            "libraries/Another/Second.h": "// 115200\n",
+            "libraries/Unused/Unused.cpp": "int avr = 230400;\n",
+            "libraries/NewPing/src/NewPing.h": "// 250000\n",
+        },
+    )
+    assert fastest_baud(sketch) == 38400
+    # A library beside the sketch itself is meant for it.
+    files(tmp_path, {"rover/libraries/NewPing/NewPing.h": "// 57600\n"})
+    assert fastest_baud(sketch) == 57600
+
+
+@no_compiler
+@pytest.mark.slow
+def test_headers_count_where_the_compiler_reads_them(tmp_path: Path) -> None:
+    text = f"#ifdef ESP32\n#include <WiFi.h>\n#endif\nint speed() {{}}\n{EMPTY}"
+    sketch = files(
+        tmp_path, {"rover/rover.ino": text, "libraries/Bad/Bad.h": "", "libraries/Bad/Bad.cpp": "no code"}
+    )
+    built = build_sketch(sketch, UNO)
+    assert [each.partition(": no ret")[0] for each in built.warnings] == [
+        "rover.ino:4: this function ends without its return"
+    ]
+    # A header of this machine is none of a board's.
+    sketch.write_text(f"{EMPTY}#include <iostream>\n", "utf-8")
+    with pytest.raises(ConfigurationError, match=r"^rover\.ino:3: there is no library with iostream; there"):
+        build_sketch(sketch, UNO)
+
+
+@no_compiler
+def test_a_build_folder_that_fails_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    sketch = files(tmp_path, {"rover/rover.ino": EMPTY})
+    (tmp_path / "file").touch()
+    monkeypatch.setattr(platform_has, "data_folder", lambda: tmp_path / "file")
+    with pytest.raises(ConfigurationError, match="cannot be used: "):
+        build_sketch(sketch, UNO)
+
+
+@pytest.mark.skipif(not platform_has.POSIX, reason="the compiler is a script")
+@pytest.mark.parametrize(
+    ("told", "name", "is_gcc"),
+    [
+        ("Apple clang version 15.0.0", "clang++", False),
+        ("g++ (Debian 12.2.0) 12.2.0", "g++", True),
+    ],
+)
+def test_a_compiler_is_named_by_its_version(tmp_path: Path, told: str, name: str, is_gcc: bool) -> None:
+    program = tmp_path / "g++"
+    program.write_text(f'#!/bin/sh\necho "{told}"; echo "$LC_ALL" >&2\n', "utf-8")
+    os.chmod(program, 0o755)  # noqa: PTH101
+    compiler = Compiler((str(program),))
+    assert (compiler.name, compiler.is_gcc) == (name, is_gcc)
+    assert compiler.run([], tmp_path).stderr == "C\n"
