@@ -20,10 +20,9 @@ from simmer_tui.runlog.reader import LogReader
 from simmer_tui.runlog.rerun import set_up_simulator
 from simmer_tui.sim.command import cut
 from simmer_tui.sim.simulator import Simulator
+from simmer_tui.sketch.parts import SECOND
 from simmer_tui.sketch.sketch_robot import SketchRobot, compile_set, logged_sketches, with_boards
 from simmer_tui.sketch.wiring import wiring_of
-
-_SECOND = 1_000_000_000
 
 
 class BoardRerun(Closing):
@@ -124,8 +123,8 @@ class BoardRerun(Closing):
             self._run_to(event.time)
             board_baud = self._robot.laptop_baud
             baud = board_baud if self._instant or not (board_baud and self._baud) else self._baud
-            byte = 0 if self._instant else BITS_OF_A_BYTE * _SECOND // (baud or board_baud or 9600)
-            at = max(self._free, round(event.time * _SECOND))
+            byte = 0 if self._instant else BITS_OF_A_BYTE * SECOND // (baud or board_baud or 9600)
+            at = max(self._free, round(event.time * SECOND))
             for value in event.data.encode("latin-1"):
                 at += byte
                 self._robot.receive(at, value, baud or board_baud or 9600)

@@ -12,7 +12,7 @@ from simmer_tui.run.events import LegEnded, Notice, NoticeKind
 from simmer_tui.sim.legs import Leg
 from simmer_tui.sketch.board_process import BoardRecord, BoardWait, Waits
 from simmer_tui.sketch.lockstep import Board
-from simmer_tui.sketch.robot_world import SECOND
+from simmer_tui.sketch.parts import SECOND
 
 # A long wait is rarely over a second, and a second has few legs.
 _KEPT_LEGS, _KEPT_BYTES = 100, 200

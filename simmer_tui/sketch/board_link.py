@@ -10,7 +10,7 @@ from simmer_tui.links.link import LinkContext
 from simmer_tui.links.port_link import PortLink
 from simmer_tui.links.serial_wire import MOST_IN_TRANSIT, LostBytes, SerialEndpoint
 from simmer_tui.run.events import ActionDone, Event
-from simmer_tui.sketch.robot_world import SECOND
+from simmer_tui.sketch.parts import SECOND
 from simmer_tui.sketch.sketch_robot import SketchRobot
 
 
