@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import os
+import sys
 from collections import deque
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
@@ -19,7 +21,7 @@ from simmer_tui.cli.command_line import (
     print_lines,
     say,
     subcommand,
-    window_console,
+    window_of,
     writing,
 )
 from simmer_tui.cli.log_options import add_device_options, add_log_argument, configuration_of, log_of
@@ -249,10 +251,10 @@ def _wrote(path: Path) -> str:
 def _run_through(positions: Iterable[int], size: int, what: str) -> None:
     """Run the steps of some work, each the number of bytes done of `size`. A terminal (standard error) shows
     a progress bar meanwhile."""
-    if not window_console(stderr=True).is_terminal:
+    # Asked before rich is loaded, which takes as long as the report of 2,000 commands.
+    if window_of(sys.stderr) is None and "FORCE_COLOR" not in os.environ:
         deque(positions, maxlen=0)
         return
-    # Imported where it is shown: it takes as long as the report of 2,000 commands.
     from rich.progress import DownloadColumn, TaskProgressColumn, TimeRemainingColumn
 
     from simmer_tui.cli.progress_bar import progress_bar

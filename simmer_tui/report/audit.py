@@ -12,10 +12,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 from msgspec import structs
+from msgspec.structs import replace
 
 from simmer_tui.config.nominal import Nominal
 from simmer_tui.report.drive_audit import DriveRule, drive_tests, set_rule

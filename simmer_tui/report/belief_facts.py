@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Collection
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from msgspec import Struct
 from msgspec.structs import astuple
 
 from simmer_tui.report.belief_audit import SURE, BeliefMotion
@@ -51,8 +51,7 @@ _ON_GRID = 1.0
 """Inches to a whole number of cells within which an offset is that of a map. Judged."""
 
 
-@dataclass(frozen=True, slots=True)
-class ConstantOffset:
+class ConstantOffset(Struct, frozen=True):
     """One error that most sure beliefs have: `text` says it, `share` is their share; `of` are the codes of
     the sensors that it may be from."""
 
@@ -329,8 +328,7 @@ def ranges_fit_text(seen: Attempt, lost: BeliefRow) -> str:
     )
 
 
-@dataclass(frozen=True, slots=True)
-class Way:
+class Way(Struct, frozen=True):
     """A displacement in the robot's frame at its beginning: inches, degrees to the left, and in words."""
 
     far: float

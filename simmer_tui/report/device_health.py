@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from simmer_tui.report.contact_evidence import SIGMAS
 from simmer_tui.report.drive_audit import set_rule
@@ -23,8 +23,7 @@ _NAMED = 3
 """Devices named in a sentence."""
 
 
-@dataclass(frozen=True, slots=True)
-class DeviceHealth:
+class DeviceHealth(Struct, frozen=True):
     """Numbers of readings and movements that could be compared, and of those beyond the errors that their set
     declares, by code."""
 

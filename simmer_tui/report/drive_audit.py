@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 from msgspec.structs import astuple
 
 from simmer_tui.report.finding import (
@@ -48,8 +48,7 @@ _LEAST_BIAS = {
 _AXES = ("x", "y", "r")
 
 
-@dataclass(frozen=True, slots=True)
-class DriveRule:
+class DriveRule(Struct, frozen=True):
     """Expected motion of a drive: its row, and the bias on each axis in each movement, (n, 3). Where the bias
     was drawn at random, it may differ from that by `allowed`, standard deviations, (3,)."""
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from simmer_tui.sim.arrays import FloatArray
 
@@ -24,8 +24,7 @@ _HUBER = 1.345
 _ROUNDS = 20
 
 
-@dataclass(frozen=True, slots=True)
-class RobustFit:
+class RobustFit(Struct, frozen=True):
     """Coefficients of a linear fit with their standard errors, (k,), of `count` values; `rough` is the
     standard deviation of the standardized residuals by their median. `declared` is true if the errors are
     those of the declared spread, which needs no estimate from the sample."""

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from msgspec import Struct
 
 from simmer_tui.config.mission_plan import cells_of
 from simmer_tui.report.belief_facts import BeliefFacts, has_read_range, listed_movements, ranges_fit_text
@@ -52,8 +52,7 @@ _POSES = 400
 """Most poses from which it is computed who sees the block: the strip between two is then an inch or two."""
 
 
-@dataclass(frozen=True, slots=True)
-class Silence:
+class Silence(Struct, frozen=True):
     """Time without a command at the end of a run, from `since` on (elapsed seconds); `seconds` are simulated
     ones, `real_seconds` real ones."""
 
@@ -62,8 +61,7 @@ class Silence:
     real_seconds: float
 
 
-@dataclass(frozen=True, slots=True)
-class Unseen:
+class Unseen(Struct, frozen=True):
     """Sensors that alone see the block and were not read, or hardly (`readings`), since the last goal, and
     the first moment at which they would have seen it (elapsed seconds)."""
 

@@ -2,11 +2,11 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
+from msgspec import Struct, field
 
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.mission_plan import Cell, MissionPlan, draw_mission
@@ -44,8 +44,7 @@ REPEATED_DISTANCE = CELL_SIZE
 """Inches of a continuous motion before a contact that counterfactuals repeat."""
 
 
-@dataclass(frozen=True, slots=True)
-class Task:
+class Task(Struct, frozen=True):
     """Limits of a mission, and the cell for the block; None where the cell is not known."""
 
     contacts: int | None
@@ -67,8 +66,7 @@ def task_of(configuration: Configuration, seed: int, plan: MissionPlan | None = 
     return Task(mission.contacts, mission.time_limit, drawn.drop_zone if same else None)
 
 
-@dataclass(frozen=True, slots=True)
-class Collision:
+class Collision(Struct, frozen=True):
     """A movement with a contact, and all that was known when it began. That is the newest belief, the first
     of the lost beliefs that led to it (`lost`), each sensor's last reading, the block and the bias. A held
     block is in the robot's frame. `before` are the movements before it, newest last, with nothing in between;
@@ -99,8 +97,7 @@ class Collision:
         return self.row.contact
 
 
-@dataclass(slots=True)
-class SpentTime:
+class SpentTime(Struct):
     """Time spent, simulated seconds; `between` is the real time from an answer to the next
     command: the program's thinking, and the link."""
 
@@ -113,8 +110,7 @@ class SpentTime:
     """Whole milliseconds of the readings, by code."""
 
 
-@dataclass(frozen=True, slots=True)
-class Dwell:
+class Dwell(Struct, frozen=True):
     """A stretch at the end, from `since` on (elapsed seconds), in which the robot only read its sensors.
     There were `readings` readings, `often` of them by the sensor with `code`, the one read most."""
 
