@@ -15,10 +15,14 @@ import shlex
 import signal
 import subprocess
 import sys
+import threading
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 GOAL = 2.0
+LONGEST = 60.0
+"""Seconds for a start, or an end, even on a busy machine."""
 UP = "print('up', flush=True); import signal, time; "
 PROGRAMS = {
     "a program that waits": UP + "time.sleep(600)",
@@ -39,6 +43,25 @@ def full_pipe() -> tuple[int, int]:
     return reading, writing
 
 
+@contextlib.contextmanager
+def ended_if_late(process: subprocess.Popen[bytes], awaited: str) -> Iterator[None]:
+    """Kill the simulator if it takes too long; its keeper ends the program. Raises TimeoutError then."""
+    late = threading.Event()
+
+    def end() -> None:
+        late.set()
+        process.kill()
+
+    timer = threading.Timer(LONGEST, end)
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
+    if late.is_set():
+        raise TimeoutError(f"{awaited} did not come within {LONGEST:g} s: {process.args!r}")
+
+
 def seconds_to_end(code: str, blocked: bool) -> float:
     """Seconds from the signal to the end of all processes with the program's output."""
     command = shlex.join([sys.executable, "-c", code])
@@ -49,11 +72,13 @@ def seconds_to_end(code: str, blocked: bool) -> float:
         stderr=ends[1] if blocked else subprocess.DEVNULL,
     )
     assert process.stdout is not None
-    process.stdout.readline()
+    with ended_if_late(process, "the program's first line"):
+        process.stdout.readline()
     begun = time.perf_counter()
-    process.send_signal(signal.SIGTERM)
-    process.stdout.read()
-    process.wait()
+    with ended_if_late(process, "the end after SIGTERM"):
+        process.send_signal(signal.SIGTERM)
+        process.stdout.read()
+        process.wait()
     taken = time.perf_counter() - begun
     process.stdout.close()
     for end in ends:

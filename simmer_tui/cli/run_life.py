@@ -5,16 +5,19 @@ Only the front end differs: lines on standard error (`headless.py`), or the scre
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
+import socket
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING
 
+from simmer_tui import platform_has
 from simmer_tui.cli.command_line import ExitCode, say
 from simmer_tui.config.dialects import COMMANDS, PACKETS, SERIAL
 from simmer_tui.config.variables import HOST
@@ -182,6 +185,7 @@ class RunLife:
             if self.page is not None:
                 self.page.stop()
             front.ended()
+            self._shutdown.release()
 
     def _start(self) -> None:
         server, front = self.server, self.front
@@ -419,22 +423,60 @@ class Shutdown:
         # The main thread and the time-limit thread may both call it.
         self._lock = threading.Lock()
         self._done = False
+        self._wakes: socket.socket | None = None
+        """The socket to which the system writes the numbers of signals."""
         self.program: Program | None = None
         """The program of the run, once it has been started."""
 
     def on_signals(self, interrupted: Callable[[int], int]) -> None:
         """End the run at signals from now on.
 
-        `interrupted` is called in the main thread with the signal's number. It makes the main thread end the
-        run, and returns the exit code. If the main thread is stuck, the run still ends within 2 s.
+        `interrupted` is called with the number of the first signal, in any thread. It makes the main thread
+        end the run, and returns the exit code. If the main thread is stuck, the run still ends within 2 s.
         """
 
-        def handle(number: int, frame: FrameType | None) -> None:
-            code = interrupted(number)
-            threading.Thread(target=self._insist, args=(code,), name="insist", daemon=True).start()
+        first = [True]
 
-        for number in _end_signals():
+        def end(number: int) -> None:
+            with contextlib.suppress(IndexError):  # another signal, or the other thread, was first
+                first.pop()
+                code = interrupted(number)
+                threading.Thread(target=self._insist, args=(code,), name="insist", daemon=True).start()
+
+        def handle(number: int, frame: FrameType | None) -> None:
+            end(number)
+
+        numbers = _end_signals()
+        # Windows interrupts no wait, and its event loop has a descriptor of its own here.
+        if platform_has.POSIX:
+            self._wake_at(numbers, end)
+        for number in numbers:
             signal.signal(number, handle)
+
+    def _wake_at(self, numbers: Sequence[int], end: Callable[[int], None]) -> None:
+        """Call `end` in a thread of its own at a signal, until `release`.
+
+        Python calls a handler in the main thread only. A signal that comes just before that thread begins a
+        blocking call does not interrupt the call: the handler would never be called.
+        """
+        reading, self._wakes = socket.socketpair()
+        self._wakes.setblocking(False)
+
+        def watch() -> None:
+            with reading:
+                while number := reading.recv(1):
+                    if number[0] in numbers:
+                        end(number[0])
+
+        signal.set_wakeup_fd(self._wakes.fileno(), warn_on_full_buffer=False)
+        threading.Thread(target=watch, name="signals", daemon=True).start()
+
+    def release(self) -> None:
+        """End the thread that waits for signals: the run is over."""
+        if self._wakes is not None:
+            signal.set_wakeup_fd(-1)
+            self._wakes.close()
+            self._wakes = None
 
     def finish(self, grace: float = 0.0, program_over: Callable[[], None] = lambda: None) -> None:
         """End everything, or wait until it has ended.

@@ -10,7 +10,7 @@ from pathlib import Path, PureWindowsPath
 
 from simmer_tui import platform_has
 from simmer_tui.errors import ProgramError
-from simmer_tui.program.shell_syntax import shell_problem
+from simmer_tui.program.shell_syntax import shell_problem, shell_syntax
 from simmer_tui.sim.command import WORD, cut, typed_path
 from simmer_tui.sim.rules import did_you_mean
 
@@ -158,8 +158,8 @@ def with_interpreter(command: str, *, windows: bool = not platform_has.POSIX) ->
 
 def missing_program(command: str) -> str:
     """The reason why the program of a command cannot be started: its file, or the first word, is not there.
-    Empty if it is there, or if it is not known."""
-    words = _words(command)
+    Empty if it is there, or if it is not known: with a shell's syntax, which has a reason of its own."""
+    words = () if shell_syntax(command) else _words(command)
     name = words[0] if words else ""
     if is_python(name):
         name = next(_script_of(words[1:]), "")

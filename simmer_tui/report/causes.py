@@ -39,6 +39,7 @@ class MomentKind(StrEnum):
     FAULT = "fault"
     PERSON = "person"
     DEVICE = "device"
+    BOARD = "board"
     LOST = "lost"
     SIGHT = "last sight"
     COMMAND = "deciding command"

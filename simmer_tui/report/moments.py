@@ -14,8 +14,9 @@ from simmer_tui.report.cause_order import wrong_text
 from simmer_tui.report.causes import Cause, MomentKind
 from simmer_tui.report.run_evidence import RunEvidence
 from simmer_tui.report.why import looks_there, shown_range
-from simmer_tui.run.events import Result
-from simmer_tui.run.phrases import grip_ending, place_text, pose_text, program_end_text
+from simmer_tui.run.events import NoticeKind, Result
+from simmer_tui.run.history_rows import NoticeRow
+from simmer_tui.run.phrases import board_place, grip_ending, place_text, pose_text, program_end_text
 from simmer_tui.sim.command import WORD, counted, cut
 
 MOST_MOMENTS = 7
@@ -27,6 +28,7 @@ _KEPT = (
     MomentKind.COMMAND,
     MomentKind.SIGHT,
     MomentKind.FAULT,
+    MomentKind.BOARD,
     MomentKind.LOST,
     MomentKind.DEVICE,
     MomentKind.PERSON,
@@ -135,6 +137,7 @@ def _all_moments(run: RunEvidence) -> Iterator[Moment]:
     for goal in run.goals:
         yield Moment(MomentKind.GOAL, goal.elapsed, goal.event.subject.value, goal.line)
     yield from _fault(run)
+    yield from _boards(run)
     yield from _person(run)
     yield from _lost(run)
     yield from _deciding(run)
@@ -154,6 +157,16 @@ def _fault(run: RunEvidence) -> Iterator[Moment]:
         others = f"; in all, {count} of {of} commands were refused" if count > 1 else ""
         text = f"{cut(command.shown, WORD)} was refused: {reason}{others}"
         yield Moment(MomentKind.FAULT, refused.elapsed, text, refused.line, command.code)
+
+
+def _boards(run: RunEvidence) -> Iterator[Moment]:
+    """The facts of boards: the newest of each place in a sketch."""
+    newest: dict[str, NoticeRow] = {}
+    for row in run.seen.history.notices.items:
+        if row.notice.kind is NoticeKind.BOARD and row.order > run.seen.history.began:
+            newest[row.notice.subject] = row
+    for row in newest.values():
+        yield Moment(MomentKind.BOARD, row.elapsed, row.text, row.line)
 
 
 def _person(run: RunEvidence) -> Iterator[Moment]:
@@ -184,7 +197,9 @@ def _deciding(run: RunEvidence) -> Iterator[Moment]:
     if met is not None and (run.has_contact or seen.task is None):
         row, last = met.met.row, met.facing
         code = row.ended.command.code
-        yield Moment(MomentKind.COMMAND, met.sent, f"{row.shown} was sent", row.line, code)
+        by = board_place(row.ended.command.source)
+        sent = f"{by} set {row.shown}" if by else f"{row.shown} was sent"
+        yield Moment(MomentKind.COMMAND, met.sent, sent, row.line, code)
         if met.looks is None or not looks_there(met.looks):
             text, code, at = "no sensor looks at the place that was touched", "", met.sent
         elif last is None:

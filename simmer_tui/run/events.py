@@ -47,6 +47,8 @@ class NoticeKind(StrEnum):
     PROGRAM = "program"
     ROBOT = "robot"
     """The port of a real robot."""
+    BOARD = "board"
+    """A fact of a board: a late byte, a lost edge, a wait at a contact."""
     VERDICT = "verdict"
     """Outcome of the run, and its cause."""
     HINT = "hint"
@@ -58,8 +60,8 @@ class NoticeKind(StrEnum):
 class Notice(Struct, frozen=True):
     """Something that happened beside the commands: who came, who left, what went wrong.
 
-    `subject` is the client's address where the notice is about one. `advice` is true if it tells what a new
-    program does wrong with its connection.
+    `subject` is the client's address where the notice is about one; a board's is its line in the sketch.
+    `advice` is true if it tells what a new program does wrong with its connection.
     """
 
     kind: NoticeKind

@@ -19,10 +19,23 @@ from simmer_tui.sim.scan_rays import extremes
 from simmer_tui.sim.specs import DriveKind, SimulationSpec
 from simmer_tui.sim.trajectory import Trajectory
 
+BOARD_SOURCE = "boards"
+"""Source of commands that boards make; a place in a sketch may follow: `boards, main at a.ino:4`."""
 _LONGEST = 200
 """Characters of text from a program that are shown."""
 # Inches; two decimals show less as 0.
 _SHOWN_MISS = 0.005
+
+
+def is_of_boards(source: str) -> bool:
+    """True for the source of a command that a board has made."""
+    return source.partition(",")[0] == BOARD_SOURCE
+
+
+def board_place(source: str) -> str:
+    """The board and line that made a command: `board main at a.ino:4`; empty if they are not known."""
+    _, _, place = source.partition(", ")
+    return f"board {place}" if place and is_of_boards(source) else ""
 
 
 # -- numbers and places ----------------------------------------------------------------------------

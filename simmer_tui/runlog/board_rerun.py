@@ -12,6 +12,7 @@ from simmer_tui.config.settings import BITS_OF_A_BYTE
 from simmer_tui.errors import RunLogError
 from simmer_tui.robot.engine import Engine
 from simmer_tui.run.events import ActionDone, CommandResult, Event, Notice, NoticeKind, WireMessage
+from simmer_tui.run.phrases import is_of_boards
 from simmer_tui.runlog.closing import Closing
 from simmer_tui.runlog.header import rebuild
 from simmer_tui.runlog.log_records import BrokenLine, NoticeRecord
@@ -19,7 +20,6 @@ from simmer_tui.runlog.reader import LogReader
 from simmer_tui.runlog.rerun import set_up_simulator
 from simmer_tui.sim.command import cut
 from simmer_tui.sim.simulator import Simulator
-from simmer_tui.sketch.robot_world import SOURCE
 from simmer_tui.sketch.sketch_robot import SketchRobot, compile_set, logged_sketches, with_boards
 from simmer_tui.sketch.wiring import wiring_of
 
@@ -136,7 +136,7 @@ def _fact(event: Event) -> tuple[float, str, str] | None:
     """A fact that boards have made: its time, its text and its value. None for other events."""
     if isinstance(event, WireMessage) and event.reply:
         return event.time, "line", event.data
-    if isinstance(event, CommandResult) and event.command.source == SOURCE:
+    if isinstance(event, CommandResult) and is_of_boards(event.command.source):
         return event.time, event.command.text, repr(event.reply)
     return None
 

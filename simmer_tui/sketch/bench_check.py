@@ -9,11 +9,11 @@ from simmer_tui.config.loader import Configuration
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.robot.engine import Engine
 from simmer_tui.run.events import Event, Notice
+from simmer_tui.run.phrases import BOARD_SOURCE
 from simmer_tui.sim import Simulator
 from simmer_tui.sim.command import Command, counted, cut
 from simmer_tui.sketch.compiler import find_compiler
 from simmer_tui.sketch.parts import analog_counts, echo_length
-from simmer_tui.sketch.robot_world import SOURCE
 from simmer_tui.sketch.sketch_robot import SketchRobot, compile_set, with_boards
 from simmer_tui.sketch.wiring import WiredAnalog, WiredEncoder, WiredLineSensor, WiredSonar, Wiring
 
@@ -93,7 +93,7 @@ def _readings(engine: Engine, wiring: Wiring) -> Iterator[str]:
     for part in wiring.sensors:
         if isinstance(part, WiredEncoder):
             continue
-        value = engine.peek(Command(part.code, part.code, source=SOURCE)).reply
+        value = engine.peek(Command(part.code, part.code, source=BOARD_SOURCE)).reply
         unit = units[part.code]
         shown = f"{value:.2f}".rstrip("0").rstrip(".") + (f" {unit}" if unit else "")
         if isinstance(part, WiredSonar):

@@ -20,7 +20,7 @@ from simmer_tui.errors import BoardError
 from simmer_tui.sketch.build import RUNTIME_NAME
 from simmer_tui.sketch.compiler import links_at_fixed_addresses
 
-_REQUEST = struct.Struct("<QBBHiII")
+_REQUEST = struct.Struct("<QBBHiIIQII")
 _GRANT = struct.Struct("<QdII")
 _RECORD = struct.Struct("<QBBHi")
 # A slice takes milliseconds. A board that says nothing for this long is in a loop that no clock sees.
@@ -60,6 +60,28 @@ class Told(IntEnum):
     LOST_BYTE = 6
     BAUD = 7
     MODE = 8
+    WAITED = 9
+    LATE_BYTE = 10
+    UNTIL = 11
+    EDGES = 12
+
+
+class Waits(IntEnum):
+    """Calls in which a sketch waits."""
+
+    NOT = 0
+    DELAY = 1
+    PULSE = 2
+    READ = 3
+
+
+class BoardWait(NamedTuple):
+    """A wait of a sketch: the call, the address of its block, and its times in nanoseconds."""
+
+    kind: int
+    place: int
+    begin: int
+    end: int
 
 
 EDGE, BYTE = 1, 2
@@ -93,13 +115,16 @@ class BoardProcess:
         reason, query, pin: why it has stopped, and its question.
         waited: its time in delay() so far, milliseconds.
         place: the address of the basic block of its sketch.
+        wait: the call in which it waits, if it does; its end is not known.
     """
 
     def __init__(self, name: str, program: Path, options: Sequence[str]) -> None:
         self.name = name
         self.now = 0
         self.reason = self.query = self.pin = self.waited = self.place = 0
+        self.wait: BoardWait | None = None
         self._program = program
+        self._lines: dict[int, str] = {}
         self._process = subprocess.Popen(
             [str(program), *options],
             stdin=subprocess.PIPE,
@@ -119,7 +144,11 @@ class BoardProcess:
         """Wait until the board stops again. Returns its records. Raises BoardError if it died or hangs."""
         self._waits_since = time.monotonic()
         data = self._read_whole(_REQUEST.size)
-        self.now, self.reason, self.query, count, self.pin, self.waited, self.place = _REQUEST.unpack(data)
+        self.now, self.reason, self.query, count, self.pin, self.waited, self.place, *wait = _REQUEST.unpack(
+            data
+        )
+        begin, place, kind = wait
+        self.wait = BoardWait(kind, place, begin, 1 << 62) if kind else None
         self.exchanges += 1
         if not count:
             self._waits_since = 0.0
@@ -190,6 +219,12 @@ class BoardProcess:
 
     def line_of(self, place: int) -> str:
         """The line of the sketch, `robot.ino:12`, at the address of a block; empty if it is not known."""
+        found = self._lines.get(place)
+        if found is None:
+            found = self._lines[place] = self._found_line(place)
+        return found
+
+    def _found_line(self, place: int) -> str:
         tool = shutil.which("addr2line")
         if tool is None or not place or not links_at_fixed_addresses():
             return ""

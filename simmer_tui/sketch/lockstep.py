@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time as real
 from bisect import insort
+from collections import deque
 from collections.abc import Iterable, Sequence
 
 from msgspec import Struct, field
@@ -18,6 +19,7 @@ from simmer_tui.sketch.board_process import (
     BoardEvent,
     BoardProcess,
     BoardRecord,
+    BoardWait,
     Reason,
     Told,
 )
@@ -31,6 +33,8 @@ _STEP = 10_000
 _BITS, _USUAL_BAUD = 10, 9600
 _SECOND = 1_000_000_000
 # A call must return to the event loop soon, for stops and Ctrl-C.
+# The world is a slice behind a board at most, and a wait that is told lasts as long.
+_KEPT_WAITS = 8
 REAL_SLICE = 0.02
 """Real seconds after which `run` returns early."""
 
@@ -72,6 +76,8 @@ class Board(Struct, eq=False):
     pins: dict[int, PinState] = field(default_factory=dict)
     baud: dict[int, int] = field(default_factory=dict)
     records: list[BoardRecord] = field(default_factory=list)
+    waited: deque[BoardWait] = field(default_factory=lambda: deque(maxlen=_KEPT_WAITS))
+    """Its last long waits in delay() and the like, that are over."""
     granted: int = 0
     answer: float = 0.0
     waits: bool = False
@@ -86,6 +92,11 @@ class Board(Struct, eq=False):
         """The share of time that a pin is high."""
         state = self.pins.get(number)
         return 0.0 if state is None else state.level
+
+    def wait_at(self, time: int) -> BoardWait | None:
+        """The call in which it waited at a time that it has reached; None if it did not, or not for long."""
+        waits = self.waited if self.process.wait is None else (*self.waited, self.process.wait)
+        return next((each for each in waits if each.begin <= time < each.end), None)
 
     def pin(self, number: int) -> PinState:
         """The state of a pin."""
@@ -120,7 +131,13 @@ class LockstepWorld:
         """A byte arrives at the laptop at a time; `byte` is its duration."""
 
     def lost(self, board: Board, record: BoardRecord) -> None:
-        """A board has lost an edge or a byte."""
+        """A board has lost a byte."""
+
+    def lost_edge(self, board: Board, record: BoardRecord, edges: int) -> None:
+        """A board has lost one of so many edges that a pin has had."""
+
+    def was_late(self, board: Board, record: BoardRecord, until: int) -> None:
+        """A board has read a byte long after it had arrived, at `until`."""
 
 
 class Lockstep:
@@ -178,6 +195,7 @@ class Lockstep:
         board.records.clear()
         board.pins.clear()
         board.baud.clear()
+        board.waited.clear()
         board.granted, board.waits = board.process.now, False
         self._receive(board)
 
@@ -215,7 +233,17 @@ class Lockstep:
         now = board.process.now
         self._world.advance(now)
         changed = []
+        before: BoardRecord | None = None
         for record in board.records:
+            if record.kind in (Told.LATE_BYTE, Told.LOST_EDGE):
+                before = record
+                continue
+            if record.kind == Told.UNTIL and before is not None:
+                self._world.was_late(board, before, record.time)
+                continue
+            if record.kind == Told.EDGES and before is not None:
+                self._world.lost_edge(board, before, record.value)
+                continue
             state = board.pin(record.pin)
             kind = record.kind
             if kind == Told.LEVEL:
@@ -273,9 +301,16 @@ class Lockstep:
         while events and events[0].time <= now and events[0].time < board.granted:
             del events[0]
         board.waits = board.process.reason == Reason.QUERY
+        begun: BoardRecord | None = None
         for record in records:
             if record.kind == Told.BYTE:
                 self._pass_on(board, record)
+            elif record.kind == Told.WAITED:
+                begun = record
+            elif record.kind == Told.UNTIL and begun is not None:
+                place = begun.value & 0xFFFFFFFF
+                board.waited.append(BoardWait(begun.pin, place, begun.time, record.time))
+                begun = None
             elif record.kind == Told.BAUD:
                 board.baud[record.pin] = record.value
             else:

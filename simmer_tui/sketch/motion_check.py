@@ -119,9 +119,27 @@ def sketch_motions(
             yield SketchMotion(function, spot, motion, tuple(backward))
 
 
+class WrongMotion(Struct, frozen=True):
+    """A function whose name promises another motion than it sets: the sentence says both. `spots` are the
+    places of its writes."""
+
+    spot: str
+    text: str
+    spots: frozenset[str]
+
+
 def wrong_motions(
     wiring: Wiring, wheels: WheelsSpec | None, facts: Mapping[str, SketchFacts]
 ) -> Iterator[Problem]:
+    """Problems of functions whose name promises another motion than they set."""
+    remedy = "swap a motor's pins in wiring.toml if its wires are swapped, else in the sketch"
+    for each in wrong_functions(wiring, wheels, facts):
+        yield Problem(each.spot, f"{each.text}; {remedy}")
+
+
+def wrong_functions(
+    wiring: Wiring, wheels: WheelsSpec | None, facts: Mapping[str, SketchFacts]
+) -> Iterator[WrongMotion]:
     """Functions whose name promises another motion than they set."""
     if wheels is None:
         return
@@ -137,8 +155,9 @@ def wrong_motions(
                 )
                 motion = each.motion.replace(" ", " the robot ", 1)
                 what = f"{each.function}() {motion}: {which}"
-                remedy = "swap a motor's pins in wiring.toml if its wires are swapped, else in the sketch"
-                yield Problem(each.spot, f"{what}; {remedy}")
+                steps = (step for step in found.deep_steps() if step is not None)
+                spots = frozenset(step.spot for step in steps if step.root == each.function)
+                yield WrongMotion(each.spot, what, spots)
 
 
 def _motion(kinematics: WheelKinematics, speeds: list[float]) -> str:

@@ -6,20 +6,19 @@ Times are nanoseconds of the boards' clocks. The world only goes forward.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from msgspec import Struct
 
 from simmer_tui.robot.engine import Engine
 from simmer_tui.robot.sessions import Session
+from simmer_tui.run.phrases import BOARD_SOURCE
 from simmer_tui.sim.command import parse_command
 from simmer_tui.sim.records import CommandResult, Status
 from simmer_tui.sim.specs import VelocityKind
 from simmer_tui.sim.wheels import WheelKinematics
 from simmer_tui.sketch.parts import EncoderState
 
-SOURCE = "boards"
-"""Source of the commands that boards make."""
 SECOND = 1_000_000_000
 # A line sensor is read thousands of times a second: all of that would be most of the log. Real errors last
 # too, those of light, of surfaces, of a motor's noise.
@@ -41,6 +40,7 @@ class RobotWorld:
             (each.code for each in spec.velocities if each.kind is VelocityKind.WHEELS and each.enabled), ""
         )
         self._speeds: tuple[float, ...] = ()
+        self._source = BOARD_SOURCE
         self._waiting: tuple[float, ...] | None = None
         """Rim speeds that wait for the end of the gripper's movement."""
         self._leg: object = None
@@ -70,10 +70,10 @@ class RobotWorld:
         trajectory, due = self._simulator.trajectory, self._simulator.next_event
         self._due = due if trajectory is None else min(due, trajectory.end_time)
 
-    def _act(self, text: str) -> CommandResult:
+    def _act(self, text: str, source: str = BOARD_SOURCE) -> CommandResult:
         """Do a command now, and tell it."""
         self._simulator.advance(self.time / SECOND)
-        result = self._engine.act(parse_command(text, SOURCE), self._session)
+        result = self._engine.act(parse_command(text, source), self._session)
         self._plan()
         return result
 
@@ -102,18 +102,24 @@ class RobotWorld:
 
     # -- wheels ----------------------------------------------------------------------------------------
 
-    def set_speeds(self, speeds: Mapping[int, float]) -> None:
-        """The wheels' rim speeds from now on, by the wheel's index; wheels without a motor stand."""
+    def set_speeds(self, speeds: Mapping[int, float], where: Callable[[], str] = str) -> bool:
+        """The wheels' rim speeds from now on, by the wheel's index; wheels without a motor stand.
+
+        `where` is called for the place in the sketch. Returns True if the speeds are others than before.
+        """
         if self._kinematics is None or not self._wheels_code:
-            return
+            return False
         asked = tuple(speeds.get(index, 0.0) for index in range(len(self._kinematics.wheels)))
         if asked == (self._speeds or (0.0,) * len(asked)):
-            return
+            return False
         self._speeds = asked
+        place = where()
+        self._source = f"{BOARD_SOURCE}, {place}" if place else BOARD_SOURCE
         if self._simulator.trajectory is not None:
             self._waiting = asked
         else:
             self._drive(asked)
+        return True
 
     def drive_again(self) -> None:
         """Set the rim speeds again, after the robot was put elsewhere."""
@@ -126,7 +132,7 @@ class RobotWorld:
             self._drive(speeds)
 
     def _drive(self, speeds: Sequence[float]) -> None:
-        self._act(f"{self._wheels_code}-{';'.join(f'{each:.12g}' for each in speeds)}")
+        self._act(f"{self._wheels_code}-{';'.join(f'{each:.12g}' for each in speeds)}", self._source)
         self._note_leg(self.time)
 
     def _note_leg(self, time: int) -> None:

@@ -18,9 +18,20 @@ from simmer_tui.errors import BoardError
 from simmer_tui.links.backend import Message
 from simmer_tui.robot.engine import Engine
 from simmer_tui.robot.sessions import Answered, Session
-from simmer_tui.run.events import ActionDone, ActionName, Event, Notice, NoticeKind, WireMessage
+from simmer_tui.run.events import (
+    ActionDone,
+    ActionName,
+    Event,
+    LegEnded,
+    MissionEvent,
+    Notice,
+    NoticeKind,
+    ProgramEnded,
+    WireMessage,
+)
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.records import CommandResult, Status
+from simmer_tui.sketch.board_facts import BoardFacts
 from simmer_tui.sketch.board_process import (
     BYTE,
     EDGE,
@@ -28,12 +39,12 @@ from simmer_tui.sketch.board_process import (
     BoardProcess,
     BoardRecord,
     Query,
-    Told,
     Watchdog,
 )
 from simmer_tui.sketch.board_view import BoardView, PinView
 from simmer_tui.sketch.build import BuiltSketch, build_sketch, fastest_baud
 from simmer_tui.sketch.lockstep import BOARD_SLICE, NEVER, Board, Lockstep, LockstepWorld, PinState
+from simmer_tui.sketch.motion_check import wrong_functions
 from simmer_tui.sketch.parts import (
     ECHO_DELAY,
     EncoderState,
@@ -42,6 +53,8 @@ from simmer_tui.sketch.parts import (
     rim_speed,
 )
 from simmer_tui.sketch.robot_world import SECOND, RobotWorld
+from simmer_tui.sketch.sketch_check import facts_of
+from simmer_tui.sketch.sketch_scan import SketchFacts
 from simmer_tui.sketch.wiring import (
     WiredAnalog,
     WiredEncoder,
@@ -80,6 +93,8 @@ class SketchSet(Struct, frozen=True):
     built: Mapping[str, BuiltSketch]
     bauds: Mapping[str, int]
     """The fastest rate that each sketch names."""
+    facts: Mapping[str, SketchFacts] = {}
+    """Facts of the text of each sketch."""
 
 
 def compile_set(wiring: Wiring, directory: Path) -> SketchSet:
@@ -89,7 +104,7 @@ def compile_set(wiring: Wiring, directory: Path) -> SketchSet:
         path = directory / board.sketch
         built[name] = build_sketch(path, board.kind, board.place_of("sketch"))
         bauds[name] = fastest_baud(path)
-    return SketchSet(wiring, built, bauds)
+    return SketchSet(wiring, built, bauds, facts_of(wiring, directory, []))
 
 
 def with_boards(configuration: Configuration, wiring: Wiring) -> Configuration:
@@ -158,6 +173,9 @@ class SketchRobot(LockstepWorld):
         self._late = 0.0
         """Seconds by which simulated time has fallen behind the real clock so far."""
         self._has_told_late = False
+        self._facts = BoardFacts(engine)
+        self._wrong = list(wrong_functions(sketches.wiring, engine.simulator.spec.wheels, sketches.facts))
+        """Functions that move the robot otherwise than they are named, until that is told."""
         self._lost: dict[tuple[str, int, int], int] = {}
         self.failed = ""
         """The sentence about boards that have ended; empty while they run."""
@@ -311,6 +329,10 @@ class SketchRobot(LockstepWorld):
         self.on_end()
 
     def _watch(self, event: Event) -> None:
+        if isinstance(event, LegEnded):
+            self._facts.leg_ended(event, self.boards.values())
+        elif isinstance(event, ProgramEnded) or (isinstance(event, MissionEvent) and event.over):
+            self._facts.tell_totals()
         if not isinstance(event, ActionDone) or event.refused:
             return
         self._world.look_again()
@@ -320,6 +342,7 @@ class SketchRobot(LockstepWorld):
             for each in self._encoders.values():
                 each.restart()
             self.failed = ""
+            self._facts = BoardFacts(self.engine)
             self._start()
         elif event.action.name is ActionName.TELEPORT:
             self._world.drive_again()
@@ -348,9 +371,20 @@ class SketchRobot(LockstepWorld):
 
     def changed(self, board: Board, pins: Iterable[int]) -> None:
         wiring = self._set.wiring
-        self._world.set_speeds(
-            {each.wheel_index: rim_speed(each, self.boards[each.board].level) for each in wiring.motors}
-        )
+        speeds = {each.wheel_index: rim_speed(each, self.boards[each.board].level) for each in wiring.motors}
+        line = ""
+
+        def where() -> str:
+            nonlocal line
+            line = board.process.line_of(board.process.place)
+            return f"{board.name} at {line}" if line else ""
+
+        if self._world.set_speeds(speeds, where):
+            for wrong in self._wrong[:]:
+                if line in wrong.spots:
+                    self._wrong.remove(wrong)
+                    text = f"board {board.name}: {wrong.text}, at {line}"
+                    self.engine.tell(Notice(NoticeKind.BOARD, text, wrong.spot))
         for servo in wiring.servos:
             if servo.board == board.name and servo.pin in pins:
                 self._move_servo(board.pin(servo.pin).servo, servo.open, servo.closed)
@@ -389,8 +423,15 @@ class SketchRobot(LockstepWorld):
         self.lockstep.put(board, BoardEvent(rise, EDGE, sonar.echo, 1))
         self.lockstep.put(board, BoardEvent(fall, EDGE, sonar.echo, 0))
 
+    def was_late(self, board: Board, record: BoardRecord, until: int) -> None:
+        self._facts.was_late(board, record, until)
+
+    def lost_edge(self, board: Board, record: BoardRecord, edges: int) -> None:
+        pin = self._set.wiring.boards[board.name].kind.pin_name(record.pin)
+        self._facts.lost_edge(board, pin, record.value & 0xFFFFFFFF, edges)
+
     def lost(self, board: Board, record: BoardRecord) -> None:
-        """Tell the first of each kind that is lost at a pin, the tenth, the hundredth ..."""
+        """Tell the first byte that is lost at a pin, the tenth, the hundredth ..."""
         key = (board.name, record.kind, record.pin)
         count = self._lost[key] = self._lost.get(key, 0) + 1
         if str(count).strip("0") != "1":
@@ -399,12 +440,9 @@ class SketchRobot(LockstepWorld):
         line = board.process.line_of(record.value & 0xFFFFFFFF)
         where = f" at {line}" if line else ""
         pin = kind.pin_name(record.pin)
-        if record.kind == Told.LOST_EDGE:
-            text = f"an edge at pin {pin} was lost{where}: interrupts were off since the one before"
-        else:
-            text = f"a byte at pin {pin} was lost{where}: the queue was full, or interrupts were off"
+        text = f"a byte at pin {pin} was lost{where}: the queue was full, or interrupts were off"
         more = f"; {count} so far" if count > 1 else ""
-        self.engine.tell(Notice(NoticeKind.ROBOT, f"board {board.name}: {text}{more}"))
+        self.engine.tell(Notice(NoticeKind.BOARD, f"board {board.name}: {text}{more}", line))
 
     # -- the line to the laptop ------------------------------------------------------------------------
 
@@ -419,7 +457,9 @@ class SketchRobot(LockstepWorld):
         line = self._set.wiring.laptop
         assert line is not None, "only a wiring with a line to the laptop has its link"
         board = self.boards[line.board]
-        self.lockstep.put(board, BoardEvent(max(time, board.now), BYTE, line.rx, value | baud << 8))
+        at = max(time, board.now)
+        self._facts.received(at, value)
+        self.lockstep.put(board, BoardEvent(at, BYTE, line.rx, value | baud << 8))
 
     def tell_line(self, text: str, *, reply: bool) -> None:
         """Tell bytes of the line, at the present time."""

@@ -221,7 +221,7 @@ class SimmerApp(Shell):
             line = f'simmer-tui why {typed_path(saved.path)} --run "CMD"'
             self._console.show_error(f"try: no program was started with --run; type {line}")
         else:
-            self.run_worker(self._try_changes(saved), group="try", exclusive=True)
+            self.begin(partial(self._try_changes, saved), "try", once=True)
 
     async def _try_changes(self, saved: SavedRun) -> None:
         """Show the progress of the runs on a page, and then their answer. Closing the page ends them."""
@@ -278,14 +278,14 @@ class SimmerApp(Shell):
             "step": lambda _: self.action_press("step"),
             "pace": lambda factor: self._set_pace(float(factor)),
             "why": self._show_why,
-            "report": lambda _: self.run_worker(self._show_report(), group="report", exclusive=True),
+            "report": lambda _: self.begin(self._show_report, "report", once=True),
             "try": lambda _: self.action_try_changes(),
             "program": lambda _: self._show_program(),
             "bias": lambda _: self.ask(answers.bias_answer(self.server.simulator.bias), stays=True),
             "vv": self._drive_for,
             "send": lambda text: self._console.show_error(self._operator.send_text(text)),
             "pins": self._show_pins,
-            "log": lambda file: self.run_worker(self._start_log(file), group="log"),
+            "log": lambda file: self.begin(partial(self._start_log, file), "log"),
             "robot": self.server.use_robot,
             "simulator": lambda _: self.server.use_simulator(),
             "web": lambda _: self._show_links(),

@@ -6,6 +6,7 @@ The timeline has a clock, a bar, and marks of contacts, goals and pauses to jump
 import asyncio
 import contextlib
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import ClassVar
 
@@ -152,7 +153,7 @@ class ReplayApp(Shell):
         # People replay a run to find what went wrong, and true values help.
         self._panes.switch("truth", "on")
         self.set_interval(1 / self._settings.screen.fps, self._tick)
-        self.run_worker(self._find_verdict(), group="verdict")
+        self.begin(self._find_verdict, "verdict")
         if self._following:
             self.set_interval(_REFRESH, self._take_in)
             self.run_shown.stand_at_end()
@@ -200,7 +201,7 @@ class ReplayApp(Shell):
             fresh = self.run_shown.poll()
             has_program_ended = fresh and isinstance(index.record(index.count - 1), ProgramRecord)
             if has_program_ended or index.find_next(known - 1, EntryFlag.MISSION) is not None:
-                self.run_worker(self._find_verdict(), group="verdict", exclusive=True)
+                self.begin(self._find_verdict, "verdict", once=True)
         except RunLogError as error:
             self._note = str(error)
             self._following = False
@@ -251,7 +252,7 @@ class ReplayApp(Shell):
         index, elapsed = self.run_shown.index, self.run_shown.elapsed
         chosen = TakeOver(index.path, moment_of(index, self.run_shown.entry, elapsed), self._devices)
         self.tell(f"running it again up to {elapsed:.2f} s")
-        self.run_worker(self._try_to_take_over(chosen), group="take over", exclusive=True)
+        self.begin(partial(self._try_to_take_over, chosen), "take over", once=True)
 
     async def _try_to_take_over(self, chosen: TakeOver) -> None:
         try:

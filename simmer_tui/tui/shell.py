@@ -5,9 +5,9 @@
 
 import time
 import traceback
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Coroutine, Iterable, Sequence
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
@@ -16,6 +16,7 @@ from textual.filter import ANSIToTruecolor, LineFilter
 from textual.geometry import Size
 from textual.screen import Screen
 from textual.widget import Widget
+from textual.worker import Worker
 
 from simmer_tui.errors import printable
 from simmer_tui.live.snapshot import Snapshot
@@ -89,6 +90,11 @@ class Shell(FaultReporting, TerminalApp):
         """Pictures skipped because the terminal had not taken the last ones."""
         self.fault = ""
         """Fault of its own that ended the app; empty if none did."""
+
+    def begin(self, work: Callable[[], Coroutine[Any, Any, None]], group: str, *, once: bool = False) -> None:
+        """Begin work beside the drawing; `once` ends what the group did before. It is no coroutine: that of
+        work which ends before it has begun would never be awaited."""
+        _: Worker[None] = self.run_worker(work, group=group, exclusive=once)
 
     def end(self, code: int) -> None:
         """End soon, with an exit code. Any thread may call it; it does not wait."""
@@ -258,6 +264,8 @@ class Shell(FaultReporting, TerminalApp):
 
     def _laid_out(self, screen: Screen[object]) -> None:
         """Draw into boxes that have just got their sizes."""
+        if not self.screen_stack:
+            return  # a layout may be told after the app has ended
         # A layout before new boxes may be told after them: theirs is known by the sizes.
         sizes = [widget.size for widget in self.screen_stack[0].children]
         if self._is_arranged or sizes != self._sizes:

@@ -169,7 +169,8 @@ def _beside(side: Box, sensors: int, panels: Panels, answer: int) -> dict[str, B
     # A longer answer than usual takes the gaps, then the radar's rows and those of the sensors.
     said = min(max(ANSWER_ROWS, answer), side.height - _LEAST_SENSORS)
     sensors = min(sensors, side.height - said)
-    if answer > ANSWER_ROWS:
+    # A sketch reads its sensors by pins: its boards are worth more than rows of sensors without a value.
+    if answer > ANSWER_ROWS or any(name == "boards" for name, _ in panels):
         sensors = max(min(sensors, side.height - said - wanted), _LEAST_SENSORS)
     rest = side.height - said - sensors
     gaps = min(max(rest - wanted, 0), 2)

@@ -12,6 +12,7 @@ import pytest
 
 from simmer_tui.errors import ProgramError, TrialsError
 from simmer_tui.grade.course import Team, submitted_team
+from simmer_tui.program import Program
 from simmer_tui.program.program_command import command_line_of, words_of
 from simmer_tui.program.shell_syntax import shell_command, shell_problem, shell_syntax
 from simmer_tui.trials.cluster import pack
@@ -53,6 +54,13 @@ NO_SHELL = [
     "   ",
     "python 'unclosed > x",
 ]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="the operators are those of POSIX")
+@pytest.mark.parametrize(("command", "found"), SHELL)
+def test_a_program_is_not_started_and_the_line_is_told(command: str, found: str) -> None:
+    with pytest.raises(ProgramError, match="no shell is used; type --run"):
+        Program(command, {}, lambda code: None)
 
 
 @pytest.mark.parametrize(("command", "found"), SHELL)

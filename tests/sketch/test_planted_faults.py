@@ -11,6 +11,7 @@ import pytest
 
 from simmer_tui.cli.main import main
 from simmer_tui.config.loader import load
+from simmer_tui.run.events import Event, Notice, NoticeKind
 from simmer_tui.sim.records import CommandResult
 from simmer_tui.sketch.compiler import find_compiler
 from simmer_tui.sketch.sketch_check import facts_of, sketch_problems
@@ -97,3 +98,35 @@ def test_the_samples_program_drives_its_boards(
     )
     assert done.returncode == 0, done.stderr
     assert "done 405 396\n" in done.stdout
+
+
+def told(run_events: list[Event]) -> list[Notice]:
+    return [each for each in run_events if isinstance(each, Notice) and each.kind is NoticeKind.BOARD]
+
+
+@pytest.mark.slow
+def test_a_late_stop_and_a_contact_in_a_delay_are_told_with_their_line(tmp_path: Path) -> None:
+    compiler_or_skip()
+    configuration = set_of(FAULTS / "lost_stop", tmp_path / "set")
+    late = told(run_boards(configuration, 2.0, ((0.5, b"F"), (1.05, b"S"))).events)
+    (stop,) = (each for each in late if each.text.startswith("the byte 'S' waited"))
+    assert stop.subject == "lost_stop.ino:25"
+    assert "board main was in delay() at lost_stop.ino:25; the robot went" in stop.text
+    run = run_boards(configuration, 12.0, ((0.5, b"F"),))
+    met = [
+        each
+        for each in told(run.events)
+        if each.text.startswith("at the contact, board main was in delay() at")
+    ]
+    assert [each.subject for each in met] == ["lost_stop.ino:25"]
+
+
+@pytest.mark.slow
+def test_a_function_that_turns_instead_of_driving_ahead_is_told_when_it_runs(tmp_path: Path) -> None:
+    compiler_or_skip()
+    run = run_boards(set_of(FAULTS / "polarity", tmp_path / "set"), 1.5, ((0.5, b"F"),))
+    (wrong,) = told(run.events)
+    assert wrong.subject == "polarity.ino:16"
+    assert "goForward() turns the robot right: motors[2] turns backward, at polarity.ino:16" in wrong.text
+    sources = {each.command.source for each in run.events if isinstance(each, CommandResult)}
+    assert "boards, main at polarity.ino:16" in sources, "the block that writes the pins"

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import gc
+import warnings
 from collections.abc import Awaitable, Callable, Iterator
 from pathlib import Path
 
@@ -247,6 +249,19 @@ def test_t_takes_over_where_the_replay_stands(run: Run) -> None:
     chosen = ended[0].taken_over
     assert chosen is not None
     assert (chosen.path, chosen.moment.line, chosen.moment.elapsed) == (run.path, 4, 0.5)
+
+
+def test_what_is_asked_twice_at_once_is_done_once_and_without_a_warning(run: Run) -> None:
+    async def act(app: ReplayApp, pilot: Pilot[int]) -> None:
+        await pilot.press("n")
+        with warnings.catch_warnings(record=True) as warned:
+            app.action_take_over()
+            app.action_take_over()
+            await until(pilot, lambda: app.taken_over is not None)
+            gc.collect()
+        assert not [str(each.message) for each in warned]
+
+    play(run, act)
 
 
 @pytest.mark.slow

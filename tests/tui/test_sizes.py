@@ -141,6 +141,15 @@ def test_a_long_answer_takes_rows_of_others_and_covers_none(
         assert box.bottom <= height
 
 
+def test_boards_of_a_mission_are_seen_before_the_last_sensors(course_spec: SimulationSpec) -> None:
+    panels = (("robot", 3), ("run", 7), ("boards", 3))
+    plan = arrangement(course_spec.maze, 120, 36, sensors=17, panels=panels)
+    assert {name: plan.boxes[name].height for name, _ in panels} == dict(panels)
+    assert plan.boxes["sensors"].height == 14
+    page = arrangement(course_spec.maze, 80, 24, sensors=17, panels=panels, page="robot")
+    assert {name: page.boxes[name].height for name, _ in panels} == dict(panels)
+
+
 def test_every_page_has_its_pane_and_the_console(course_spec: SimulationSpec) -> None:
     for page in PAGES[1:]:
         boxes = planned(course_spec.maze, 80, 24, page=page).boxes

@@ -10,6 +10,22 @@ Nanoseconds boot = 0;
 Nanoseconds waited = 0;
 Nanoseconds next_stop = NEVER;  // before main() nothing is due: constructors of globals take no time
 
+Wait waiting, last_wait;
+
+WaitScope::WaitScope(Waits kind, uint32_t at) : is_outermost_(waiting.kind == Waits::Not) {
+  if (is_outermost_) waiting = {kind, at, now, now};
+}
+
+WaitScope::~WaitScope() {
+  if (!is_outermost_) return;
+  waiting.end = now;
+  if (now - waiting.begin >= LONG_WAIT) {
+    last_wait = waiting;
+    tell_span(Told::Waited, static_cast<int>(waiting.kind), waiting.place, waiting.begin, now);
+  }
+  waiting.kind = Waits::Not;
+}
+
 void plan_stop() {
   next_stop = horizon < next_event() ? horizon : next_event();
   if (interrupt_waits() && now < next_stop) next_stop = now;

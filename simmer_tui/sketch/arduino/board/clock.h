@@ -36,6 +36,29 @@ extern Nanoseconds boot;       // the time of the last reset: millis() counts fr
 extern Nanoseconds waited;     // time spent in delay()
 extern Nanoseconds next_stop;  // the earliest time at which something is due
 
+// A call in which the sketch waits: delay(), pulseIn(), or a read with a timeout. Calls within it do not count.
+enum class Waits : uint8_t { Not = 0, InDelay = 1, InPulse = 2, InRead = 3 };
+struct Wait {
+  Waits kind = Waits::Not;
+  uint32_t place = 0;  // address of the call, or of the basic block that has it
+  Nanoseconds begin = 0, end = 0;
+};
+extern Wait waiting, last_wait;
+// Told of: a program that asks at 20 Hz or faster loses at least one turn.
+constexpr Nanoseconds LONG_WAIT = 20 * MILLISECOND;
+// Address in the sketch to which a function that the sketch called returns.
+#define CALLED_AT static_cast<uint32_t>(reinterpret_cast<uintptr_t>(__builtin_return_address(0)))
+class WaitScope {
+ public:
+  WaitScope(Waits kind, uint32_t at);  // the address of its call, or of the block that has it
+  ~WaitScope();
+  WaitScope(const WaitScope&) = delete;
+  WaitScope& operator=(const WaitScope&) = delete;
+
+ private:
+  bool is_outermost_;
+};
+
 // Let time pass. Interrupts within it come at their own time, and prolong it.
 void pass(Nanoseconds duration);
 // Let time pass until a moment. Interrupts within it do not move the moment.

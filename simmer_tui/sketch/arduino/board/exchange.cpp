@@ -37,13 +37,15 @@ struct Request {
   uint16_t count;
   int32_t pin;
   uint32_t waited, place;
+  uint64_t wait_begin;
+  uint32_t wait_place, waits;
 };
 struct Grant {
   uint64_t horizon;
   double answer;
   uint32_t count, flags;
 };
-static_assert(sizeof(Request) == 24 && sizeof(Grant) == 24, "as on the channel");
+static_assert(sizeof(Request) == 40 && sizeof(Grant) == 24, "as on the channel");
 
 constexpr size_t MOST_TOLD = 2000;  // records that wait for the next exchange: `count` has 16 bits
 
@@ -94,7 +96,10 @@ double exchange(Reason reason, Query query, int pin) {
                         static_cast<uint16_t>(told.size()),
                         pin,
                         static_cast<uint32_t>(waited / MILLISECOND),
-                        place};
+                        place,
+                        waiting.begin,
+                        waiting.place,
+                        static_cast<uint32_t>(waiting.kind)};
   const size_t size = told.size() * sizeof(Record);
   buffer.resize(sizeof request + size);
   std::memcpy(buffer.data(), &request, sizeof request);
@@ -115,6 +120,16 @@ double exchange(Reason reason, Query query, int pin) {
 void tell(Told kind, int pin, int value, Nanoseconds time) {
   told.push_back({time, static_cast<uint8_t>(kind), static_cast<uint8_t>(pin), 0, value});
   if (told.size() >= MOST_TOLD) exchange(Reason::Full);
+}
+
+void make_room(unsigned int count) {
+  if (told.size() + count >= MOST_TOLD) exchange(Reason::Full);
+}
+
+void tell_span(Told kind, int pin, uint32_t place, Nanoseconds begin, Nanoseconds end) {
+  make_room(2);
+  tell(kind, pin, static_cast<int>(place), begin);
+  tell(Told::Until, pin, 0, end);
 }
 
 Nanoseconds next_event() { return next < events.size() ? events[next].time : NEVER; }

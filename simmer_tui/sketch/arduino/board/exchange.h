@@ -2,11 +2,14 @@
 //
 // The board may not pass its horizon without asking. All numbers are little-endian.
 //
-//   board -> simulator   u64 now, u8 reason, u8 query, u16 count, i32 pin, u32 waited, u32 place; count x Record
+//   board -> simulator   u64 now, u8 reason, u8 query, u16 count, i32 pin, u32 waited, u32 place,
+//                        u64 wait_begin, u32 wait_place, u32 waits; count x Record
 //   simulator -> board   u64 horizon, f64 answer, u32 count, u32 flags; count x Record
 //   Record               u64 time, u8 kind, u8 pin, u16 0, i32 value
 //
-// `waited` is the time spent in delay(), milliseconds. `place` is the address of the last basic block. A grant replaces all events of the one before it.
+// `waited` is the time spent in delay(), milliseconds. `place` is the address of the last basic block. `waits` is the
+// call in which it waits now, `wait_begin` and `wait_place` its beginning. A grant replaces all events of the one
+// before it.
 #pragma once
 #include <cstdint>
 
@@ -16,8 +19,13 @@ namespace board {
 
 enum class Reason : uint8_t { Horizon = 0, Output = 1, Query = 2, Sent = 3, Full = 4 };
 enum class Query : uint8_t { None = 0, Sonar = 1, Analog = 2, Digital = 3 };
-// Records of the board: a pin's level, a duty, a servo's pulse, a byte that was sent, and what was lost.
-enum class Told : uint8_t { Level = 1, Duty = 2, Servo = 3, Byte = 4, LostEdge = 5, LostByte = 6, Baud = 7, Mode = 8, Edge = 9 };
+// Records of the board: a pin's level, a duty, a servo's pulse, a byte that was sent, what was lost, long waits, and
+// bytes that waited long to be read. `Until` is the end of the wait before it, and
+// `Edges` the number of edges at the pin of a lost one.
+enum class Told : uint8_t {
+  Level = 1, Duty = 2, Servo = 3, Byte = 4, LostEdge = 5, LostByte = 6, Baud = 7, Mode = 8, Waited = 9, LateByte = 10, Until = 11,
+  Edges = 12
+};
 // Records of the simulator: an edge of an input, a byte that has arrived.
 enum class Event : uint8_t { Edge = 1, Byte = 2 };
 
@@ -39,6 +47,8 @@ extern uint32_t grant_flags;
 void open_channel();
 double exchange(Reason reason, Query query = Query::None, int pin = 0);
 void tell(Told kind, int pin, int value, Nanoseconds time = now);
+void make_room(unsigned int count);  // the next records are of one exchange
+void tell_span(Told kind, int pin, uint32_t place, Nanoseconds begin, Nanoseconds end);
 Nanoseconds next_event();
 void apply_events();
 

@@ -11,6 +11,7 @@ struct Vector {
   void (*function)();
   int mode;
   bool pending;
+  int edges;  // those that it is meant for, so far
 };
 Vector vectors[PINS];
 int pending_count = 0;
@@ -71,8 +72,11 @@ void note_edge(int pin, bool high) {
   if (!vector.function) return;
   const bool meant = vector.mode == CHANGE || (vector.mode == RISING) == high;
   if (!meant) return;
+  ++vector.edges;
   if (vector.pending) {
+    make_room(2);
     tell(Told::LostEdge, pin, static_cast<int>(place));
+    tell(Told::Edges, pin, vector.edges);
     return;
   }
   vector.pending = true;

@@ -23,7 +23,7 @@ __attribute__((weak)) void serialEvent3();
 // Called by the compiler's instrumentation in each basic block of the sketch.
 extern "C" void __sanitizer_cov_trace_pc() {
   using namespace board;
-  place = static_cast<uint32_t>(reinterpret_cast<uintptr_t>(__builtin_return_address(0)));
+  place = CALLED_AT;
   if (now + cost::BLOCK < next_stop)
     now += cost::BLOCK;
   else if (next_stop != NEVER)

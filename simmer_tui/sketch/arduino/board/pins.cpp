@@ -126,6 +126,7 @@ void analogReference(int) {}
 unsigned int pulseIn(int number, int value, unsigned int timeout) {
   const Pin* pin = pin_of(number);
   if (!pin) return 0;
+  const WaitScope scope(Waits::InPulse, CALLED_AT);
   const Nanoseconds limit = now + timeout * MICROSECOND;
   const auto wait = [&](bool level) {
     while ((input_level(number) != 0) != level) {

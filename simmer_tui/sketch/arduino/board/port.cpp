@@ -49,12 +49,23 @@ int Port::available() {
 
 int Port::read() {
   pass(cost::SERIAL_LOOK);
-  return head_ == tail_ ? -1 : queue_[tail_++ % QUEUE];
+  if (head_ == tail_) return -1;
+  const Received& byte = queue_[tail_++ % QUEUE];
+  if (now - byte.time >= LONG_WAIT && byte.time >= told_late_) note_late(byte);
+  return byte.value;
+}
+
+// Tell that a byte has waited: for a call that lasted at least half of that, else at the place where it arrived.
+void Port::note_late(const Received& byte) {
+  told_late_ = now;  // those that arrived meanwhile waited for the same
+  const Nanoseconds begin = last_wait.begin > byte.time ? last_wait.begin : byte.time;
+  const bool in_call = last_wait.end > begin && 2 * (last_wait.end - begin) >= now - byte.time;
+  tell_span(Told::LateByte, rx_, in_call ? last_wait.place : byte.place, byte.time, now);
 }
 
 int Port::peek() {
   pass(cost::SERIAL_LOOK);
-  return head_ == tail_ ? -1 : queue_[tail_ % QUEUE];
+  return head_ == tail_ ? -1 : queue_[tail_ % QUEUE].value;
 }
 
 void Port::arrived(uint8_t value, unsigned int baud, Nanoseconds time) {
@@ -65,7 +76,7 @@ void Port::arrived(uint8_t value, unsigned int baud, Nanoseconds time) {
     tell(Told::LostByte, rx_, static_cast<int>(place));
     return;
   }
-  queue_[head_++ % QUEUE] = sampled(value, baud, baud_);
+  queue_[head_++ % QUEUE] = {sampled(value, baud, baud_), place, time};
 }
 
 void Port::leave(uint8_t value, Nanoseconds end) {

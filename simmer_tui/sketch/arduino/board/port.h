@@ -31,7 +31,15 @@ class Port : public Stream {
   int rx_, tx_;
 
  private:
-  uint8_t queue_[64];
+  // A byte that waits to be read, with its arrival, and the place of the sketch then.
+  struct Received {
+    uint8_t value;
+    uint32_t place;
+    Nanoseconds time;
+  };
+  void note_late(const Received& byte);
+  Received queue_[64];
+  Nanoseconds told_late_ = 0;
   unsigned int head_ = 0, tail_ = 0;
 };
 

@@ -8,6 +8,7 @@
 
 // Waits poll as the core does: a byte is seen at the first look after it has arrived.
 static int timed(Stream& stream, int (Stream::*look)(), unsigned int milliseconds) {
+  const board::WaitScope scope(board::Waits::InRead, board::place);
   const board::Nanoseconds end = board::now + milliseconds * board::MILLISECOND;
   do {
     const int value = (stream.*look)();

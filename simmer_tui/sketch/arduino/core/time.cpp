@@ -15,6 +15,7 @@ unsigned int micros() {
 }
 
 void delay(unsigned int milliseconds) {
+  const WaitScope scope(Waits::InDelay, CALLED_AT);
   const Nanoseconds begin = now;
   pass_until(begin + milliseconds * MILLISECOND);
   waited += now - begin;

@@ -1,0 +1,143 @@
+"""Facts of boards for a report: bytes that waited, edges that were lost, and waits at a contact. Each is told
+with its line in the sketch; none says why the run went as it did.
+"""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from collections.abc import Iterable
+
+from simmer_tui.robot.engine import Engine
+from simmer_tui.run.events import LegEnded, Notice, NoticeKind
+from simmer_tui.sim.legs import Leg
+from simmer_tui.sketch.board_process import BoardRecord, BoardWait, Waits
+from simmer_tui.sketch.lockstep import Board
+
+_SECOND = 1_000_000_000
+# A long wait is rarely over a second, and a second has few legs.
+_KEPT_LEGS, _KEPT_BYTES = 100, 200
+# Judged: half of it is within the errors of most drives.
+_TOLD_DISTANCE = 0.5
+"""Inches that the robot has gone while a byte waited, from which it is told."""
+_TOLD_WAIT = 20_000_000
+"""Nanoseconds of a wait at a contact from which it is told, as for those that the board tells itself."""
+_CALLS = {Waits.DELAY: "in delay()", Waits.PULSE: "in pulseIn()", Waits.READ: "in a read with a timeout"}
+
+
+class BoardFacts:
+    """Tells the facts of a run's boards. Each kind is told at its place the first time, the tenth, the
+    hundredth: so a log stays small."""
+
+    def __init__(self, engine: Engine) -> None:
+        self._engine = engine
+        self._legs: deque[Leg] = deque(maxlen=_KEPT_LEGS)
+        self._bytes: deque[tuple[int, int]] = deque(maxlen=_KEPT_BYTES)
+        """Bytes of the laptop: their arrival, nanoseconds, and their value."""
+        self._counts: Counter[tuple[str, str]] = Counter()
+        self._farthest = 0.0
+        self._edges: dict[tuple[str, str], tuple[int, int, Counter[str]]] = {}
+        """By board and pin: edges lost, edges in all, and the lost ones by line."""
+        self._told_edges: dict[tuple[str, str], int] = {}
+        self._contact = -1.0
+
+    def received(self, time: int, value: int) -> None:
+        """A byte of the laptop arrives at a time."""
+        self._bytes.append((time, value))
+
+    def leg_ended(self, event: LegEnded, boards: Iterable[Board]) -> None:
+        """Keep a leg, and tell the boards that were waiting at its contact."""
+        self._legs.append(event.leg)
+        contact = event.contact
+        if contact is None or event.leg.pressed or contact.time == self._contact:
+            return
+        self._contact = contact.time
+        at = round(contact.time * _SECOND)
+        for board in boards:
+            wait = board.wait_at(at)
+            if wait is None or at - wait.begin < _TOLD_WAIT:
+                continue
+            line = board.process.line_of(wait.place)
+            begin = wait.begin / _SECOND
+            took, gone = (at - wait.begin) / 1e6, self._gone(begin, contact.time)
+            text = (
+                f"at the contact, board {board.name} was {_call(wait, line)} for {took:.0f} ms; "
+                f"the robot had gone {gone:.1f} in meanwhile"
+            )
+            waiting = [value for time, value in self._bytes if wait.begin <= time <= at]
+            if waiting:
+                text += f", and {bytes(waiting).decode('latin-1')!r} of the program waited to be read"
+            if self._is_due("contact", line):
+                self._tell(text, line)
+
+    def was_late(self, board: Board, record: BoardRecord, until: int) -> None:
+        """Tell that a board has read a byte long after it had arrived, if the robot went on meanwhile."""
+        gone = self._gone(record.time / _SECOND, until / _SECOND)
+        if gone < _TOLD_DISTANCE:
+            return
+        line = board.process.line_of(record.value & 0xFFFFFFFF)
+        place = record.value & 0xFFFFFFFF
+        wait = next((each for each in board.waited if each.place == place and each.end > record.time), None)
+        is_farther = gone > 2 * self._farthest
+        self._farthest = max(self._farthest, gone)
+        if not self._is_due("late", line) and not is_farther:
+            return
+        value = next((value for time, value in self._bytes if time == record.time), None)
+        which = "a byte" if value is None else f"the byte {chr(value)!r}"
+        where = _call(wait, line) if wait is not None else f"at {line or 'work'}"
+        took = (until - record.time) / 1e6
+        text = f"{which} waited {took:.0f} ms to be read: board {board.name} was {where}"
+        self._tell(f"{text}; the robot went {gone:.1f} in meanwhile", line)
+
+    def lost_edge(self, board: Board, pin: str, place: int, edges: int) -> None:
+        """Count an edge that a board has lost, one of so many at a pin."""
+        key = (board.name, pin)
+        lost, _, lines = self._edges.get(key, (0, 0, Counter()))
+        lines[board.process.line_of(place)] += 1
+        self._edges[key] = lost + 1, edges, lines
+        if _is_told(lost + 1):
+            self._tell_edges(key)
+
+    def tell_totals(self) -> None:
+        """Tell how many edges were lost in all, at the end of a run."""
+        for key, (lost, _, _) in self._edges.items():
+            if lost != self._told_edges.get(key):
+                self._tell_edges(key)
+
+    def _tell_edges(self, key: tuple[str, str]) -> None:
+        name, pin = key
+        lost, edges, lines = self._edges[key]
+        self._told_edges[key] = lost
+        line, most = lines.most_common(1)[0]
+        where = f" at {line}" if line else ""
+        because = "interrupts were off since the one before"
+        if lost == 1:
+            text = f"an edge at pin {pin} was lost{where}: {because}"
+        else:
+            share = f", {most} of them{where}" if where and most < lost else where
+            text = f"{lost} of {edges} edges at pin {pin} were lost{share}: {because}"
+        self._tell(f"board {name}: {text}", line)
+
+    def _is_due(self, kind: str, line: str) -> bool:
+        self._counts[kind, line] += 1
+        return _is_told(self._counts[kind, line])
+
+    def _gone(self, begin: float, end: float) -> float:
+        """Inches that the robot has gone between two times, seconds."""
+        legs = list(self._legs)
+        now = self._engine.simulator.leg
+        if now is not None and (not legs or now.start_time >= legs[-1].end_time):
+            legs.append(now)
+        return sum(each.travelled(end) - each.travelled(begin) for each in legs)
+
+    def _tell(self, text: str, line: str) -> None:
+        self._engine.tell(Notice(NoticeKind.BOARD, text, line))
+
+
+def _call(wait: BoardWait, line: str) -> str:
+    call = _CALLS.get(Waits(wait.kind), "")
+    return f"{call} at {line}" if line else call
+
+
+def _is_told(count: int) -> bool:
+    """True for 1, 10, 100 ..."""
+    return str(count).strip("0") == "1"
