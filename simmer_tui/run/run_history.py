@@ -64,7 +64,7 @@ from simmer_tui.sim.gripper import in_robot_frame
 from simmer_tui.sim.legs import Leg
 from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose
-from simmer_tui.sim.records import REFUSALS
+from simmer_tui.sim.records import REFUSALS, Reading
 from simmer_tui.sim.specs import Axes, DriveKind
 from simmer_tui.sim.trajectory import Trajectory
 from simmer_tui.sim.velocity_commands import WAIT
