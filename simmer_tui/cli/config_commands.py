@@ -28,7 +28,6 @@ from simmer_tui.config.importer.set_writer import set_files
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.new_set import SCHEMA_FOLDER as SCHEMAS
 from simmer_tui.config.new_set import (
-    decoded,
     enabled_codes,
     schema_path,
     term_files,
@@ -45,9 +44,11 @@ from simmer_tui.config.sets import (
     MISSION_SET,
     bundled_folder,
     bundled_sets,
+    decoded,
     find_set,
     has_set,
     read_files,
+    set_in,
     set_name,
     write_files,
 )
@@ -94,8 +95,11 @@ def run_init(options: argparse.Namespace) -> int:
         _take_directory(options)
     if options.directory is None:
         run_init.parser().error("the following arguments are required: DIR")
-    if options.sketch is not None and has_set(options.directory):
-        return _draft_beside(options)
+    if options.sketch is not None:
+        # In the folder of a course the set is one below.
+        options.directory = set_in(options.directory)
+        if has_set(options.directory):
+            return _draft_beside(options)
     source = bundled_folder() if options.source is None else find_set(options.source)
     mission = options.mission or options.term
     if mission and source == bundled_folder():
@@ -105,9 +109,10 @@ def run_init(options: argparse.Namespace) -> int:
         files = with_dialect(files, FrameKind(options.dialect))
     files = with_comments(with_mission(files) if mission else files, name if name in bundled_sets() else "")
     if options.sketch is not None:
-        drafted = _drafted(options.sketch, options.directory, decoded(SENSORS_FILE, files[SENSORS_FILE]))
+        home = options.directory / LOCAL_FOLDER if options.term else options.directory
+        drafted = _drafted(options.sketch, home, decoded(SENSORS_FILE, files.get(SENSORS_FILE, b"")))
         files = with_comments({**files, **drafted})
-        if b"[[motors]]" in drafted[WIRING_FILE]:
+        if b"[[motors]]" in drafted[WIRING_FILE] and SETTINGS_FILE in files:
             # Motors turn wheels, which most sets do not describe.
             none, two = f'layout = "{NO_WHEELS}"'.encode(), b'layout = "diff"  # ?'
             files[SETTINGS_FILE] = files[SETTINGS_FILE].replace(none, two, 1)
@@ -115,15 +120,16 @@ def run_init(options: argparse.Namespace) -> int:
         files = term_files(files)
     wrote = _write(options.directory, files)
     check = f"simmer-tui check {typed_path(options.directory)}"
+    marked = f'Look at every line of {WIRING_FILE} with "# ?"' if options.sketch else ""
     if options.term:
         print_lines(
             f"Wrote {len(files)} files of a course to {options.directory}; "
             "README.md is the page for students",
+            *([f"{marked} in {LOCAL_FOLDER}."] if marked else ()),
             f"Edit {LOCAL_FOLDER} and course.toml in it, then: {check}",
         )
     else:
-        marked = f'Look at every line of {WIRING_FILE} with "# ?"' if options.sketch else "Edit them"
-        print_lines(wrote, f"{marked}, then: {check}")
+        print_lines(wrote, f"{marked or 'Edit them'}, then: {check}")
     return ExitCode.DONE
 
 
@@ -165,8 +171,7 @@ def _drafted(sketches: Sequence[Path], directory: Path, sensors: str) -> dict[st
     problems = [
         Problem(str(sketch), "there is no such sketch; name an .ino file, or its folder")
         for sketch in sketches
-        if not any(sketch.glob("*.ino"))
-        and not (sketch.is_file() and sketch.suffix.lower() in SKETCH_ENDINGS)
+        if not is_sketch_path(sketch)
     ]
     if problems:
         raise ConfigurationError(problems)
@@ -214,7 +219,8 @@ def run_check(options: argparse.Namespace) -> int:
         directory, overrides = find_set(options.directory), overrides_from(options)
         configuration = load(directory, overrides, devices=DeviceUse.CHECK)
         course = _course_of(Path(options.directory or ""))
-        wiring, problems = _sketches(configuration)
+        # A comparison shows the tables alone.
+        wiring, problems = _sketches(configuration) if options.against is None else ([], [])
     except ConfigurationError as error:
         if not options.json:
             raise

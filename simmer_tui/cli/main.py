@@ -194,6 +194,9 @@ def _server(options: argparse.Namespace) -> Server:
         add_token_of(options.token_file, overrides)
     if options.sketch is not None:
         options.config = _sketch_set(options)
+        if "serial.port" in overrides:
+            what = "runs boards in the simulator: leave --serial out"
+            raise ConfigurationError([Problem("--sketch", what)])
     find = find_mission_set if options.mission else find_set
     directory = find(options.config)
     if options.mission and (problems := without_effect(overrides)):

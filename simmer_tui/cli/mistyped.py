@@ -21,7 +21,7 @@ from simmer_tui.program.program_command import (
     starting_words,
 )
 from simmer_tui.runlog.writer import LOG, PACKED
-from simmer_tui.sim.command import keyboard_text
+from simmer_tui.sim.command import keyboard_text, typed_path
 
 _NAME = "simmer-tui"
 _COMMAND = re.compile(r"[A-Za-z]\d(?:[-=:, ]?\s*-?[\d.,]+)?")
@@ -144,7 +144,7 @@ def _program_advice(found: _Program, given: Sequence[str], unknown: Sequence[str
     file = next((word for word in words if Path(word).suffix and not is_python(word)), words[0])
     shown, suffix = Path(file).name, Path(file).suffix.lower()
     if suffix in _DOCUMENTS:
-        return f'"{shown}" {_DOCUMENTS[suffix].format(file=file)}'
+        return f'"{shown}" {_DOCUMENTS[suffix].format(file=typed_path(Path(file)))}'
     if suffix in _COMPILED:
         compiled = _COMPILED[suffix].format(file=file, stem=Path(file).stem)
         return f'"{shown}" must be compiled: {compiled}; then {prog} --run ./{Path(file).stem}'

@@ -5,7 +5,6 @@ Only the front end differs: lines on standard error (`headless.py`), or the scre
 
 from __future__ import annotations
 
-import contextlib
 import os
 import signal
 import socket
@@ -438,10 +437,12 @@ class Shutdown:
         first = [True]
 
         def end(number: int) -> None:
-            with contextlib.suppress(IndexError):  # another signal, or the other thread, was first
+            try:
                 first.pop()
-                code = interrupted(number)
-                threading.Thread(target=self._insist, args=(code,), name="insist", daemon=True).start()
+            except IndexError:  # another signal, or the other thread, was first
+                return
+            code = interrupted(number)
+            threading.Thread(target=self._insist, args=(code,), name="insist", daemon=True).start()
 
         def handle(number: int, frame: FrameType | None) -> None:
             end(number)

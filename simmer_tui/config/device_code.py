@@ -27,6 +27,7 @@ from simmer_tui.sim.sensors.recorded_kinds import (
     recorded_class,
     recorded_kind,
 )
+from simmer_tui.sim.specs import SensorSpec
 
 
 def kinds_of(file: DeviceFile) -> tuple[type[Sensor], ...]:
@@ -154,7 +155,10 @@ def _faults(kind: type[Sensor]) -> Iterator[str]:
 
 
 def _column_faults(kind: type[Sensor]) -> Iterator[str]:
-    row, base = kind.spec_type, next(each.spec_type for each in kind.__mro__[1:] if issubclass(each, Sensor))
+    row = kind.spec_type
+    # A class between may be one of the file's own, with the same mistake.
+    above = (each.spec_type for each in kind.__mro__[1:] if issubclass(each, Sensor))
+    base = next(each for each in above if isinstance(each, type) and issubclass(each, SensorSpec))
     if not isinstance(row, type) or not issubclass(row, base):
         yield f"spec_type of {kind.__name__} must be a class derived from {base.__name__}"
         return

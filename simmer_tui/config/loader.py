@@ -20,7 +20,7 @@ from simmer_tui.config.mission_toml import MissionSpec, load_mission
 from simmer_tui.config.robot_csv import load_robot
 from simmer_tui.config.set_devices import DeviceStatus, set_devices
 from simmer_tui.config.set_sketches import WIRING_FILE
-from simmer_tui.config.sets import FILES, find_set, init_set, set_name
+from simmer_tui.config.sets import FILES, decoded, find_set, init_set, set_name
 from simmer_tui.config.settings import NO_WHEELS, Settings, settings_from
 from simmer_tui.config.settings_file import LoadedSettings, Override, load_settings
 from simmer_tui.errors import ConfigurationError, Problem
@@ -233,4 +233,4 @@ def simulation_of(
 def _texts(directory: Path) -> dict[str, str]:
     """The files of a set, unchanged: line ends and byte-order marks stay."""
     paths = [directory / name for name in (*FILES, FLOOR_FILE, MISSION_FILE, DIALECT_FILE, WIRING_FILE)]
-    return {path.name: path.read_bytes().decode() for path in paths if path.is_file()}
+    return {path.name: decoded(path.name, path.read_bytes(), "utf-8") for path in paths if path.is_file()}

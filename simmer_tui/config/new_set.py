@@ -41,6 +41,7 @@ from simmer_tui.config.sets import (
     MISSION_SET,
     bundled_folder,
     bundled_sets,
+    decoded,
     read_all,
     read_files,
 )
@@ -94,14 +95,6 @@ def with_comments(files: Mapping[str, bytes], nominal: str = "") -> dict[str, by
         if name in made:
             made[schema_path(name)] = schema_text(schema).encode()
     return made
-
-
-def decoded(name: str, data: bytes) -> str:
-    """The text of a file. Raises ConfigurationError if it is not text."""
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        raise ConfigurationError([Problem(name, "is not UTF-8 text; save it as UTF-8")]) from None
 
 
 def _rows_of(kind: str, text: str) -> list[dict[str, str]]:

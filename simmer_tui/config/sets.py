@@ -82,7 +82,7 @@ def find_set(name_or_path: str | None) -> Path:
     try:
         folder = given_path(name_or_path)
         if folder.is_dir():
-            return _set_in(folder)
+            return set_in(folder)
         is_other = folder.exists()
     except PermissionError as error:
         raise ConfigurationError([Problem(shown, f"cannot be read: {reason_of(error)}")]) from None
@@ -127,7 +127,7 @@ def has_set(folder: Path) -> bool:
     return any((folder / name).is_file() for name in FILES)
 
 
-def _set_in(folder: Path) -> Path:
+def set_in(folder: Path) -> Path:
     """The folder itself, or `config` in it if only that has a set, as in the folder of a course."""
     inner = folder / LOCAL_FOLDER
     return inner if has_set(inner) and not has_set(folder) else folder
@@ -168,6 +168,14 @@ def read_all(paths: Iterable[Path], folder: Path) -> dict[str, bytes]:
         return {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths}
     except OSError as error:
         raise unreadable(error, folder) from None
+
+
+def decoded(name: str, data: bytes, encoding: str = "utf-8-sig") -> str:
+    """The text of a file. Raises ConfigurationError if it is not text."""
+    try:
+        return data.decode(encoding)
+    except UnicodeDecodeError:
+        raise ConfigurationError([Problem(name, "is not UTF-8 text; save it as UTF-8")]) from None
 
 
 def unreadable(error: OSError, path: Path) -> ConfigurationError:

@@ -17,6 +17,7 @@ from simmer_tui.sim.rules import (
     Rule,
     TextRule,
     describe,
+    is_whole,
 )
 from simmer_tui.sim.values import Value
 
@@ -38,7 +39,7 @@ class PinRule(Rule[int | str], frozen=True):
     }
 
     def check(self, value: object) -> int | str:
-        if isinstance(value, int) and not isinstance(value, bool) and 0 <= value <= _LARGEST_PIN:
+        if is_whole(value) and 0 <= value <= _LARGEST_PIN:
             return value
         text = value.strip().upper() if isinstance(value, str) else ""
         if _ANALOG.fullmatch(text):
@@ -157,10 +158,13 @@ WIRE = (
     _key("to", ENDPOINT, 'pin that receives, with its board: "rover.0"'),
 )
 """The keys of [[wires]]: a wire from a pin that sends to one that receives, of another board."""
+_INPUTS = (
+    _pin("in1", "hbridge: input that is HIGH forward; pwm2: PWM forward"),
+    _pin("in2", "hbridge: input that is HIGH backward; pwm2: PWM backward"),
+)
 DRIVER_PINS: Mapping[str, tuple[Value, ...]] = {
     "hbridge": (
-        _pin("in1", "hbridge: input that is HIGH forward; pwm2: PWM forward"),
-        _pin("in2", "hbridge: input that is HIGH backward; pwm2: PWM backward"),
+        *_INPUTS,
         _pin("en", "hbridge: enable input with the PWM; without it the jumper is on"),
     ),
     "shield": (
@@ -168,10 +172,7 @@ DRIVER_PINS: Mapping[str, tuple[Value, ...]] = {
         _pin("pwm", "shield: PWM"),
         _pin("brake", "shield: brake, HIGH stops"),
     ),
-    "pwm2": (
-        _pin("in1", "hbridge: input that is HIGH forward; pwm2: PWM forward"),
-        _pin("in2", "hbridge: input that is HIGH backward; pwm2: PWM backward"),
-    ),
+    "pwm2": _INPUTS,
 }
 """The pins of a motor's driver, by its kind."""
 OPTIONAL_PINS = ("en", "brake", "b")

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from msgspec import Struct
 
+from simmer_tui.run.state import timed_line
 from simmer_tui.sim.arrays import FloatArray
 
 # Half a dot is 0.3 in at 120 x 36 and 0.17 in at 200 x 60; this holds up to 30 columns a maze cell.
@@ -16,17 +18,21 @@ _PIECE = 24.0
 """Inches of a piece of the route: two maze cells, so that a mission's route has a dozen."""
 # A turn of a differential drive on the spot moves its centre by less.
 _STANDSTILL = 0.05
-"""Inches; a movement shorter than this leaves no line."""
+"""Inches within which the robot counts as standing."""
 # A mission has about 20, an hour of driving some thousands.
 _MOST_PIECES = 4000
-"""Pieces kept; of more the oldest half is simplified further, to one."""
+"""Pieces kept; of more the oldest half is joined and simplified further."""
 _COARSE = 1.0
 """Inches by which that half may differ: a dot of the usual screens."""
 
 
+_NOWHERE: FloatArray = np.full(3, np.nan)
+"""The place before the first movement: near no other."""
+
+
 class Route(Struct, frozen=True, eq=False):
-    """Pieces of the route, oldest first, each (n, 3): x and y in inches, simulated seconds. A piece never
-    changes once another follows, so it can be drawn once."""
+    """Pieces of the route, oldest first, each (n, 3): x and y in inches, simulated seconds. A piece is an
+    array of its own that never changes, so it can be drawn once."""
 
     pieces: tuple[FloatArray, ...] = ()
 
@@ -45,49 +51,74 @@ class Route(Struct, frozen=True, eq=False):
 
 
 class RouteKeeper:
-    """Collects the movements of a run as its route."""
+    """Collects the movements of a run as its route.
+
+    The points of the open piece are kept as they came until it is long enough: lines that are simplified
+    again with each of many small movements drift away from an arc.
+    """
 
     def __init__(self) -> None:
         self._closed: list[FloatArray] = []
-        self._open: FloatArray = np.empty((0, 3))
+        self._open: list[FloatArray] = []
         self._length = 0.0
+        self._last = _NOWHERE
+        self._route: Route | None = Route()
 
     def clear(self) -> None:
         """Begin anew: the run restarts."""
-        self.__init__()  # type: ignore[misc]
+        self._closed = []
+        self._reopen(_NOWHERE)
 
     def add(self, centres: Sequence[tuple[float, float]], begin: float, end: float) -> None:
         """Add a movement: the robot's centres, (n, 2) inches, from a simulated time to another."""
         line = timed_line(np.array(centres, dtype=np.float64), begin, end)
-        length = float(np.hypot(*np.diff(line[:, :2], axis=0).T).sum())
-        if length < _STANDSTILL:
-            return
-        if len(self._open) and not np.allclose(self._open[-1, :2], line[0, :2], atol=2 * _STANDSTILL):
+        if not np.allclose(self._last[:2], line[0, :2], atol=_STANDSTILL):
             self._close()  # the robot was put elsewhere
-        self._open = simplified(np.concatenate((self._open, line)), TOLERANCE / 2)
-        self._length += length
+            self._reopen(line[0])
+        self._last = line[-1]
+        # From the last point kept: small movements add up.
+        line = np.concatenate((self._open[-1][-1:], line))
+        if np.hypot(*(line[1:, :2] - line[0, :2]).T).max() < _STANDSTILL:
+            return
+        self._open.append(line[1:])
+        self._length += float(np.hypot(*np.diff(line[:, :2], axis=0).T).sum())
+        self._route = None
         if self._length >= _PIECE:
             self._close()
+            self._reopen(self._last)
 
     @property
     def route(self) -> Route:
         """The route so far."""
-        return Route((*self._closed, self._open) if len(self._open) else tuple(self._closed))
+        if self._route is None:
+            self._route = Route((*self._closed, self._shortened()))
+        return self._route
+
+    def _shortened(self) -> FloatArray:
+        return simplified(np.concatenate(self._open), TOLERANCE)
 
     def _close(self) -> None:
-        self._closed.append(self._open)
-        # The next piece begins with the end of this one: it may be simplified, and its end not.
-        self._open, self._length = np.empty((0, 3)), 0.0
+        if len(self._open) > 1:
+            self._closed.append(self._shortened())
         if len(self._closed) > _MOST_PIECES:
-            old = np.concatenate(self._closed[: _MOST_PIECES // 2])
-            self._closed[: _MOST_PIECES // 2] = [simplified(old, _COARSE)]
+            old = merged_pieces(self._closed[: _MOST_PIECES // 2])
+            self._closed[: _MOST_PIECES // 2] = [simplified(each, _COARSE) for each in old]
+
+    def _reopen(self, point: FloatArray) -> None:
+        """Begin a piece at a point: x, y, simulated time."""
+        self._open, self._length, self._last = [point[None]], 0.0, point
+        self._route = Route(tuple(self._closed))
 
 
-def timed_line(points: FloatArray, begin: float, end: float) -> FloatArray:
-    """Points (n, 2) with the times at which an even motion passes them, (n, 3)."""
-    along = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))))
-    share = along / along[-1] if along[-1] > 0.0 else np.linspace(0.0, 1.0, len(points))
-    return np.column_stack((points, begin + share * (end - begin)))
+def merged_pieces(pieces: Sequence[FloatArray]) -> list[FloatArray]:
+    """The pieces, with those as one whose ends meet."""
+    groups = [[pieces[0]]]
+    for before, piece in pairwise(pieces):
+        if np.allclose(before[-1, :2], piece[0, :2], atol=_STANDSTILL):
+            groups[-1].append(piece)
+        else:
+            groups.append([piece])
+    return [np.concatenate(each) for each in groups]
 
 
 def simplified(line: FloatArray, tolerance: float) -> FloatArray:

@@ -235,6 +235,12 @@ class Server:
             self.warnings.append(NOT_ON_WINDOWS)
         elif self.configuration.settings.motion.is_by_program:
             self.warnings.append(f"--pty: {NOT_SERVED}; use --clock real")
+        elif SERIAL.purpose not in self._listeners:
+            # `wiring.toml` allows the setting: whether its boards run is known here only.
+            why = "no boards run; --sketch DIR runs those of wiring.toml"
+            if self.sketches is not None:
+                why = "wiring.toml has no [laptop], the line of a board to the program"
+            self.warnings.append(f"--pty: {why}")
         else:
             try:
                 return PtyDevice(path)
@@ -381,6 +387,10 @@ class Server:
         self.call(self._use_simulator)
 
     def _use_robot(self, port: str) -> None:
+        if self.boards is not None:
+            what = f"boards drive this robot: start without --sketch to drive the robot on {cut(port)}"
+            self.engine.tell(Notice(NoticeKind.ROBOT, what))
+            return
         # The old bridge answers its open commands before the new one is used.
         self._use_simulator()  # the same port cannot be open twice
         serial = replace(self.configuration.settings.serial, port=port)
@@ -654,6 +664,9 @@ class Server:
             self._close_ports()
             self._backend.close()
             self._loop.run_until_complete(_settle())
+            # Last: whoever asks for the present time asks the boards.
+            if self.boards is not None:
+                self.boards.close()
             self._loop.close()
 
     def _open(self) -> None:
@@ -743,8 +756,6 @@ class Server:
         """Close all connections, their listeners and the look-ups of processes."""
         for link in self._links:
             link.close()
-        if self.boards is not None:
-            self.boards.close()
         self._close_listeners()
         self._processes.close()
         if self._owners is not None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -137,6 +137,15 @@ class EventFeed(EventHandler[None]):
         self._number = reducer.number if number is None else number
         self.handle(event)
 
+    def begin_route(self, events: Iterable[Event]) -> None:
+        """Take the route of events before the first of the list."""
+        for event in events:
+            match event:
+                case LegEnded() | MovementEnded():
+                    self._lengthen(event)
+                case ActionDone() if event.restarts:
+                    self._route.clear()
+
     @property
     def route(self) -> Route:
         """Route of the movements that are over."""
@@ -194,8 +203,7 @@ class EventFeed(EventHandler[None]):
         """No entry: the command that set its velocity has one."""
 
     def on_leg_ended(self, event: LegEnded) -> None:
-        leg = event.leg
-        self._route.add(leg.centres(leg.end_time), leg.start_time, leg.end_time)
+        self._lengthen(event)
         if event.contact is not None:
             self.ends.appendleft(event.as_movement())
             self.other(event.as_movement(), self._nearest(event.contact), wedged=self._reducer.wedged)
@@ -206,7 +214,7 @@ class EventFeed(EventHandler[None]):
     def on_ended(self, event: MovementEnded) -> None:
         # No entry shows wheels and turns, and entries are kept by the thousand.
         light = replace(event, trajectory=replace(event.trajectory, wheels={}, turns={}))
-        self._route.add(event.trajectory.centres(event.time), event.trajectory.start_time, event.time)
+        self._lengthen(event)
         nearest = None if event.contact is None else self._nearest(event.contact)
         self.ends.appendleft(light)
         self.other(light, nearest, wedged=self._reducer.wedged)
@@ -255,6 +263,11 @@ class EventFeed(EventHandler[None]):
         # Notices have no simulated time of their own.
         moment = getattr(event, "time", self._reducer.time)
         return LogEntry(self._number, self._real_time, event, moment, first, nearest=nearest, wedged=wedged)
+
+    def _lengthen(self, event: LegEnded | MovementEnded) -> None:
+        path = event.leg if isinstance(event, LegEnded) else event.trajectory
+        end = path.end_time if isinstance(event, LegEnded) else event.time
+        self._route.add(path.centres(end), path.start_time, end)
 
     def _fold(self, event: Event, *, counted: bool = True) -> _Folded:
         last = self._entries[-1] if self._entries else None

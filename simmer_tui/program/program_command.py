@@ -245,10 +245,11 @@ def _script_of(words: Iterable[str]) -> Iterator[str]:
     """The file among the words after Python; none after `-m` or `-c`."""
     rest = iter(words)
     for word in rest:
-        if word in ("-m", "-c", "-"):
-            return
         if not word.startswith("-"):
             yield word
             return
-        if word in ("-W", "-X"):
+        # Letters may stand together, as in -um; what follows the last one is its value.
+        if word == "-" or (not word.startswith("--") and word[-1] in "mc"):
+            return
+        if word in ("-W", "-X", "--check-hash-based-pycs"):
             next(rest, "")

@@ -336,20 +336,25 @@ def _unread(run: RunEvidence) -> Fact | None:
     is_before = stalled is not None and stalled.since is not None and stalled.since < unseen.since
     if is_before and not run.goals:
         return None
-    names, first = " and ".join(unseen.codes), unseen.codes[0]
-    was, sees = ("was", "it alone sees") if names == first else ("were", "they alone see")
+    names, was, sees = _alone(unseen.codes)
+    it = "it" if len(unseen.codes) == 1 else "they"
     goal = run.goals[-1] if run.goals else None
     read = f"{was} never read"
     if goal is not None and any(code in run.seen.history.sensor_codes for code in unseen.codes):
         often = f"{was} read {times_text(unseen.readings)}" if unseen.readings else f"{was} not read"
         read = f"{often} after {goal.elapsed:.1f} s ({goal.event.subject.value})"
     return Fact(
-        f"{names} {read}, and {sees} the block. The block was in sight at {unseen.since:.1f} s.",
+        f"{names} {read}, and {it} alone {sees} the block. The block was in sight at {unseen.since:.1f} s.",
         since=unseen.since,
         culprits=unseen.codes,
-        advice=f"Read {first} before you drive to the block.",
+        advice=f"Read {unseen.codes[0]} before you drive to the block.",
         moment=MomentKind.SIGHT,
     )
+
+
+def _alone(codes: Sequence[str]) -> tuple[str, str, str]:
+    """The codes of sensors, and the forms of "to be" and "to see" behind them."""
+    return " and ".join(codes), *(("was", "sees") if len(codes) == 1 else ("were", "see"))
 
 
 def _known_wall(run: RunEvidence) -> Fact | None:
@@ -502,10 +507,9 @@ def _closed_on_nothing(run: RunEvidence, done: GripRow, code: str) -> Fact:
         text += f" The robot was at {where}, {off:.0f} in from the block, and had driven {moved.gone:.1f} in."
     unseen, advice = run.unseen_block, None
     if unseen is not None:
-        names, read = " and ".join(unseen.codes), "not read"
-        if unseen.readings:
-            read = f"read {times_text(unseen.readings)}"
-        text += f" {names} alone sees the block, and was {read} on the way to it."
+        names, was, sees = _alone(unseen.codes)
+        read = f"read {times_text(unseen.readings)}" if unseen.readings else "not read"
+        text += f" {names} alone {sees} the block, and {was} {read} on the way to it."
         advice = f"Read {unseen.codes[0]} before you close the gripper."
     codes = () if unseen is None else unseen.codes
     return Fact(text, done, place=place, has_behind=True, culprits=codes, advice=advice)
@@ -899,7 +903,7 @@ ORDER: tuple[CauseRule, ...] = (
         Kind.DRIVE_WRONG,
         _drive_wrong,
         MomentKind.DEVICE,
-        "a drive differs from its set; or without its errors nothing would have been touched",
+        "a drive differs from its set; or without drive errors nothing would have been touched",
         "what followed",
         _CORRECT,
     ),

@@ -12,6 +12,7 @@ from simmer_tui.report.device_health import few_movements, few_readings
 from simmer_tui.report.finding import FEWEST, Finding
 from simmer_tui.report.run_evidence import RunEvidence
 from simmer_tui.run.table import Columns
+from simmer_tui.sim.arrays import IntArray
 from simmer_tui.sim.command import counted
 
 NO_TRUTH = "this run has no truth: a real robot"
@@ -61,9 +62,9 @@ def fact_tables(run: RunEvidence) -> tuple[DataTable, DataTable, DataTable]:
 def _commands(run: RunEvidence) -> Iterator[tuple[object, ...]]:
     seen, history = run.seen, run.seen.history
     rows, names = seen.within(history.commands), history.code_names
-    yield "sent", len(rows), _by_code(rows, names)
+    yield "sent", seen.commands, _by_code(seen.command_codes, names)
     refused = rows[rows["refused"] & seen.counts(rows)]
-    yield "refused", len(refused), _by_code(refused, names)
+    yield "refused", len(refused), _by_code(refused["code"], names)
     faults = run.fault_texts
     yield "faults on the wire", len(faults), "; ".join(faults[:_LISTED])
     unread = [each.code for each in run.never_read]
@@ -78,9 +79,9 @@ def _commands(run: RunEvidence) -> Iterator[tuple[object, ...]]:
     yield "repeated movements", again, f"of {of}, such as {example}" if again else ""
 
 
-def _by_code(rows: Columns, names: list[str]) -> str:
-    numbers, counts = np.unique(rows["code"], return_counts=True)
-    order = np.argsort(-counts)[: 2 * _LISTED]
+def _by_code(codes: IntArray, names: list[str]) -> str:
+    numbers, counts = np.unique(codes, return_counts=True)
+    order = np.argsort(-counts, kind="stable")[: 2 * _LISTED]
     return ", ".join(f"{names[numbers[place]]} {counts[place]}" for place in order)
 
 

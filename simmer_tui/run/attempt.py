@@ -241,12 +241,18 @@ class Attempt:
         return np.asarray(~rows["early"] | np.isin(rows["number"], list(kept)))
 
     @cached_property
+    def command_codes(self) -> IntArray:
+        """Codes of the commands since the last restart, as indices into the history's `code_names`, (n,)."""
+        answered = self.within(self.history.commands)
+        moved = self.within(self.history.movements)
+        # The answer to the command that ends a mission comes after that end.
+        last = moved[moved["number"] > answered["number"].max(initial=0)]
+        return np.concatenate([answered["code"], last["code"][:1]])
+
+    @property
     def commands(self) -> int:
         """Number of commands since the last restart."""
-        answered = self.within(self.history.commands)["number"]
-        moved = self.within(self.history.movements)["number"]
-        # The answer to the command that ends a mission comes after that end.
-        return len(answered) + bool((moved > answered.max(initial=0)).any())
+        return len(self.command_codes)
 
     @property
     def is_silent(self) -> bool:

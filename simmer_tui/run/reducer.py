@@ -41,12 +41,14 @@ from simmer_tui.run.events import (
 )
 from simmer_tui.run.facts import WEDGED, is_same_place, is_wedged
 from simmer_tui.run.state import (
+    NO_PATH,
     Checkpoint,
     MissionProgress,
     MissionSums,
     SensorRow,
     State,
     TimeSpent,
+    timed_line,
 )
 from simmer_tui.sim import noise
 from simmer_tui.sim.arrays import FloatArray
@@ -57,7 +59,6 @@ from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.recent_motion import BlockPlace
 from simmer_tui.sim.records import Reading, VelocityChange
-from simmer_tui.sim.specs import CELL_SIZE
 from simmer_tui.sim.trajectory import Trajectory
 
 if TYPE_CHECKING:  # most runs have no history, and starting is to be quick
@@ -65,16 +66,9 @@ if TYPE_CHECKING:  # most runs have no history, and starting is to be quick
 
 HISTORY = 60
 """Readings kept of each sensor: the screen's curves have at most this many columns."""
-# A mission's path through the maze, in movements of some inches.
-LEGS = 40
-"""Movements whose trail is kept; turns leave none."""
-TRACK = CELL_SIZE
-"""Inches of a continuous motion that are drawn as one movement: about the usual length of one."""
 SEEN_LATELY = 0.5
 """Simulated seconds before the end of a leg within which a reading still shows what was ahead: some inches at
 usual speeds. Judged."""
-LEG_POINTS = 40
-"""About the most points of one movement's trail."""
 CONTACT_POINTS = 1000
 """Most places of contacts kept, the latest."""
 
@@ -112,7 +106,10 @@ class Reducer:
         """The leg of a continuous motion under way, if there is one."""
         self.velocity: VelocityChange | None = None
         """The velocity in force; None while there is none."""
-        self._legs: deque[Trajectory | _Track] = deque(maxlen=LEGS)
+        self._newest: Trajectory | Leg | None = None
+        """The latest movement or leg since the robot was put somewhere, also while it is under way."""
+        self._contact: Contact | None = None
+        """Its first contact; of legs that follow each other, the latest."""
         self._sensors: dict[str, _LastReading] = {}
         self._read: dict[str, CommandResult] = {}
         self._twins: dict[str, TwinReading] = {}
@@ -178,15 +175,12 @@ class Reducer:
 
     def _take_plan(self, planned: MovementPlanned) -> None:
         # A second plan of the same movement follows when the block is moved under way; it is one leg.
-        begins = self._movement is None
+        if self._movement is None:
+            self._moved, self._moved_by = self.number, planned.command.source
         self._movement = planned
+        self._newest, self._contact = planned.trajectory, planned.trajectory.contact
         self.time = max(self.time, planned.time)
         self._commands = max(self._commands, planned.number)
-        if begins:
-            self._moved, self._moved_by = self.number, planned.command.source
-            self._begin_leg(planned.trajectory)
-        elif self._legs:
-            self._legs[-1] = planned.trajectory
         if self.history is not None:
             self.history.add_plan(planned)
         grip = planned.grip
@@ -200,12 +194,8 @@ class Reducer:
         trajectory = ended.trajectory
         self._ended = ended
         self._driving += ended.time - trajectory.start_time
-        # A log that begins in the middle of a movement has its end without its plan.
-        if self._movement is None:
-            self._begin_leg(trajectory)
-        elif self._legs:
-            self._legs[-1] = trajectory
         self._movement = None
+        self._newest, self._contact = trajectory, trajectory.contact
         self._moved, self._moved_by = self.number, ended.command.source
         self.time = max(self.time, ended.time)
         went, motion = trajectory.travel(ended.time)
@@ -218,13 +208,6 @@ class Reducer:
             self.history.add_movement(ended, went, motion, self.seen)
             if self.wedged:
                 self.history.wedged.add(self.history.contacts.items[-1])
-
-    def _begin_leg(self, trajectory: Trajectory) -> None:
-        """Begin a movement's trail. It replaces that of a turn or a grip before it, which has no length."""
-        last = self._legs[-1] if self._legs else None
-        if isinstance(last, Trajectory) and (last.kind is None or last.kind.turns):
-            self._legs.pop()
-        self._legs.append(trajectory)
 
     def _arrive(self, pose: Pose, went: float, contact: Contact | None, *, held: bool) -> None:
         """The robot has moved by `went` inches to a pose, perhaps to a contact, or is `held` by one."""
@@ -245,12 +228,7 @@ class Reducer:
 
     def _take_leg(self, begun: LegBegun) -> None:
         leg = self.leg = begun.leg
-        last = self._legs[-1] if self._legs else None
-        # A robot that steers changes its velocity by the hundred: its trail is cut by distance.
-        if not (isinstance(last, _Track) and last.length < TRACK):
-            self._legs.append(_Track(leg))
-        else:
-            last.extend(leg)
+        self._show_leg(leg)
         self._moved, self._moved_by = self.number, begun.command.source
         self.time = max(self.time, leg.start_time)
         self._commands = max(self._commands, begun.number)
@@ -259,12 +237,7 @@ class Reducer:
 
     def _take_leg_end(self, ended: LegEnded) -> None:
         leg, self.leg = ended.leg, None
-        last = self._legs[-1] if self._legs else None
-        # A log that begins in the middle of a leg has its end without its beginning.
-        if not isinstance(last, _Track):
-            last = _Track(leg)
-            self._legs.append(last)
-        last.end(leg)
+        self._show_leg(leg)
         self._moved, self._moved_by = self.number, ended.command.source
         self.time = max(self.time, leg.end_time)
         self._driving += leg.duration
@@ -280,6 +253,11 @@ class Reducer:
             self.history.add_leg(ended, self.seen)
             if self.wedged:
                 self.history.wedged.add(self.history.contacts.items[-1])
+
+    def _show_leg(self, leg: Leg) -> None:
+        # A robot that is pressed against a wall makes legs without a contact of their own.
+        follows = isinstance(self._newest, Leg)
+        self._newest, self._contact = leg, leg.contact or (self._contact if follows else None)
 
     def _take_velocity_end(self, ended: VelocityEnded) -> None:
         self.velocity = None
@@ -338,7 +316,7 @@ class Reducer:
         """Put the robot elsewhere; readings from its old place no longer apply."""
         self._now = replace(self._now, pose=pose)
         self.leg = self.velocity = None
-        self._legs.clear()
+        self._newest = self._contact = None
         self._touched.clear()
         self._sensors.clear()
         self._read = {}
@@ -439,7 +417,7 @@ class Reducer:
         pose, movement = self.pose_at(now), self._movement
         moving = movement is not None and now < movement.trajectory.end_time
         # A plan knows its contact beforehand; it is shown only once it has come.
-        contact = self._legs[-1].contact if self._legs else None
+        contact = self._contact
         if contact is not None and contact.time > now:
             contact = None
         return State(
@@ -449,7 +427,7 @@ class Reducer:
             touching=contact is not None and contact.pose == pose,
             contact=contact,
             velocity=None if self.velocity is None else self.velocity.twist,
-            legs=tuple(_leg(each, now) for each in self._legs),
+            path=NO_PATH if self._newest is None else _path(self._newest, now),
             moved=self._moved,
             moved_by=self._moved_by,
             sensors={
@@ -490,42 +468,8 @@ class Reducer:
         )
 
 
-class _Track:
-    """A part of a continuous motion's trail: the legs that are over, and the one under way."""
-
-    def __init__(self, leg: Leg) -> None:
-        self.length = 0.0
-        """Inches of the legs that are over."""
-        self._points = [(leg.before.x, leg.before.y)]
-        self._leg: Leg | None = leg
-        self.contact: Contact | None = leg.contact
-
-    def extend(self, leg: Leg) -> None:
-        """Begin another leg."""
-        self._leg = leg
-        self.contact = leg.contact or self.contact
-
-    def end(self, leg: Leg) -> None:
-        """End the leg under way."""
-        self._leg = None
-        self.contact = leg.contact or self.contact
-        self.length += leg.travelled(leg.end_time)
-        self._points += leg.centres(leg.end_time)[1:]
-        # Every second of them: a trail of hours still shows where it came from.
-        if len(self._points) > 2 * LEG_POINTS:
-            self._points = [*self._points[:-1:2], self._points[-1]]
-
-    def trail(self, time: float) -> FloatArray:
-        """The robot's centres till a simulated time, (k, 2)."""
-        under_way = self._leg.centres(time)[1:] if self._leg is not None else []
-        return np.array([*self._points, *under_way])
-
-
-def _leg(trajectory: Trajectory | _Track, time: float) -> FloatArray:
-    """A movement's path till now, thinned."""
-    points = trajectory.trail(time)
-    stride = max(1, len(points) // LEG_POINTS)
-    return np.concatenate((points[:-1:stride], points[-1:]))
+def _path(newest: Trajectory | Leg, now: float) -> FloatArray:
+    return timed_line(np.array(newest.centres(now)), newest.start_time, min(now, newest.end_time))
 
 
 def _with_cells(belief: Belief, before: Belief | None) -> Belief:

@@ -25,7 +25,15 @@ from simmer_tui.sim.records import Reading
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.sim.specs import Axes, DriveKind, SimulationSpec
 
-_NO_TRAIL: FloatArray = np.empty((0, 2))
+NO_PATH: FloatArray = np.empty((0, 3))
+"""The path of a robot that has not moved."""
+
+
+def timed_line(points: FloatArray, begin: float, end: float) -> FloatArray:
+    """Points (n, 2) with the times at which an even motion passes them, (n, 3)."""
+    along = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))))
+    share = along / along[-1] if along[-1] > 0.0 else np.linspace(0.0, 1.0, len(points))
+    return np.column_stack((points, begin + share * (end - begin)))
 
 
 class SensorRow(Struct, frozen=True):
@@ -131,7 +139,8 @@ class State(Checkpoint, frozen=True, kw_only=True, eq=False):
     """A run at one moment, also during a movement. Nothing here changes any more; any thread may read it.
 
     `contact` is the first contact of the latest movement, as soon as it has come; `touching` is true while
-    the robot stands there. `legs` are the paths of the latest movements, each (n, 2) inches, oldest first.
+    the robot stands there. `path` is that of the latest movement till now, (n, 3): x and y in inches,
+    simulated seconds. It has no rows before the first.
     `moved` is the running number of the last event that moved the robot. `twins` holds, by sensor code, the
     last readings of the real robot and its twin. `ended` is the end of the latest movement that is over; at a
     velocity, of the latest leg with a contact. `movement` is the plan of one under way.
@@ -143,7 +152,7 @@ class State(Checkpoint, frozen=True, kw_only=True, eq=False):
     contact: Contact | None
     velocity: Twist | None
     """The velocity in force; None while there is none."""
-    legs: tuple[FloatArray, ...]
+    path: FloatArray
     moved: int
     moved_by: str
     """Source of the command that moved it then; empty if the robot was put elsewhere."""
@@ -153,8 +162,3 @@ class State(Checkpoint, frozen=True, kw_only=True, eq=False):
     ended: MovementEnded | None
     movement: MovementPlanned | None
     belief: Belief | None
-
-    @property
-    def trail(self) -> FloatArray:
-        """The robot's centres on its latest path, (n, 2) inches, oldest first."""
-        return np.concatenate(self.legs) if self.legs else _NO_TRAIL

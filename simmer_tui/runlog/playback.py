@@ -23,9 +23,9 @@ from simmer_tui.runlog.log_records import (
 )
 from simmer_tui.runlog.reader import Logged
 
-# The trail shows the latest movements, and a program reads some ten sensors between two of them.
+# A program reads some ten sensors between two movements.
 LOOK_BACK = 400
-"""Least number of entries reduced before a moment, so that its sensors and its trail are known."""
+"""Least number of entries reduced before a moment, so that its sensors and its latest movements are known."""
 # To seek means to reduce LOOK_BACK to LOOK_BACK + 500 entries, and to look for contacts and belief.
 SKIP = 1500
 """Largest distance of a later entry that is reached without a seek, entries."""

@@ -15,6 +15,7 @@ from pathlib import Path
 from msgspec import Struct
 
 from simmer_tui import platform_has
+from simmer_tui.config.set_sketches import library_paths, main_files, source_paths
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sketch.boards import BoardKind
 from simmer_tui.sketch.compiler import NO_COMPILER, Compiler, find_compiler, links_at_fixed_addresses
@@ -22,7 +23,6 @@ from simmer_tui.sketch.preprocess import (
     board_source,
     includes,
     joined_source,
-    main_files,
     sketch_text,
 )
 
@@ -33,10 +33,7 @@ RUNTIME_NAME = "<runtime>"
 installation."""
 MOST_ERRORS = 3
 """Errors of the compiler that are shown: later ones mostly follow from the first."""
-_CODE = frozenset((".h", ".hpp", ".hh", ".c", ".cpp", ".cc", ".cxx"))
 _COMPILED = frozenset((".c", ".cpp", ".cc", ".cxx"))
-# More is no sketch of a student's; reading a home directory by mistake would take minutes.
-_MOST_FILES = 400
 _STANDARD = frozenset(
     f"{name}.h"
     for name in (
@@ -110,7 +107,7 @@ def build_sketch(sketch: Path, kind: BoardKind, place: str = "") -> BuiltSketch:
     files = main_files(sketch)
     if not files:
         raise ConfigurationError([Problem(where, f"{sketch.name} has no .ino file")])
-    sources = list(_sources(files[0].parent, files))
+    sources = list(_sources(sketch, files))
     if problems := list(_missing_headers(files, sources)):
         raise ConfigurationError(problems)
     digest = _digest_of([*files, *(each.path for each in sources)])
@@ -128,9 +125,7 @@ def build_sketch(sketch: Path, kind: BoardKind, place: str = "") -> BuiltSketch:
 def fastest_baud(sketch: Path) -> int:
     """The fastest rate that a sketch names; it sends no byte in less time."""
     files = main_files(sketch)
-    texts = [
-        sketch_text(each) for each in (*files, *(each.path for each in _sources(files[0].parent, files)))
-    ]
+    texts = [sketch_text(each) for each in (*files, *(each.path for each in _sources(sketch, files)))]
     named = {int(each) for text in texts for each in re.findall(r"\b[0-9]{3,7}\b", text)}
     return max(named.intersection(_BAUDS), default=_USUAL_BAUD)
 
@@ -143,38 +138,10 @@ def build_folder() -> Path:
 # -- sources ------------------------------------------------------------------------------------------
 
 
-def _sources(folder: Path, files: Sequence[Path]) -> Iterator[_Source]:
-    """The code beside a sketch, and that of libraries in `libraries/` beside it or one folder up."""
-    if len(files) > 1 or any(each.suffix in _CODE for each in folder.iterdir()):
-        yield from (_Source(each, each.name) for each in sorted(folder.iterdir()) if _is_code(each))
-    if (folder / "src").is_dir():
-        for each in _code_below(folder / "src"):
-            yield _Source(each, each.relative_to(folder).as_posix())
-    for place in (folder / "libraries", folder.parent / "libraries"):
-        if not place.is_dir():
-            continue
-        for library in sorted(each for each in place.iterdir() if each.is_dir()):
-            root = library / "src" if (library / "src").is_dir() else library
-            for each in _code_below(root):
-                parts = each.relative_to(root).parts
-                # Examples of a library are no part of it.
-                if not {"examples", "extras", "test", "tests"}.intersection(parts[:-1]):
-                    yield _Source(each, f"libraries/{library.name}/{'/'.join(parts)}")
-        return
-
-
-def _is_code(path: Path) -> bool:
-    return path.suffix.lower() in _CODE and path.is_file()
-
-
-def _code_below(folder: Path) -> list[Path]:
-    found: list[Path] = []
-    for each in sorted(folder.rglob("*")):
-        if _is_code(each):
-            found.append(each)
-        if len(found) > _MOST_FILES:
-            raise ConfigurationError([Problem(str(folder), f"has more than {_MOST_FILES} files of code")])
-    return found
+def _sources(sketch: Path, files: Sequence[Path]) -> Iterator[_Source]:
+    """The code beside a sketch, and that of its libraries."""
+    yield from (_Source(each, each.name) for each in source_paths(sketch) if each not in files)
+    yield from (_Source(each, name) for each, name in library_paths(files[0].parent))
 
 
 def _missing_headers(files: Sequence[Path], sources: Sequence[_Source]) -> Iterator[Problem]:

@@ -146,21 +146,6 @@ def _global_text(source: str) -> str:
     return "".join(made)
 
 
-def main_files(sketch: Path) -> list[Path]:
-    """The .ino files of a sketch, its main one first, as Arduino joins them.
-
-    `sketch` is a file or its folder. A file alone in a folder of another name is a sketch of its own.
-    """
-    if sketch.is_dir():
-        files = sorted((*sketch.glob("*.ino"), *sketch.glob("*.pde")))
-        main = [each for each in files if each.stem == sketch.name]
-        return main + [each for each in files if each not in main]
-    if sketch.stem == sketch.parent.name:
-        others = sorted((*sketch.parent.glob("*.ino"), *sketch.parent.glob("*.pde")))
-        return [sketch, *(each for each in others if each != sketch)]
-    return [sketch]
-
-
 def sketch_text(path: Path) -> str:
     """The text of a source file, as an editor shows it."""
     data = path.read_bytes()

@@ -7,6 +7,7 @@ left, speeds, the sensor's place, the wire between boards.
 
 from __future__ import annotations
 
+import json
 import os
 import re
 from collections import Counter
@@ -137,9 +138,9 @@ def draft(sketches: Sequence[Path], directory: Path, ranges: Sequence[str], line
     text = [_HEAD]
     for board in boards:
         sure = "" if board.facts.kind.name != "uno" else "  # ? or nano"
-        text.append(
-            f'[boards.{board.name}]\nsketch = "{board.sketch}"\nboard = "{board.facts.kind.name}"{sure}\n'
-        )
+        # Strings of JSON are strings of TOML.
+        path = json.dumps(board.sketch, ensure_ascii=False)
+        text.append(f'[boards.{board.name}]\nsketch = {path}\nboard = "{board.facts.kind.name}"{sure}\n')
     for board in boards:
         for header, spot in board.facts.includes:
             if header in _LATER:

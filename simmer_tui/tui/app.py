@@ -26,7 +26,7 @@ from simmer_tui.report.why import why
 from simmer_tui.robot.playback_throttle import checked_pace
 from simmer_tui.run.events import Action
 from simmer_tui.runlog.saved_runs import SavedRun
-from simmer_tui.sim.command import Command, typed_path
+from simmer_tui.sim.command import WORD, Command, cut, typed_path
 from simmer_tui.sim.specs import DriveKind
 from simmer_tui.tui import answers
 from simmer_tui.tui.console import ConsolePane, History
@@ -346,8 +346,10 @@ class SimmerApp(Shell):
         boards = self._snapshot.boards if self._snapshot is not None else ()
         board = next((each for each in boards if name in ("", each.name)), None)
         if board is None:
-            known = ", ".join(each.name for each in boards)
-            what = f"there are {known}" if known else "no boards run; simmer-tui --sketch DIR runs them"
+            what = "no boards run; simmer-tui --sketch DIR runs them"
+            if boards:
+                known = " or ".join(f":pins {each.name}" for each in boards)
+                what = f"there is no board {cut(name, WORD)}; type {known}"
             self._console.show_error(f"pins: {what}")
         else:
             self.ask(answers.pins_answer(board), stays=True)

@@ -20,8 +20,8 @@ _CELLS, _BYTES = (4_320.0, 12_000.0), (23_500.0, 44_000.0)
 _BURST = 0.25
 """Seconds of these bytes that may be saved up."""
 # The largest frames of a robot that jumps have 9 KB; a new page has 30 KB, and nobody is to wait for that.
-_OWED = 0.4
-"""Seconds of these bytes that may be owed."""
+_DEFICIT = 0.4
+"""Seconds of these bytes that may be overdrawn."""
 # A key takes 1 ms, a person presses 30 a second: so many wait only after a paste, or on a busy machine.
 _MUCH_INPUT = 10
 """Messages to the app that wait for it, from which on they come before the picture."""
@@ -85,20 +85,20 @@ class InputFirst:
 
 
 class ByteBudget:
-    """Leaves out pictures while the bytes for them are used up: where much changes, as with a robot that
-    jumps, there are fewer of them. Each is whole in any case."""
+    """A token bucket of bytes. It leaves out pictures while they are used up: where much changes, as with a
+    robot that jumps, there are fewer of them. Each is whole in any case."""
 
     def __init__(self) -> None:
-        self._saved, self._at, self._written = 0.0, -math.inf, 0
+        self._tokens, self._at, self._written = 0.0, -math.inf, 0
 
     def passes_over(self, written: int, cells: int, now: float) -> bool:
         """True if the next picture is left out. `written` counts all bytes so far, `cells` those of the
         screen, `now` is in seconds."""
         rate = float(np.interp(cells, _CELLS, _BYTES))
-        gained = rate * min(now - self._at, _BURST + _OWED) - (written - self._written)
-        self._saved = min(max(self._saved + gained, -rate * _OWED), rate * _BURST)
+        gained = rate * min(now - self._at, _BURST + _DEFICIT) - (written - self._written)
+        self._tokens = min(max(self._tokens + gained, -rate * _DEFICIT), rate * _BURST)
         self._at, self._written = now, written
-        return self._saved < 0.0
+        return self._tokens < 0.0
 
 
 class Lags:

@@ -23,6 +23,9 @@ from simmer_tui.runlog.reader import LogReader
 # Doubled each time, as by `[` and `]` in a live run.
 PLAYBACK_RATES = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
 """Simulated seconds that are shown in a second."""
+# A mission has some thousand; so many are read in a tenth of a second.
+ROUTE_BACK = 20_000
+"""Entries before the list of events whose route is shown too."""
 # The size of the list of events: earlier ones would not be shown.
 _NEAR = 2000
 """Entries up to which reading continues forwards. For a moment further on, reading starts again some way
@@ -146,6 +149,8 @@ class RecordedRun:
         if not self._fed <= self.entry <= self._fed + _NEAR:
             self._begin_feed()
             self._fed = max(self.entry - LOOK_BACK, -1)
+            before = self.playback.events(self._fed + 1 - ROUTE_BACK, self._fed + 1)
+            self._feed.begin_route(each.event for each in before if not isinstance(each, BrokenLine))
         for logged in self.playback.events(self._fed + 1, self.entry + 1) if self._fed < self.entry else ():
             if isinstance(logged, BrokenLine):
                 self._take(0.0, Notice(NoticeKind.FAULT, str(logged)))

@@ -368,7 +368,8 @@ class _SensorTable:
             return between(line, (("not read", "dim"),), self.width)
         # The oldest of them: they are read together.
         ages = [age for sensor in group if (age := self.ages.get(sensor.code)) is not None]
-        note = age_text(max(ages, default=None), len(note)) or note
+        # Where the colours differ there is no note; the shortest age has three columns.
+        note = age_text(max(ages, default=None), max(len(note), 3)) or note
         # Digits of three columns each; the codes before them have six, and the note a gap.
         pad = " " if len(group) * 3 + len(note) + 7 <= self.width else ""
         return between((begin, *self._yes_or_no(group, pad)), ((note, "dim"),), self.width)

@@ -92,8 +92,8 @@ class Shell(FaultReporting, TerminalApp):
         """Fault of its own that ended the app; empty if none did."""
 
     def begin(self, work: Callable[[], Coroutine[Any, Any, None]], group: str, *, once: bool = False) -> None:
-        """Begin work beside the drawing; `once` ends what the group did before. It is no coroutine: that of
-        work which ends before it has begun would never be awaited."""
+        """Begin work beside the drawing; `once` ends what the group did before. `work` is a function: a
+        coroutine that is cancelled before its start is never awaited, and Python warns."""
         _: Worker[None] = self.run_worker(work, group=group, exclusive=once)
 
     def end(self, code: int) -> None:
@@ -265,7 +265,7 @@ class Shell(FaultReporting, TerminalApp):
     def _laid_out(self, screen: Screen[object]) -> None:
         """Draw into boxes that have just got their sizes."""
         if not self.screen_stack:
-            return  # a layout may be told after the app has ended
+            return  # Textual may report a layout after the app has ended
         # A layout before new boxes may be told after them: theirs is known by the sizes.
         sizes = [widget.size for widget in self.screen_stack[0].children]
         if self._is_arranged or sizes != self._sizes:

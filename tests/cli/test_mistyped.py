@@ -84,6 +84,7 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ("other.py", ["there is no file other.py in", "cd", '--run "python other.py"']),
         ("robot.cpp", ["must be compiled", "g++ -o robot", "--run ./robot"]),
         ("Main.ino", ["Main.ino makes a robot of it", "simmer-tui --serial PORT"]),
+        ("my~rover.ino", ["init my-robot --sketch 'my rover.ino'"]),
         ("lab.ipynb", ["notebook", "Start simmer-tui"]),
         ("--run python wander.py", ['needs quotes: --run "python wander.py"']),
         ("--run “python wander.py”", ["quotes of documents", 'type --run "python wander.py"']),

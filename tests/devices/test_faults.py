@@ -174,6 +174,13 @@ def test_classes_that_are_no_kind_are_mistakes(make_set: MakeSet, old: str, new:
     assert found[0].startswith(DEVICE)
 
 
+def test_a_mistake_that_a_second_class_inherits_is_told_of_both(make_set: MakeSet) -> None:
+    text = THERMAL.replace("spec_type = ThermalSpec", "spec_type = 5")
+    text += '\n\nclass Second(Thermal):\n    name = "second"\n'
+    found = refused(make_set, text)
+    assert [each for each in found if "spec_type of Thermal must be a class derived from SensorSpec" in each]
+
+
 def test_two_kinds_of_one_name_are_a_mistake(make_set: MakeSet) -> None:
     folder = make_set()
     (folder / "devices" / "other.py").write_text(THERMAL.replace("class Thermal(", "class Other("))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from simmer_tui.live.route import TOLERANCE, RouteKeeper, simplified
+from simmer_tui.live.route import TOLERANCE, RouteKeeper, merged_pieces, simplified
 
 
 def distances(points: np.ndarray, line: np.ndarray) -> np.ndarray:
@@ -48,6 +48,26 @@ def test_the_whole_route_stays_with_few_points_and_its_times() -> None:
     assert sum(float(np.hypot(*np.diff(piece[:, :2], axis=0).T).sum()) for piece in recent) == pytest.approx(
         5.0
     )
+
+
+@pytest.mark.parametrize("step", [0.02, 0.08, 0.5])
+def test_an_arc_of_many_small_movements_stays_an_arc(step: float) -> None:
+    turn = np.arange(0.0, 40.0, step) / 20.0
+    points = np.column_stack((20.0 * np.cos(turn), 20.0 * np.sin(turn)))
+    keeper = RouteKeeper()
+    for number in range(len(points) - 1):
+        keeper.add(list(map(tuple, points[number : number + 2])), 7.0 + number, 8.0 + number)
+    pieces = keeper.route.pieces
+    assert distances(points[:-1], np.concatenate(pieces)[:, :2]).max() <= TOLERANCE
+    assert sum(map(len, pieces)) < 30
+    assert [first[-1].tolist() for first in pieces[:-1]] == [later[0].tolist() for later in pieces[1:]]
+    assert keeper.route is keeper.route, "it is simplified once"
+
+
+def test_old_pieces_are_joined_where_their_ends_meet() -> None:
+    first, second = np.array([(0.0, 0.0, 7.0), (9.0, 0.0, 8.0)]), np.array([(9.0, 0.0, 8.0), (9.0, 9.0, 9.0)])
+    far = np.array([(60.0, 0.0, 9.0), (70.0, 0.0, 10.0)])
+    assert [len(each) for each in merged_pieces([first, second, far])] == [4, 2]
 
 
 def test_a_robot_put_elsewhere_leaves_no_line_between() -> None:

@@ -17,7 +17,7 @@ from simmer_tui.report.live_verdict import LiveVerdict
 from simmer_tui.robot.engine import Engine
 from simmer_tui.run.events import Action, ActionName, Belief, Event, MovementEnded, Notice, NoticeKind
 from simmer_tui.run.facts import BESIDE
-from simmer_tui.run.reducer import HISTORY, LEGS, Reducer
+from simmer_tui.run.reducer import HISTORY, Reducer
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.state import checkpoint_of
 from simmer_tui.sim import Pose, SimulationSpec, Simulator, parse_command
@@ -110,7 +110,7 @@ def test_events_readings_and_movements_are_bounded(run: Run) -> None:
     assert len(snapshot.entries) == EVENTS
     assert snapshot.entries[-1].number == 2 * EVENTS + 39, "the end of the last movement; its answer follows"
     assert len(snapshot.state.sensors["u1"].history) == HISTORY
-    assert len(snapshot.state.trail) <= LEGS * 42
+    assert len(snapshot.route.pieces) == 0, "turns leave no trail"
 
 
 def test_log_entries_hold_neither_paths_nor_particles(run: Run) -> None:
@@ -128,13 +128,14 @@ def test_log_entries_hold_neither_paths_nor_particles(run: Run) -> None:
     assert sys.getsizeof(belief) < 200
 
 
-def test_the_trail_is_the_way_of_the_last_movements(run: Run) -> None:
-    trail = run.give("d1-2", "r1-90", "d1-1").state.trail
-    assert trail[0].tolist() == [9.5, 42.0]
-    assert trail[-1] == pytest.approx([11.5, 43.0])
-    turned = run.give(*["r1-1"] * LEGS).state
-    assert turned.trail[0].tolist() == [9.5, 42.0], "turns leave no trail, and push none out"
-    assert run.give(*["d1-0.01"] * LEGS).state.trail[0] == pytest.approx([11.5, 43.0])
+def test_the_route_is_the_way_of_all_movements_and_the_path_that_of_the_latest(run: Run) -> None:
+    snapshot = run.give("d1-2", "r1-90", "d1-1", *["r1-1"] * 50)
+    (piece,) = snapshot.route.pieces
+    assert piece[0, :2].tolist() == [9.5, 42.0]
+    assert piece[-1, :2] == pytest.approx([11.5, 43.0])
+    assert snapshot.state.path[-1, :2] == pytest.approx([11.5, 43.0])
+    path = run.give("d1-1").state.path
+    assert path[0, :2] == pytest.approx([11.5, 43.0])
 
 
 @pytest.mark.parametrize("name", [ActionName.RESET, ActionName.SEED, ActionName.TELEPORT])
@@ -144,7 +145,7 @@ def test_a_new_start_forgets_trail_readings_and_belief(run: Run, name: ActionNam
     run.engine.tell(Belief(0.0, Pose(1, 2, 3), Pose(0, 0, 0)))
     run.engine.perform(Action(name, arguments.get(name, ())))
     snapshot = run.recorder.snapshot()
-    assert len(snapshot.state.trail) == 0
+    assert len(snapshot.state.path) == 0
     assert (snapshot.state.sensors, snapshot.state.belief) == ({}, None)
     assert snapshot.state.moved == run.recorder.number
 
@@ -190,11 +191,11 @@ def test_a_stopped_movements_trail_ends_where_the_robot_does(course_spec: Simula
             await asyncio.sleep(0)
         moving = run.recorder.snapshot()
         assert moving.state.moving
-        assert moving.state.trail[-1].tolist() == [moving.state.pose.x, moving.state.pose.y]
+        assert moving.state.path[-1, :2].tolist() == [moving.state.pose.x, moving.state.pose.y]
         run.engine.perform(Action(ActionName.STOP))
         stopped = run.recorder.snapshot()
         assert not stopped.state.moving
-        assert stopped.state.trail[-1].tolist() == [stopped.state.pose.x, stopped.state.pose.y]
+        assert stopped.state.path[-1, :2].tolist() == [stopped.state.pose.x, stopped.state.pose.y]
 
     asyncio.run(play(lambda: Run(replace(course_spec), timed=True)))
 

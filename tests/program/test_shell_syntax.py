@@ -13,7 +13,7 @@ import pytest
 from simmer_tui.errors import ProgramError, TrialsError
 from simmer_tui.grade.course import Team, submitted_team
 from simmer_tui.program import Program
-from simmer_tui.program.program_command import command_line_of, words_of
+from simmer_tui.program.program_command import command_line_of, missing_program, words_of
 from simmer_tui.program.shell_syntax import shell_command, shell_problem, shell_syntax
 from simmer_tui.trials.cluster import pack
 
@@ -61,6 +61,17 @@ NO_SHELL = [
 def test_a_program_is_not_started_and_the_line_is_told(command: str, found: str) -> None:
     with pytest.raises(ProgramError, match="no shell is used; type --run"):
         Program(command, {}, lambda code: None)
+
+
+@pytest.mark.parametrize(
+    "words",
+    ["-um timeit", "-Bc 'pass'", "-W ignore -m timeit", "--check-hash-based-pycs always -m timeit", "-"],
+)
+def test_a_program_without_a_file_misses_none(words: str) -> None:
+    assert missing_program(f"python {words}") == ""
+    assert "there is no file nosuch.py" in missing_program(
+        "python -u --check-hash-based-pycs always nosuch.py"
+    )
 
 
 @pytest.mark.parametrize(("command", "found"), SHELL)

@@ -162,3 +162,13 @@ def test_the_table_of_commands_names_what_was_never_read_and_repeated() -> None:
     assert rows["refused"] == (1, "d1 1")
     assert "u5" in str(rows["sensors never read"][1])
     assert rows["repeated movements"] == (1, "of 2, such as d1-1")
+
+
+def test_the_command_that_ended_a_mission_counts_as_sent() -> None:
+    mission = begin((30.0, 42.0, 90.0))
+    mission.give("u1", "d1-20")
+    rows = {row[0]: row[1:] for row in fact_tables(mission.evidence(1))[0].rows}
+    assert rows["sent"] == (2, "u1 1, d1 1")
+    mission = begin((30.0, 42.0, 90.0))
+    mission.give("d1-20")
+    assert fact_tables(mission.evidence(1))[0].rows[0] == ("sent", 1, "d1 1")

@@ -11,6 +11,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -20,6 +21,7 @@ from simmer_tui.cli.main import build_parser
 from simmer_tui.config import load_default
 from simmer_tui.config.loader import Configuration, find_set, load
 from simmer_tui.errors import RunLogError
+from simmer_tui.live.snapshot import Recorder
 from simmer_tui.robot.engine import Engine
 from simmer_tui.robot.sessions import LinkDelay, Session
 from simmer_tui.run.events import (
@@ -52,6 +54,7 @@ from simmer_tui.sim import (
     Status,
     parse_command,
 )
+from simmer_tui.tui.maze.scene import RECENT, scene_of
 from tests.in_process import simmer
 from tests.manual_loop import ManualLoop
 
@@ -476,15 +479,20 @@ def test_a_leg_out_of_the_maze_is_a_broken_line(tmp_path: Path, old: str, new: s
     assert "leads out of the maze" in broken[0].reason
 
 
-def test_the_trail_of_a_robot_that_steers_reaches_back(tmp_path: Path) -> None:
+def test_a_robot_that_steers_leaves_a_trail_whose_last_seconds_are_bright() -> None:
     bench = Bench()
     reducer = Reducer(checkpoint_of(bench.simulator))
+    recorder = Recorder(bench.engine, reducer)
     bench.engine.watch(reducer.apply)
+    bench.engine.watch(recorder.watch)
     for step in range(300):
-        bench.send(f"vv-5;0;{step % 7}", "wt-0.02")
-    trail = reducer.at().trail
-    assert tuple(trail[0]) == pytest.approx((9.5, 6.0))
-    assert tuple(trail[-1]) == pytest.approx((bench.simulator.pose.x, bench.simulator.pose.y))
+        bench.send(f"vv-0.2;0;{step % 7}", "wt-0.02")
+    bench.send("vv-0.2;0;0", "wt-15")
+    scene = scene_of(bench.simulator.spec, bench.simulator.maze, recorder.snapshot())
+    assert scene.trail[0][0, :2].tolist() == pytest.approx([9.5, 6.0])
+    assert scene.trail[-1][-1, :2].tolist() == pytest.approx([scene.pose.x, scene.pose.y])
+    bright = [np.hypot(*np.diff(piece[:, :2], axis=0).T).sum() for piece in scene.recent]
+    assert sum(bright) == pytest.approx(0.2 * RECENT, rel=0.01)
 
 
 def test_what_was_read_a_moment_before_a_contact_was_seen_before_it() -> None:

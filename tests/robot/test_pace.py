@@ -134,7 +134,7 @@ def test_the_picture_follows_the_way(watched: Watched) -> None:
     assert half.state.moving
     assert half.state.time == pytest.approx(12.5 + took / 2)
     assert half.state.pose.x == pytest.approx((before.x + end.x) / 2, abs=0.1)
-    assert half.state.trail[-1].tolist() == [half.state.pose.x, half.state.pose.y]
+    assert half.state.path[-1, :2].tolist() == [half.state.pose.x, half.state.pose.y]
     assert watched.throttle.busy
     watched.clock.pass_by(took / 8 + 0.001)
     assert watched.snapshot.state.pose == end

@@ -13,7 +13,6 @@ import pytest
 
 from simmer_tui.errors import RunLogError
 from simmer_tui.run.events import ActionName
-from simmer_tui.run.reducer import LEGS
 from simmer_tui.run.run_history import ElapsedTime
 from simmer_tui.runlog.index import EntryFlag, RunLogIndex
 from simmer_tui.runlog.log_records import (
@@ -217,10 +216,10 @@ def test_what_people_do_shows_in_the_state(start_run: Any) -> None:
         assert state.belief.pose.x - state.belief.true.x == pytest.approx(2.0)
         state = playback.state_at(6)
         assert (state.block.x, state.block.y) == (30.0, 45.0)
-        assert tuple(state.trail[0]) == (30.0, 42.0)
+        assert tuple(state.path[0, :2]) == (30.0, 42.0)
         state = playback.state_at(8)
         assert (state.pose, state.block.x, state.block.y) == (Pose(9.5, 42.0, 0.0), 25.0, 41.0)
-        assert (state.sensors, len(state.trail), state.contacts, state.belief) == ({}, 0, 0, None)
+        assert (state.sensors, len(state.path), state.contacts, state.belief) == ({}, 0, 0, None)
         assert log.time_of(8) == log.time_of(7)
 
 
@@ -233,7 +232,6 @@ def test_looking_back_is_bounded(start_run: Any) -> None:
         playback = Playback(log)
         assert "u3" in playback.state_at(10).sensors
         state = playback.state_at(log.count - 1)
-        assert len(state.legs) <= LEGS
         assert state.sensors == {}
         assert state.commands == 2501
 

@@ -345,7 +345,7 @@ def shown(state: State) -> list[Any]:
     others = {
         "spec",
         "bias",
-        "legs",
+        "path",
         "sensors",
         "twins",
         "last",
@@ -364,8 +364,7 @@ def shown(state: State) -> list[Any]:
     return [
         *plain,
         sums(state.contact_points),
-        sums(state.trail),
-        len(state.legs),
+        sums(state.path),
         brief(state.mission and state.mission.result),
         events,
         belief,

@@ -4,15 +4,26 @@ from __future__ import annotations
 
 import json
 import os
+import queue
+import signal
+import socket
+import struct
 import subprocess
 import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 from simmer_tui.cli.main import main
+from simmer_tui.config.loader import Configuration, load
+from simmer_tui.config.settings import with_any_ports
+from simmer_tui.live.server import Server
+from simmer_tui.run.events import Event
 from simmer_tui.sketch.compiler import find_compiler
+from simmer_tui.sketch.sketch_robot import compile_set, with_boards
+from simmer_tui.sketch.wiring import wiring_of
 from tests.sketch.test_lockstep import MOTORS, ROVER, STOPPABLE, made_set
 
 pytestmark = [
@@ -131,3 +142,65 @@ def test_a_set_without_boards_is_refused(tmp_path: Path) -> None:
     done = run(tmp_path / "set", tmp_path / "run.jsonl")
     assert done.returncode == 2
     assert "has no wiring.toml" in done.stderr
+
+
+def any_ports(configuration: Configuration) -> Configuration:
+    return replace(configuration, settings=with_any_ports(configuration.settings))
+
+
+def begun(folder: Path, *options: str) -> subprocess.Popen[str]:
+    """A run without a screen whose boards have begun."""
+    command = [sys.executable, "-m", "simmer_tui", "--no-ui", "--sketch", str(folder), "--port", "0"]
+    process = subprocess.Popen(
+        [*command, *options],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
+    )
+    assert process.stdout is not None
+    while "waiting for connection" not in process.stdout.readline():
+        pass
+    return process
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals are those of POSIX")
+def test_a_run_with_boards_that_is_ended_has_no_fault(tmp_path: Path) -> None:
+    made_set(tmp_path / "set", ROVER + MOTORS, {"rover.ino": STOPPABLE})
+    for _ in range(3):
+        process = begun(tmp_path / "set")
+        process.send_signal(signal.SIGTERM)
+        out, err = process.communicate(timeout=60)
+        assert "fault" not in out + err
+
+
+def test_boards_and_a_real_robot_do_not_drive_at_once(tmp_path: Path) -> None:
+    made_set(tmp_path / "set", ROVER + MOTORS, {"rover.ino": STOPPABLE})
+    done = run(tmp_path / "set", tmp_path / "run.jsonl", "--serial", "/dev/nosuch")
+    assert (done.returncode, "leave --serial out" in done.stderr) == (2, True)
+    configuration = load(tmp_path / "set")
+    wiring = wiring_of(configuration)
+    assert wiring is not None
+    sketches = compile_set(wiring, configuration.directory)
+    server = Server(any_ports(with_boards(configuration, wiring)), sketches=sketches)
+    told: queue.Queue[Event] = queue.Queue()
+    server.engine.watch(told.put)
+    server.start()
+    try:
+        server.use_robot("/dev/nosuch")
+        while "boards drive this robot" not in getattr(told.get(timeout=60), "text", ""):
+            pass
+        with socket.create_connection(("127.0.0.1", server.ports["commands"]), 60) as client:
+            client.sendall(b"d1-3\n")
+            assert struct.unpack(">d", client.recv(8))
+    finally:
+        server.stop()
+
+
+def test_a_terminal_that_no_board_serves_is_not_opened(tmp_path: Path) -> None:
+    configuration = made_set(tmp_path / "set", ROVER + MOTORS, {"rover.ino": STOPPABLE})
+    port = tmp_path / "COM6"
+    server = Server(any_ports(configuration).with_settings({"server.pty": str(port)}))
+    server.stop()
+    assert server.warnings == ["--pty: no boards run; --sketch DIR runs those of wiring.toml"]
+    assert not port.exists()

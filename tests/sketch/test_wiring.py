@@ -11,8 +11,9 @@ import pytest
 from simmer_tui.cli.main import main
 from simmer_tui.config.loader import load
 from simmer_tui.config.new_set import wiring_schema
+from simmer_tui.config.set_sketches import main_files, source_paths
 from simmer_tui.config.sets import bundled_sets, init_set
-from simmer_tui.errors import Problem
+from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim.specs import WheelLayout, WheelsSpec
 from simmer_tui.sketch.wiring import Wiring, WiringParts, read_wiring
 
@@ -210,6 +211,17 @@ def test_the_schema_allows_what_the_reader_allows() -> None:
             jsonschema.validate(tomllib.loads(wrong), wiring_schema())
 
 
+def test_many_headers_hide_no_sketch_and_another_encoding_is_told(tmp_path: Path) -> None:
+    for number in range(120):
+        (tmp_path / f"a{number}.h").touch()
+    (tmp_path / "rover.ino").touch()
+    assert source_paths(tmp_path)[0] == main_files(tmp_path)[0] == tmp_path / "rover.ino"
+    init_set(tmp_path / "mine", bundled_sets()["mission"])
+    (tmp_path / "mine" / "wiring.toml").write_bytes(b"# R\xe4der\n")
+    with pytest.raises(ConfigurationError, match=r"wiring\.toml: is not UTF-8 text; save it as UTF-8"):
+        load(tmp_path / "mine")
+
+
 def test_a_set_with_a_wiring_is_copied_whole_and_checked(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -223,7 +235,12 @@ def test_a_set_with_a_wiring_is_copied_whole_and_checked(
     assert 'wiring.toml:2:boards.main.sketch: there is no sketch "drive"' in capsys.readouterr().err
     (tmp_path / "mine" / "drive").mkdir()
     (tmp_path / "mine" / "drive" / "drive.ino").write_text("void loop() { arm.attach(9); }\n", "utf-8")
+    beside = ("drive/src/a.cpp", "libraries/Own/Own.h", "drive/pins.h")
+    for name in beside:
+        (tmp_path / "mine" / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "mine" / name).write_text("// code\n", "utf-8")
     assert main(["init", "copy", "--from", "mine"]) == 0
+    assert [name for name in beside if not (tmp_path / "copy" / name).is_file()] == []
     assert (tmp_path / "copy" / "drive" / "drive.ino").read_text("utf-8").startswith("void loop()")
     assert (tmp_path / "copy" / "wiring.toml").read_text("utf-8").startswith("#:schema .schema/wiring.json\n")
     capsys.readouterr()

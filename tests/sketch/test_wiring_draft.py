@@ -171,3 +171,30 @@ def test_init_writes_a_draft_beside_a_set_and_with_a_new_one(
     assert "has wiring.toml already; nothing is overwritten" in capsys.readouterr().err
     assert main(["init", "--sketch", "nose.ino"]) == 2
     assert "nose.ino: there is no such sketch" in capsys.readouterr().err
+
+
+def test_init_drafts_where_the_set_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PATH", "")  # without a compiler nothing is run
+    (tmp_path / "rover.ino").write_text(ROVER, "utf-8")
+    assert main(["init", "course", "--term", "--sketch", "rover.ino"]) == 0
+    assert '"# ?" in config' in capsys.readouterr().out
+    assert main(["check", "course"]) == 0, "the sketch is found from there"
+    (tmp_path / "course" / "config" / "wiring.toml").unlink()
+    assert main(["init", "course", "--sketch", "rover.ino"]) == 0
+    assert (tmp_path / "course" / "config" / "wiring.toml").is_file()
+    assert not (tmp_path / "course" / "wiring.toml").exists()
+    init_set(tmp_path / "part", bundled_sets()["mission"])
+    for name in ("sensors.csv", "settings.toml"):
+        (tmp_path / "part" / name).unlink()
+    assert main(["init", "new", "--from", "part", "--sketch", "rover.ino"]) == 0
+    assert (tmp_path / "new" / "wiring.toml").is_file()
+
+
+def test_a_sketch_with_quotes_in_its_name_is_drafted_as_toml(tmp_path: Path) -> None:
+    path = tmp_path / 'my "r" \\ rover.ino'
+    path.write_text(ROVER, "utf-8")
+    made = tomllib.loads(draft([path], tmp_path, [], []))
+    assert [each["sketch"] for each in made["boards"].values()] == [path.name]

@@ -604,7 +604,7 @@ def test_a_movement_in_time_is_drawn_on_its_way_and_the_trail_follows(fly: Fly) 
         def arrived() -> bool:
             scene = cockpit.maze.scene
             if scene is not None and len(scene.trail):
-                assert scene.trail[-1][-1].tolist() == [scene.pose.x, scene.pose.y]
+                assert scene.trail[-1][-1, :2].tolist() == [scene.pose.x, scene.pose.y]
                 seen.append((scene.pose.x, scene.pose.y))
             return "standing" in cockpit["robot"] and scene.pose.x > 17
 

@@ -54,7 +54,13 @@ def test_pins_are_listed_with_their_use() -> None:
 
 @pytest.mark.parametrize(
     ("typed", "text"),
-    [(":send F", "F"), (':send "F"', "F"), (r":send g 20\n", "g 20\n"), (r":send a\\n", "a\\n")],
+    [
+        (":send F", "F"),
+        (':send "F"', "F"),
+        (r":send g 20\n", "g 20\n"),
+        (":send F  10", "F  10"),
+        (r":send a\\n", "a\\n"),
+    ],
 )
 def test_text_is_sent_as_typed(typed: str, text: str) -> None:
     spec = load(bundled_sets()[MISSION_SET]).simulation

@@ -28,7 +28,7 @@ from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import checkpoint_of
 from simmer_tui.runlog.index import RunLogIndex
 from simmer_tui.runlog.log_records import BrokenLine, MissionRecord
-from simmer_tui.runlog.playback import Playback
+from simmer_tui.runlog.playback import LOOK_BACK, Playback
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.sim import Pose, Simulator, parse_command
 from simmer_tui.tui.event_text import entry_line
@@ -249,6 +249,20 @@ def test_t_takes_over_where_the_replay_stands(run: Run) -> None:
     chosen = ended[0].taken_over
     assert chosen is not None
     assert (chosen.path, chosen.moment.line, chosen.moment.elapsed) == (run.path, 4, 0.5)
+
+
+def test_after_a_jump_the_route_is_known_since_the_start(tmp_path: Path) -> None:
+    made = Run(tmp_path / "long.jsonl")
+    made.give("d1-3", "r1-90", *["u1"] * 2 * LOOK_BACK, "d1-2")
+    made.log.close()
+    with RunLogIndex(made.path) as log:
+        shown = RecordedRun(log)
+        for entry in (log.count - 1, log.count - 3, log.count - 1):
+            shown.stand_at(entry)
+            route = asyncio.run(shown.snapshot(0, True)).route
+        assert route.pieces[0][0, :2].tolist() == [9.5, 42.0]
+        pose = made.engine.simulator.pose
+        assert route.pieces[-1][-1, :2] == pytest.approx((pose.x, pose.y))
 
 
 def test_what_is_asked_twice_at_once_is_done_once_and_without_a_warning(run: Run) -> None:

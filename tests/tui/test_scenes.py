@@ -50,7 +50,7 @@ def test_pose_block_trail_and_contact_are_those_of_the_snapshot(course_spec: Sim
     assert scene.contact is not None
     assert abs(scene.contact[1] - 48.0) < 1e-9
     assert scene.trail[0][0, :2].tolist() == [9.5, 42.0]
-    assert scene.trail[-1][-1].tolist() == [scene.pose.x, scene.pose.y]
+    assert scene.trail[-1][-1, :2].tolist() == [scene.pose.x, scene.pose.y]
     assert (scene.show_rays, scene.show_trail) == (False, False)
 
 

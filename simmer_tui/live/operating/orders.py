@@ -186,7 +186,7 @@ _ORDERS = (
     OrderSpec(":step", "while paused, let one command through", _alone),
     OrderSpec(":plot_robot [on|off]", "draw the maze and the robot", _switch),
     OrderSpec(":plot_sense [on|off]", "draw what the sensors see", _switch),
-    OrderSpec(":trail [on|off]", "draw the last movements", _switch),
+    OrderSpec(":trail [on|off]", "draw the route since the start", _switch),
     OrderSpec(":truth [on|off]", "true values beside readings", _switch),
     OrderSpec(":shot FILE.svg", "a picture of the screen", _svg),
     OrderSpec(":save FILE", "write the log panel to a file", _file),
@@ -223,6 +223,9 @@ def read_console_command(line: str, spec: SimulationSpec) -> ConsoleCommand:
     if order is None:
         hint = did_you_mean(name, CONSOLE_COMMANDS) or _other_order(known) or "; :help lists them"
         raise ConsoleCommandError(f":{cut(name, WORD)} is not an order{hint}")
+    if order.read in (_text, _file, _svg):
+        # As typed: a board may tell two blanks from one, and so do names of files.
+        words = [each for each in (text.partition(name)[2].strip(),) if each]
     try:
         return order.read(order, words)
     except ValueError as error:

@@ -26,10 +26,10 @@ DRIVES: dict[str, tuple[DriveKind, float]] = {
     "sideways_left": (DriveKind.UP, 1.0),
     "sideways_right": (DriveKind.DOWN, 1.0),
 }
-# A robot with one of two opposite drives moves the other way by a negative value.
 # A thousand wait for their turn, and more are answered busy behind them: some megabytes of memory.
 MOST_UNANSWERED = 4 * MOST_COMMANDS
 """Commands of a person at a page without an answer; further ones are dropped."""
+# A robot with one of two opposite drives moves the other way by a negative value.
 _OPPOSITE = {kind: other for pair in AXIS_KINDS for kind, other in (pair, pair[::-1])}
 
 
@@ -166,7 +166,7 @@ class Operator:
 def drives_through_block(state: State, spec: SimulationSpec) -> bool:
     """True if the robot's last movement leads through a block that does not stop it."""
     block = state.block
-    if spec.block_solid or not block.size or state.holding or not state.legs:
+    if spec.block_solid or not block.size or state.holding or not len(state.path):
         return False
-    path = state.legs[-1]
+    path = state.path
     return bool(np.hypot(path[:, 0] - block.x, path[:, 1] - block.y).min() < spec.robot.reach)

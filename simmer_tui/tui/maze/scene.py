@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from msgspec import Struct
 
+from simmer_tui.live.route import TOLERANCE, Route, simplified
 from simmer_tui.live.snapshot import Snapshot
 from simmer_tui.run.state import SensorRow, State
 from simmer_tui.sim.arrays import FloatArray, NDArray
@@ -171,8 +172,9 @@ def scene_of(
     rows = sorted(state.sensors.values(), key=lambda row: row.number)
     fresh = (row for row in rows if row.reading.scan is None and _is_fresh(row, state))
     touched = _touched(state)
-    route, latest = snapshot.route, state.legs[-1:]
-    recent = (*route.since(state.time - RECENT), *(latest if state.moving else ()))
+    route = snapshot.route
+    if state.moving:
+        route = Route((*route.pieces, simplified(state.path, TOLERANCE)))
     block, zones = state.block, snapshot.mission.plan if snapshot.mission is not None else None
     return Scene(
         maze=spec.maze,
@@ -183,8 +185,8 @@ def scene_of(
         block_size=block.size,
         block_heading=block.heading,
         block_held=state.holding,
-        trail=(*route.pieces, *latest),
-        recent=recent,
+        trail=route.pieces,
+        recent=tuple(route.since(state.time - RECENT)),
         views=tuple(filter(None, (_view(row, maze) for row in fresh))),
         scans=tuple(filter(None, map(_scan_rays, rows))),
         scan_is_newest=bool(rows) and rows[-1].reading.scan is not None,
@@ -238,9 +240,9 @@ def _is_fresh(row: SensorRow, state: State) -> bool:
     """True if a reading was taken at the robot's place or, while it moves, at the movement's start."""
     if row.number > state.moved:
         return True
-    if not state.moving or not state.legs:
+    if not state.moving or not len(state.path):
         return False
-    x, y = state.legs[-1][0].tolist()
+    x, y = state.path[0, :2].tolist()
     return (row.pose.x, row.pose.y) == (x, y)
 
 
