@@ -199,7 +199,7 @@ def report_document(run: RunStatistics, name: str, path: str | None = None) -> D
     """The report of a run whose log has a name. Its commands take the `path` of the log, by default the name;
     without one they take the last run."""
     # The last output of a failed program says why it failed; that of a successful one has no news.
-    failed = run.verdict.outcome.is_failure
+    failed = run.failed
     # The way to be sure stands on the first screen, and is the last line of a long report.
     surely = try_again(run, name if path is None else path)
     parts: list[DocumentPart] = [

@@ -144,11 +144,8 @@ class RunStatistics:
 
     @property
     def failed(self) -> bool:
-        """True for a failed run; without a mission also if its program ended with another exit code than 0,
-        as in trials; after `finish`."""
-        program = self.verdict.program
-        by_code = self.task is None and program is not None and program.exit_code != 0 and not program.stopped
-        return self.verdict.outcome.is_failure or by_code
+        """True for a failed run, as in trials; after `finish`."""
+        return self.verdict.has_failed
 
     @property
     def cause(self) -> Cause | None:

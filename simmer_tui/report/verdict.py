@@ -78,6 +78,13 @@ class Verdict(Struct, frozen=True, kw_only=True):
     """Words behind a time that counts from a restart, `Attempt.restart`."""
 
     @property
+    def has_failed(self) -> bool:
+        """True for a failed run, and if its program ended by itself with another exit code than 0."""
+        program = self.program
+        by_code = program is not None and program.exit_code != 0 and not program.stopped
+        return self.outcome.is_failure or (self.outcome is Outcome.ENDED and by_code)
+
+    @property
     def reasons(self) -> list[str]:
         """Sentences that support it."""
         return [each for each in (*self.notes, *self.evidence) if each]

@@ -226,7 +226,7 @@ def program_output(program: ProgramEnded) -> str:
 def verdict_answer(verdict: Verdict) -> AnswerCard:
     """The whole verdict."""
     first, *rest = verdict.lines
-    role = "danger" if verdict.outcome.is_failure else "bold"
+    role = "danger" if verdict.has_failed else "bold"
     lines: list[StyledLine] = [((first, role),)]
     lines += [((line, "value"),) for line in rest]
     return AnswerCard("why", "Esc closes", tuple(lines))
@@ -292,8 +292,8 @@ def end_answer(snapshot: Snapshot, *, orders: bool, tries: bool = False) -> Answ
         return None
     if verdict.outcome.is_failure:
         return _failure(snapshot, _silent_text(verdict) or verdict.text, orders=orders, tries=tries)
-    text: StyledLine = ((verdict.text, "value"),)
-    failed = verdict.program is not None and verdict.program.exit_code != 0
+    failed = verdict.has_failed
+    text: StyledLine = ((verdict.text, "danger" if failed else "value"),)
     offered = _offered(_AFTERWARDS, orders=orders)
     tried = _tried(tries=tries and failed, orders=orders)
     return AnswerCard("result", "", (text, _numbers(snapshot), *tried, *offered))

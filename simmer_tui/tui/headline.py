@@ -38,7 +38,7 @@ def phase_of(snapshot: Snapshot, ports: Mapping[str, int]) -> RunPhase:
     mission, verdict, state = snapshot.mission, snapshot.verdict, snapshot.state
     if mission is not None and mission.over:
         return RunPhase.SUCCESS if mission.result is Result.SUCCESS else RunPhase.FAILURE
-    if verdict is not None and verdict.outcome.is_failure:
+    if verdict is not None and verdict.has_failed:
         return RunPhase.FAILURE
     if state.paused:
         return RunPhase.PAUSED

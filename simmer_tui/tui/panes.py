@@ -142,7 +142,7 @@ class AnswerSlot:
         if end is None or begun > self._begun:
             self._closed, self._commands = False, -1
         self._begun = max(begun, self._begun)
-        if end is not None and phase is RunPhase.ENDED:
+        if end is not None and (snapshot.mission is None or not snapshot.mission.over):
             # A person who drives on has seen it.
             self._commands = state.commands if self._commands < 0 else self._commands
             self._closed = self._closed or state.commands != self._commands

@@ -26,6 +26,7 @@ from simmer_tui.tui.event_text import (
 )
 from simmer_tui.tui.gauges import bearing_words, gauge, heading_sign
 from simmer_tui.tui.line_panel import StyledLine, between, heading, length, shortened
+from simmer_tui.tui.sensor_readouts import seconds_since
 
 # The longest labels, "contacts" and "commands", have eight letters.
 LABEL = 9
@@ -344,13 +345,20 @@ def standing_scan(state: State) -> tuple[SensorSpec, LidarScan] | None:
     return newest.reading.sensor, newest.reading.scan
 
 
+_NOW = 1.0
+"""Seconds below which a reply's age is `now`: a number that changes with each frame cannot be read."""
+
+
 def last_reply(snapshot: Snapshot) -> StyledLine:
-    """The last command and its reply: `u1 -> 12.4 in`; empty before the first."""
+    """The last command, its reply and the reply's age: `u1 -> 12.4 in  now`; empty before the first."""
     last = snapshot.state.last
     if last is None:
         return ()
     text = f"{last.command.shown} -> {reply_text(last, snapshot.state.ended)}"
-    return ((text, "danger"), (f"  {last.reason}", "warning")) if last.reason else ((text, "value"),)
+    age = seconds_since(last.time, snapshot)
+    told = "now" if age < _NOW else f"{age:.0f} s ago"
+    shown: StyledLine = ((text, "danger" if last.reason else "value"), (f"  {told}", "dim"))
+    return (*shown, (f"  {last.reason}", "warning")) if last.reason else shown
 
 
 def movement_line(snapshot: Snapshot, *, plain: bool) -> StyledLine:

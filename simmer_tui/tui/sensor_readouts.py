@@ -50,18 +50,23 @@ def age_of_reading(row: SensorRow, snapshot: Snapshot) -> float | None:
     A reading is old once the robot is more than 1 in or 5 degrees away from the reading's pose, or 2 s later
     if anything has moved meanwhile. Time after the end of the run does not count.
     """
-    state, mission, verdict = snapshot.state, snapshot.mission, snapshot.verdict
-    time = state.time
-    if mission is not None and mission.over:
-        time = mission.time
-    elif verdict is not None and verdict.program is not None:
-        time = min(time, verdict.program.time)
-    age = max(time - row.time, 0.0)
+    state = snapshot.state
+    age = seconds_since(row.time, snapshot)
     turned = abs(half_turn(state.pose.heading - row.pose.heading))
     away = math.hypot(state.pose.x - row.pose.x, state.pose.y - row.pose.y)
     moved = state.moving or row.number < state.moved
     is_old = moved and (away > _MOVED or turned > _TURNED or age > _OLD)
     return age if is_old else None
+
+
+def seconds_since(time: float, snapshot: Snapshot) -> float:
+    """Simulated seconds since a moment of the run; those after its end do not count."""
+    mission, verdict, now = snapshot.mission, snapshot.verdict, snapshot.state.time
+    if mission is not None and mission.over:
+        now = mission.time
+    elif verdict is not None and verdict.program is not None:
+        now = min(now, verdict.program.time)
+    return max(now - time, 0.0)
 
 
 def age_text(age: float | None, room: int) -> str:

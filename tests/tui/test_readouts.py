@@ -48,7 +48,7 @@ from simmer_tui.tui.event_text import (
     refusal_of,
 )
 from simmer_tui.tui.gauges import gauge, reading_text, scale_end, sparkline
-from simmer_tui.tui.headline import header_line
+from simmer_tui.tui.headline import RunPhase, header_line, phase_of
 from simmer_tui.tui.line_panel import StyledLine, text_of
 from simmer_tui.tui.readouts import (
     Room,
@@ -447,7 +447,7 @@ def test_above_the_console_stands_the_last_reply_or_in_brief_the_last_event(run:
     stopped = run.give("w1-100").snapshot()
     assert (
         text_of(status_line(stopped, (), brief=False))
-        == "last reply  w1-100 -> stopped after 3.0 in by a contact"
+        == "last reply  w1-100 -> stopped after 3.0 in by a contact  now"
     )
     brief = text_of(status_line(snapshot, snapshot.entries, brief=True))
     assert brief.startswith("00:00.0  zz      NaN  no sensor or drive has")
@@ -740,3 +740,16 @@ def test_an_old_reading_says_its_age(run: Run, width: int) -> None:
         outcome=Outcome.ENDED, text="", elapsed=0.0, line=0, program=ProgramEnded(row.time + 0.5, 0)
     )
     assert age_of_reading(row, dataclasses.replace(run.snapshot(), verdict=verdict)) in (None, 0.5)
+
+
+@pytest.mark.parametrize(("code", "phase"), [(0, RunPhase.ENDED), (3, RunPhase.FAILURE)])
+def test_a_program_that_ends_with_an_exit_code_has_failed(run: Run, code: int, phase: RunPhase) -> None:
+    verdict = Verdict(
+        outcome=Outcome.ENDED, text="Ended.", elapsed=7.0, line=0, program=ProgramEnded(7.0, code)
+    )
+    run.give("u1")
+    snapshot = dataclasses.replace(run.snapshot(), verdict=verdict)
+    assert phase_of(snapshot, {}) is phase
+    answer = end_answer(snapshot, orders=True)
+    assert answer is not None
+    assert (answer.lines[0][0][1] == "danger") is (code != 0)
