@@ -8,6 +8,7 @@ import io
 import os
 import sys
 from collections.abc import Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -130,10 +131,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def command_named(name: str) -> CliCommand:
     """The function of a command in the table."""
-    # Imported here because runs do not need it.
-    import pkgutil
-
-    chosen: CliCommand = pkgutil.resolve_name(f"simmer_tui.cli.{SUBCOMMANDS[name][0]}")
+    module, function = SUBCOMMANDS[name][0].split(":")
+    chosen: CliCommand = getattr(import_module(f"simmer_tui.cli.{module}"), function)
     return chosen
 
 
