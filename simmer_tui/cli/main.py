@@ -123,9 +123,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run `simmer-tui` with these arguments; returns the exit code."""
     arguments = list(sys.argv[1:] if argv is None else argv)
     if arguments and arguments[0] in SUBCOMMANDS:
-        # Switched off in `__main__` while modules are imported.
+        command = command_named(arguments[0])
+        # Switched off in `__main__` while modules are imported. Collections need not visit the modules again.
+        gc.freeze()
         gc.enable()
-        return command_named(arguments[0])(arguments[1:])
+        return command(arguments[1:])
     return CliCommand(build_parser, _run)(arguments)
 
 

@@ -22,7 +22,7 @@ from simmer_tui.run.phrases import times_text
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.angles import cos_sin_array, half_turn
-from simmer_tui.sim.arrays import FloatArray, distinct, median
+from simmer_tui.sim.arrays import FloatArray, distinct, median_of
 from simmer_tui.sim.command import counted
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.sensors import ObservingSensor, modelled_sensor
@@ -94,7 +94,7 @@ class BeliefFacts:
         return max(kept, key=lambda each: each.share, default=None)
 
     def _offset(self, x: FloatArray, y: FloatArray, where: str) -> ConstantOffset | None:
-        across, up = median(x), median(y)
+        across, up = median_of(x), median_of(y)
         if np.hypot(across, up) < _LEAST:
             return None
         share = float((np.hypot(x - across, y - up) <= _NEAR).mean())
@@ -164,7 +164,7 @@ class BeliefFacts:
         if lost is not None and len(self.rows) and lost.order == self.rows["order"][0]:
             return self._first_parting
         errors = self._parted_by_code
-        means = {code: median(np.array(off)) for code, off in errors.items() if len(off) >= _TWICE}
+        means = {code: median_of(np.array(off)) for code, off in errors.items() if len(off) >= _TWICE}
         worst = max(means, key=lambda code: means[code], default="")
         others = [off for code, off in means.items() if code != worst]
         if worst and others and means[worst] > max(SLIGHT, _APART * max(others)):

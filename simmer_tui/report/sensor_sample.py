@@ -16,7 +16,7 @@ from msgspec.structs import replace
 from simmer_tui.report.finding import LEAST_DEGREES, LEAST_INCHES, FindingKind
 from simmer_tui.run.run_history import RunHistory, rows_by_name
 from simmer_tui.run.table import Columns
-from simmer_tui.sim.arrays import BoolArray, FloatArray, distinct, median, quantiles
+from simmer_tui.sim.arrays import BoolArray, FloatArray, distinct, median_of, quantiles
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.sensors import CountingSensor, ObservingSensor, Sensor, modelled_sensor
@@ -326,8 +326,8 @@ def stuck(sample: SensorSample) -> Iterator[Alternative]:
     if not len(sample.values):
         return
     low, high = quantiles(sample.expected, 0.1, 0.9)
-    middle = median(sample.values)
-    if high - low > 2 * sample.least + 4 * median(sample.spread) or sample.least == 0.5:
+    middle = median_of(sample.values)
+    if high - low > 2 * sample.least + 4 * median_of(sample.spread) or sample.least == 0.5:
         yield Alternative(FindingKind.STUCK, np.full(len(sample.values), middle), middle)
 
 

@@ -19,7 +19,16 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
-__all__ = ["ArrayLike", "BoolArray", "FloatArray", "IntArray", "NDArray", "distinct", "median", "quantiles"]
+__all__ = [
+    "ArrayLike",
+    "BoolArray",
+    "FloatArray",
+    "IntArray",
+    "NDArray",
+    "distinct",
+    "median_of",
+    "quantiles",
+]
 
 
 def distinct(values: NDArray[Any]) -> NDArray[Any]:
@@ -28,7 +37,7 @@ def distinct(values: NDArray[Any]) -> NDArray[Any]:
     return np.unique(values, return_counts=True)[0]
 
 
-def median(values: FloatArray) -> float:
+def median_of(values: FloatArray) -> float:
     """The middle of an array's values; NaN if it is empty, or one of them is NaN."""
     if not len(values):
         return math.nan
