@@ -14,13 +14,9 @@ from simmer_tui.sim.arrays import ArrayLike, FloatArray
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import (
     LARGEST_VALUE,
-    WORD,
     Command,
-    cut,
-    keyboard_text,
     parse_command,
     parse_value,
-    utf8_text,
 )
 from simmer_tui.sim.continuous import ContinuousMotion, MotionListener
 from simmer_tui.sim.device_faults import faults_of, plain_number, plain_view
@@ -40,6 +36,7 @@ from simmer_tui.sim.sensors.lidar import Lidar, Now, Turning
 from simmer_tui.sim.sensors.range_sensors import RangeSensor
 from simmer_tui.sim.specs import Axes, DriveKind, DriveSpec, GripperSpec, SensorSpec, SimulationSpec
 from simmer_tui.sim.trajectory import Trajectory
+from simmer_tui.sim.unknown_codes import unknown_code
 from simmer_tui.sim.velocity_commands import WAIT, VelocityControl, VelocityRequest, parse_wait
 
 _STILL_MOVING = "the robot is still moving"
@@ -255,7 +252,7 @@ class Simulator:
         if drive is None and (command.code == WAIT or command.code in self._velocities):
             return self._begin_continuous(command, before)
         if drive is None or not drive.enabled:
-            return self._refused(command, before, self._unknown(command), Status.UNKNOWN)
+            return self._refused(command, before, unknown_code(command, self.spec), Status.UNKNOWN)
         value = _amount(drive, command.argument)
         if isinstance(value, str):
             return self._refused(command, before, value)
@@ -543,7 +540,7 @@ class Simulator:
             return self._taken(command, pose, Status.DONE, waits=seconds)
         velocity = self._velocities[command.code]
         if not velocity.enabled:
-            return self._refused(command, pose, self._unknown(command), Status.UNKNOWN)
+            return self._refused(command, pose, unknown_code(command, self.spec), Status.UNKNOWN)
         request = self._control.parse(velocity, command.argument, self.velocity)
         if isinstance(request, str):
             return self._refused(command, pose, request)
@@ -628,23 +625,6 @@ class Simulator:
         self, command: Command, pose: Pose, reason: str, status: Status = Status.REFUSED
     ) -> CommandResult:
         return CommandResult(self.commands, self.time, command, status, math.nan, pose, pose, reason)
-
-    def _unknown(self, command: Command) -> str:
-        code = command.code
-        if code in self._sensors or code in self._drives or code in self._velocities:
-            return f"the code {code} is disabled"
-        rows = (*self.spec.sensors, *self._drives.values(), *self._velocities.values())
-        known = [row.code for row in rows if row.enabled]
-        near = [other for other in known if other.lower() == code.lower() or other == code[::-1]]
-        near = near or [other for other in known if other[0] == code[0]]
-        text = utf8_text(command.text.strip())
-        typed = keyboard_text(text)
-        # Its bytes are no characters: letters of documents and of other keyboards are longer.
-        code = code if text.isascii() else text[:2]
-        if typed != text and typed[:2] in known:
-            near = [typed]
-        hint = f"; did you mean {' or '.join(cut(each, WORD) for each in near)}?" if near else ""
-        return f"no sensor or drive has the code {cut(code, WORD)}{hint}"
 
     def _check_pose(self, pose: Pose) -> None:
         problem = robot_problem(self.maze, self._obstacles, self.body, pose)

@@ -192,7 +192,7 @@ class _SensorTable:
             note = "reading, true value"
         else:
             ranges = [sensor for group in groups for sensor in group if sensor.kind.is_range]
-            scale = f"bar 0{self.view.dash}{self._end(ranges[0]):g} {ranges[0].unit}   " if ranges else ""
+            scale = f"range 0{self.view.dash}{self._end(ranges[0]):g}   " if ranges else ""
             note = f"{scale}last values"
         return heading("sensors", note, self.width, plain=self.view.plain)
 

@@ -256,7 +256,7 @@ def test_the_clock_counts_minutes() -> None:
 
 def test_sensors_are_listed_with_their_directions_before_they_were_read(run: Run) -> None:
     assert run.sensors(36) == [
-        "sensors ── bar 0–48 in   last values",
+        "sensors ─── range 0–48   last values",
         "u1 ↑   –   ultrasonic       not read",
         "u2 ↖   –   ultrasonic       not read",
         "u3 ↓   –   ultrasonic       not read",

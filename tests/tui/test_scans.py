@@ -86,7 +86,7 @@ def test_a_far_wall_in_a_scan_leaves_the_scale_of_the_bars_alone(spec: Simulatio
     run = Run(replace(spec, sensors=(replace(LIDAR, gain=2.0), *spec.sensors[:-1])))
     run.give("sc", "u1")
     assert max(row(run).history) > 48.0
-    assert "bar 0–48 in" in run.sensors(36)[0]
+    assert "range 0–48  " in run.sensors(36)[0]
 
 
 def test_a_scan_without_any_echo_says_so(spec: SimulationSpec) -> None:

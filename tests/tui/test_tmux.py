@@ -139,7 +139,7 @@ def test_a_whole_session_in_tmux(pane: Pane, tmp_path: Path) -> None:
         pane.tmux("resize-window", "-x", "30", "-y", "8")
         pane.until("The terminal is too small:")
         pane.tmux("resize-window", "-x", "120", "-y", "36")
-        pane.until("bar 0–48 in", "16 readings")
+        pane.until("range 0–48  ", "16 readings")
     pane.until("disconnected after 2 commands")
     pane.type("C-q")
     ended = pane.until("EXIT 0", " icanon")

@@ -8,8 +8,9 @@ from pathlib import PurePath
 
 from simmer_tui.live.operating.orders import CONSOLE_COMMANDS
 from simmer_tui.program.program_command import SCRIPTS, is_python, run_option
-from simmer_tui.sim.command import NUMBER, WORD, cut, keyboard_text, meant_number
-from simmer_tui.sim.specs import DriveKind, SimulationSpec
+from simmer_tui.sim.command import WORD, cut, keyboard_text, meant_number
+from simmer_tui.sim.specs import SimulationSpec
+from simmer_tui.sim.unknown_codes import movement_in_words
 
 _TERMINAL = (
     "bash cat cd clear cls dir g++ gcc git ipython java julia ls make matlab mkdir node octave pip rm sudo"
@@ -17,13 +18,6 @@ _TERMINAL = (
 _SHELL = frozenset((*_TERMINAL.split(), "simmer-tui", "simmer_tui"))
 """Programs that people start in a terminal."""
 _ENDS = frozenset(("exit", "quit", "bye", "end", "close", "logout"))
-_MOVES = {
-    **dict.fromkeys(("forward", "forwards", "fwd", "move", "drive", "go", "ahead"), (DriveKind.RIGHT, 1.0)),
-    **dict.fromkeys(("back", "backward", "backwards", "reverse"), (DriveKind.LEFT, 1.0)),
-    **dict.fromkeys(("turn", "rotate", "spin", "left"), (DriveKind.ROT, 1.0)),
-    "right": (DriveKind.ROT, -1.0),
-}
-"""The movement that a word means. A turn to the left is positive."""
 _AROUND = re.compile(r"[\s\"'\[\](){};.!]")
 """Characters that a program has around a command."""
 _PROGRAM_LINE = re.compile(r"[\w.]+\s*(?:=[^=]|\()|(?:import|from|for|while|if|def|print)\b|%|#|//")
@@ -48,7 +42,7 @@ def line_advice(text: str, spec: SimulationSpec) -> str:
     compact = _AROUND.sub("", line)
     if meant := _known(compact, known):
         return f"{cut(line, WORD)} is no command; did you mean {cut(meant, WORD)}?"
-    if name in _MOVES and (meant := _movement(name, words[1:], spec)):
+    if meant := movement_in_words(words, spec):
         return f"{cut(words[0], WORD)} is no command; did you mean {meant}?"
     return ""
 
@@ -92,13 +86,3 @@ def _known(compact: str, known: dict[str, bool]) -> str:
         if code in known and known[code] and (number := meant_number(value.removeprefix("-"))):
             return f"{code}-{number}"
     return ""
-
-
-def _movement(name: str, values: list[str], spec: SimulationSpec) -> str:
-    """The command for a movement in words, if the robot has that drive."""
-    kind, sign = _MOVES[name]
-    code = next((drive.code for drive in spec.drives if drive.kind is kind and drive.enabled), "")
-    number = meant_number(values[0]) if values else ""
-    if not NUMBER.fullmatch(number):
-        number = "90" if kind is DriveKind.ROT else "3"
-    return f"{code}-{sign * float(number):g}" if code else ""

@@ -22,6 +22,9 @@ HEAT_PERIOD = 0.5
 _NUMBER_COLUMNS = 8.0
 """Columns of a grid's cell from which its number is shown."""
 LEAST_SHOWN_SHARE = 0.02
+# A belief that has seen nothing is even, but for rounding.
+_STANDS_OUT = 1.5
+"""Times the probability of an even belief from which a cell counts as the most likely."""
 
 
 class HeatMark(Struct, frozen=True, eq=False):
@@ -72,14 +75,19 @@ class HeatMap:
         return levels
 
 
+def has_numbers(grid: GridBelief, viewport: Viewport) -> bool:
+    """True if a grid's cells have room for their percentages."""
+    return grid.cell_size[0] * viewport.scale >= _NUMBER_COLUMNS
+
+
 def heat_numbers(grid: GridBelief, viewport: Viewport, *, tinted: bool) -> list[HeatNumber]:
     """Percentages of the cells that have room for them. Without tints smaller cells have tenths."""
     places, (width, height) = grid.places(), grid.cell_size
     x0, _, _, y1 = grid.bounds
+    in_full = has_numbers(grid, viewport)
     wide, high = width * viewport.scale, height * viewport.scale / 2
-    if wide < 1.0 or high < 1.0 or (tinted and wide < _NUMBER_COLUMNS):
+    if wide < 1.0 or high < 1.0 or (tinted and not in_full):
         return []
-    in_full = wide >= _NUMBER_COLUMNS
     found = []
     for row, column in np.argwhere(places >= (LEAST_SHOWN_SHARE if in_full else 0.1)).tolist():
         share = float(places[row, column])
@@ -90,6 +98,17 @@ def heat_numbers(grid: GridBelief, viewport: Viewport, *, tinted: bool) -> list[
         if 0 <= at.row < viewport.rows and len(text) <= at.column + 1 <= viewport.columns:
             found.append(at)
     return found
+
+
+def likeliest(grid: GridBelief, maze: MazeSpec) -> tuple[float, float, float] | None:
+    """Middle of the most likely cell, inches, and its probability; None while no cell stands out."""
+    places = grid.places()
+    row, column = divmod(int(places.argmax()), grid.columns)
+    share = float(places[row, column])
+    if share < _STANDS_OUT * even_share(grid, maze):
+        return None
+    (width, height), (x0, _, _, y1) = grid.cell_size, grid.bounds
+    return x0 + (column + 0.5) * width, y1 - (row + 0.5) * height, share
 
 
 def _shares(grid: GridBelief, viewport: Viewport, across: int, down: int) -> tuple[FloatArray, float]:

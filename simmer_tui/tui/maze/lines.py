@@ -7,6 +7,7 @@ from operator import is_
 import numpy as np
 from msgspec import Struct
 
+from simmer_tui.run.belief_grid import GridBelief
 from simmer_tui.sim.arrays import FloatArray, NDArray
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import FloorPatch
@@ -15,6 +16,7 @@ from simmer_tui.sim.specs import RobotSpec
 from simmer_tui.tui.maze import shapes
 from simmer_tui.tui.maze.canvas import Canvas
 from simmer_tui.tui.maze.glyphs import Mask, dot_patterns, heading_arrow
+from simmer_tui.tui.maze.heat import has_numbers, likeliest
 from simmer_tui.tui.maze.palette import Role
 from simmer_tui.tui.maze.scene import BeliefMark, Scene, SensorView
 
@@ -43,6 +45,12 @@ _JUST = 1e-6
 # A dot: a longer step would leave gaps between dots and wall.
 _BACK = 0.5
 """Units by which a dot in a wall is moved along its beam at a time."""
+# A robot is up to six rows high at 200 x 60, and a cell is twice as high as wide.
+_BESIDE = sorted(
+    ((down, right) for down in range(-5, 6) for right in range(-12, 13)),
+    key=lambda place: (4 * place[0] ** 2 + place[1] ** 2, place),
+)
+"""Places of a number around its cell, rows and columns, the nearest first."""
 _TICK = 0.4
 """Length of the mark at the front of a belief, in robot radii."""
 _ARROW_AHEAD = 0.6
@@ -146,6 +154,25 @@ def draw_codes(canvas: Canvas, rays: Sequence[DrawnRay]) -> None:
                 canvas.text(row, column, ray.sensor, role)
                 taken[row, max(column - 1, 0) : column + len(ray.sensor) + 1] = True
                 break
+
+
+def draw_likeliest(canvas: Canvas, scene: Scene, grid: GridBelief) -> None:
+    """Write the probability of a grid's most likely cell on it, or beside what covers it; large cells have
+    theirs already."""
+    found = likeliest(grid, scene.maze)
+    if found is None or has_numbers(grid, canvas.viewport):
+        return
+    x, y, share = found
+    text = f" {100 * share:.0f}% "
+    column, line = canvas.viewport.place(x, y)
+    top, left = math.floor(line / 2), math.floor(column - len(text) / 2 + 0.5)
+    taken = canvas.bodies | canvas.contacts | canvas.backdrop.named | canvas.backdrop.has_wall
+    for down, right in _BESIDE:
+        row, begin = top + down, left + right
+        inside = canvas.holds(row, begin) and canvas.holds(row, begin + len(text) - 1)
+        if inside and not taken[row, begin : begin + len(text)].any():
+            canvas.text(row, begin, text, Role.BELIEF)
+            break
 
 
 def draw_particles(canvas: Canvas, belief: BeliefMark) -> None:

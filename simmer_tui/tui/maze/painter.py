@@ -91,6 +91,8 @@ class Painter:
         if scene.contact is not None:
             bodies.draw_contact(canvas, scene, scene.contact)
         lines.draw_codes(canvas, rays)
+        if self.heat and scene.heat is not None:
+            lines.draw_likeliest(canvas, scene, self._heat_map.shown(scene.heat).grid)
         return canvas.cells
 
     def _ground(self, scene: Scene, viewport: Viewport) -> Backdrop:
@@ -224,7 +226,7 @@ def _ground_entries(scene: Scene, painter: Painter) -> list[LegendEntry]:
             LegendEntry(2 * sign, Role.HEAT_DOTS, word, dark if painter.tints else None)
             for (dark, _), sign, word in reversed(list(levels))
         ]
-        return [*shown, LegendEntry("  ", Role.TEXT, "ruled out", Role.BLACK_TILE if painter.tints else None)]
+        return [*shown, LegendEntry("", Role.TEXT, "else ruled out")]
     if not scene.is_loud(painter.floor):
         return []
     black = painter.signs.fills.get(Role.LOUD_BLACK)
@@ -243,10 +245,10 @@ def _line_entries(scene: Scene, painter: Painter) -> list[LegendEntry]:
     stays = scene.show_rays and scene.has_readings and not scene.scans
     marks = (
         (Role.TRAIL, "trail", scene.show_trail and len(scene.trail)),
-        (Role.RAY_STRONG, "read last", read_last or stays),
-        (Role.RAY_WEAK, "ray", rays > read_last or stays),
         (Role.LOADING_LINE, "loading", zones.loading.any()),
         (Role.DROP_LINE, "drop", zones.drop.any()),
+        (Role.RAY_STRONG, "read last", read_last or stays),
+        (Role.RAY_WEAK, "ray", rays > read_last or stays),
     )
     entries = [LegendEntry(_line_sign(painter, role), role, word) for role, word, there in marks if there]
     if scene.show_rays and scene.scans:

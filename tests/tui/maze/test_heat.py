@@ -210,4 +210,25 @@ def test_the_legend_names_the_levels() -> None:
         return "".join(map(chr, legend_cells(scene, painter, 100).characters[0]))
 
     for depth in ColorDepth:
-        assert re.search(r"⣿⣿ most likely +⢕⢕ likely +⡈⡈ possible +ruled out", legend(depth)), depth
+        assert re.search(r"⣿⣿ most likely +⢕⢕ likely +⡈⡈ possible +else ruled out", legend(depth)), depth
+
+
+def rows_of(painter: Painter, scene: Scene) -> list[str]:
+    return ["".join(map(chr, row)) for row in painter.cells(scene, WINDOW).characters]
+
+
+@pytest.mark.parametrize("glyphs", [GlyphMode.QUADRANT, GlyphMode.ASCII])
+@pytest.mark.parametrize("pose", [Pose(90.0, 6.0, 0.0), Pose(41.0, 43.0, 0.0)])
+def test_the_most_likely_small_cell_has_its_percentage_also_beside_a_robot(glyphs: Any, pose: Pose) -> None:
+    table = np.full((12, 24), 0.1)
+    table[1, 10] = 20.0
+    scene = replace(SCENE, pose=pose, heat=mark(table))
+    painter = Painter(glyphs, ColorDepth.TRUECOLOR)
+    written = rows_of(painter, scene)
+    found = [(row, each) for row, line in enumerate(written) for each in re.finditer(r"(\d+)%", line)]
+    ((row, told),) = found
+    assert float(told[1]) == pytest.approx(100 * 20.0 / (20.0 + 28.7), abs=4.0)
+    assert abs(told.start() - 27) <= 12
+    assert row <= 7
+    even = replace(scene, heat=mark(np.ones((12, 24))))
+    assert not re.search(r"\d%", "\n".join(rows_of(painter, even)))
