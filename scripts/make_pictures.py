@@ -11,8 +11,9 @@ from __future__ import annotations
 import subprocess
 import sys
 import tempfile
-from dataclasses import replace
 from pathlib import Path
+
+from msgspec.structs import replace
 
 sys.path.append(str(Path(__file__).resolve().parent.parent))  # a clone's root; an installed one is first
 from simmer_tui.cli.log_commands import build_report

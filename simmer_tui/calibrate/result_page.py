@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from itertools import pairwise, zip_longest
 
 import numpy as np
+from msgspec.structs import replace
 
 from simmer_tui.calibrate.change_detection import FALSE_ALARMS, PartVerdict
 from simmer_tui.calibrate.effects import BLIND_SPOT, EFFECT_KINDS, FEWEST_MOVEMENTS, SHORTFALL, TURNING

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import os
+import sys
 from collections import deque
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
@@ -19,15 +21,13 @@ from simmer_tui.cli.command_line import (
     print_lines,
     say,
     subcommand,
-    window_console,
+    window_of,
     writing,
 )
 from simmer_tui.cli.log_options import add_device_options, add_log_argument, configuration_of, log_of
 from simmer_tui.document.model import Bullets, DataColumn, Document, data_table
 from simmer_tui.errors import ExportError, RunLogError
-from simmer_tui.report.animation import USUAL_SECONDS, shots, write_gif
 from simmer_tui.report.content import maze_picture, report_document, svg_picture
-from simmer_tui.report.page import report_page
 from simmer_tui.report.run_statistics import CommandTable, RunStatistics
 from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.runlog.rerun import Rerun
@@ -69,9 +69,13 @@ def run_report(options: argparse.Namespace) -> int:
     _check_outputs(path, (options.svg, options.csv, options.html))
     run = build_report(path, options.csv, recorded=options.html is not None, nominal=options.nominal)
     # Before the answer, which a pipe such as `| head` may cut off.
-    for output, make in ((options.svg, svg_picture), (options.html, report_page)):
-        if output is not None:
-            _write_text(output, make(run, path.name))
+    if options.svg is not None:
+        _write_text(options.svg, svg_picture(run, path.name))
+    if options.html is not None:
+        # Imported here because most reports have no page.
+        from simmer_tui.report.page import report_page
+
+        _write_text(options.html, report_page(run, path.name))
     print_answer(
         report_document(run, path.name, "" if options.file is None else str(path)),
         as_json=options.json,
@@ -120,6 +124,9 @@ def _steps(log: LogReader, run: RunStatistics, table: CommandTable | None) -> It
 
 
 def _export_options(parser: OneLineParser) -> None:
+    # Imported here because a report has no GIF.
+    from simmer_tui.report.animation import USUAL_SECONDS
+
     add_log_argument(parser)
     parser.add_argument("--gif", metavar="OUT", type=Path, help="write the run as a GIF (needs Pillow)")
     parser.add_argument("--svg", metavar="OUT", type=Path, help="write the whole path as a picture")
@@ -137,6 +144,8 @@ def _export_options(parser: OneLineParser) -> None:
 def run_export(options: argparse.Namespace) -> int:
     """Make pictures of a logged run for slides: an animated GIF, or the whole path as an SVG that can be
     enlarged."""
+    from simmer_tui.report.animation import shots, write_gif
+
     if options.gif is None and options.svg is None:
         raise ExportError("name what to write: --gif OUT, --svg OUT, or both")
     path = log_of(options)
@@ -249,10 +258,10 @@ def _wrote(path: Path) -> str:
 def _run_through(positions: Iterable[int], size: int, what: str) -> None:
     """Run the steps of some work, each the number of bytes done of `size`. A terminal (standard error) shows
     a progress bar meanwhile."""
-    if not window_console(stderr=True).is_terminal:
+    # Asked before rich is loaded, which takes as long as the report of 2,000 commands.
+    if window_of(sys.stderr) is None and "FORCE_COLOR" not in os.environ:
         deque(positions, maxlen=0)
         return
-    # Imported where it is shown: it takes as long as the report of 2,000 commands.
     from rich.progress import DownloadColumn, TaskProgressColumn, TimeRemainingColumn
 
     from simmer_tui.cli.progress_bar import progress_bar

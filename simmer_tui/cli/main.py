@@ -8,6 +8,7 @@ import io
 import os
 import sys
 from collections.abc import Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -122,18 +123,18 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run `simmer-tui` with these arguments; returns the exit code."""
     arguments = list(sys.argv[1:] if argv is None else argv)
     if arguments and arguments[0] in SUBCOMMANDS:
-        # Switched off in `__main__` while modules are imported.
+        command = command_named(arguments[0])
+        # Switched off in `__main__` while modules are imported. Collections need not visit the modules again.
+        gc.freeze()
         gc.enable()
-        return command_named(arguments[0])(arguments[1:])
+        return command(arguments[1:])
     return CliCommand(build_parser, _run)(arguments)
 
 
 def command_named(name: str) -> CliCommand:
     """The function of a command in the table."""
-    # Imported here because runs do not need it.
-    import pkgutil
-
-    chosen: CliCommand = pkgutil.resolve_name(f"simmer_tui.cli.{SUBCOMMANDS[name][0]}")
+    module, function = SUBCOMMANDS[name][0].split(":")
+    chosen: CliCommand = getattr(import_module(f"simmer_tui.cli.{module}"), function)
     return chosen
 
 

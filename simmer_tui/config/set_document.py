@@ -1,10 +1,9 @@
 """A configuration as tables, for programs: `check --json`. Keys carry the units of the values."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 from operator import attrgetter
 
-from msgspec.structs import astuple
+from msgspec.structs import astuple, replace
 
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.mission_toml import Heading

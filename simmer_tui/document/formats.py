@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
+
+from msgspec import Struct
 
 from simmer_tui.sim.command import WORD, cut, first_of
 
@@ -18,8 +19,7 @@ Plain = str | bool | int | float | Sequence[Any] | None
 """A value that JSON has: text, a number, a list of these, or nothing."""
 
 
-@dataclass(frozen=True, slots=True)
-class TextLink:
+class TextLink(Struct, frozen=True):
     """Words that lead to an address, within the page or beside it. `about` is shown on pointing at them."""
 
     words: str
@@ -40,8 +40,7 @@ def _whole(value: Any) -> tuple[Plain, ...]:
     return (None if value == "" else value,)
 
 
-@dataclass(frozen=True, slots=True)
-class Format:
+class Format(Struct, frozen=True):
     """Format of one kind of value.
 
     `show` gives its text, `split` its plain values, one for each of `suffixes`. Numeric columns are aligned

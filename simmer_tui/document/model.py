@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
 from enum import Enum, StrEnum
 from typing import Any, Final
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from simmer_tui.document.formats import TEXT, Format, TextLink
 
@@ -36,8 +38,7 @@ ABSENT: Final = Absent.ABSENT
 _SIGNS = {Tone.GOOD: "✓", Tone.BAD: "✗", Tone.MIXED: "◐", Tone.PLAIN: "■"}
 
 
-@dataclass(frozen=True, slots=True)
-class DataColumn:
+class DataColumn(Struct, frozen=True):
     """One column of a table.
 
     `key` names it for programs, with its unit: `time_s`. `heading` names it for people; by default it is the
@@ -65,8 +66,7 @@ class DataColumn:
         return [self.key + suffix for suffix in self.format.suffixes]
 
 
-@dataclass(frozen=True, slots=True)
-class DataTable:
+class DataTable(Struct, frozen=True):
     """A table of typed values, with a note below it.
 
     A `record` has one row; people see it as a list of headings and values, programs as one object. A
@@ -135,15 +135,13 @@ def data_table(
     return DataTable(key, title, columns, record=record, hidden=hidden, sortable=sortable)
 
 
-@dataclass(frozen=True, slots=True)
-class Code:
+class Code(Struct, frozen=True):
     """A command to be typed."""
 
     words: str
 
 
-@dataclass(frozen=True, slots=True)
-class Chip:
+class Chip(Struct, frozen=True):
     """A few words with a tone."""
 
     words: str
@@ -162,8 +160,7 @@ def _shown(column: DataColumn, value: object) -> Prose:
     return Chip(text, column.tone(value)) if text and column.tone is not None else text
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class VerdictBox:
+class VerdictBox(Struct, frozen=True, kw_only=True):
     """The answer that a page begins with.
 
     `text` is the whole answer in one line, for terminals and programs. A page has a `headline` of a few words
@@ -178,22 +175,19 @@ class VerdictBox:
     sign: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class KeyFigures:
+class KeyFigures(Struct, frozen=True):
     """The numbers that matter most, each with the words below it; on pages only."""
 
     figures: Sequence[tuple[str, str]]
 
 
-@dataclass(frozen=True, slots=True)
-class ShareBar:
+class ShareBar(Struct, frozen=True):
     """A bar of counts of a whole, each with its words and tone; on pages only."""
 
     shares: Sequence[tuple[int, str, Tone]]
 
 
-@dataclass(frozen=True, slots=True)
-class Paragraph:
+class Paragraph(Struct, frozen=True):
     """A paragraph; one without a key is for people only. `kind` is `run`, `note`, `warning` or `strong`."""
 
     text: tuple[Prose, ...] | str
@@ -201,8 +195,7 @@ class Paragraph:
     kind: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class Bullets:
+class Bullets(Struct, frozen=True):
     """A list of sentences under a heading; one without a key, such as a list of links, is on pages only.
 
     `kind` is its look on a page: `card` has a frame, `output` is lines as a program printed them.
@@ -214,16 +207,14 @@ class Bullets:
     kind: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class SectionHeading:
+class SectionHeading(Struct, frozen=True):
     """A heading; on a page only, where figures follow it."""
 
     text: str
     level: int = 2
 
 
-@dataclass(frozen=True, slots=True)
-class LegendMark:
+class LegendMark(Struct, frozen=True):
     """A mark of a legend: its words, and SVG within `width` x 10 points around (0, 0) to (`width`, 0)."""
 
     words: str
@@ -231,8 +222,7 @@ class LegendMark:
     width: float = 20.0
 
 
-@dataclass(frozen=True, slots=True)
-class Figure:
+class Figure(Struct, frozen=True):
     """A picture: SVG in points, which scales to the width it is given. A terminal does not show it.
 
     `kind` is its class on the page, by which a script finds it. The `legend` stands below; on a page it does
@@ -247,24 +237,21 @@ class Figure:
     legend: tuple[LegendMark, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class NestedValue:
+class NestedValue(Struct, frozen=True):
     """A value with an inner structure, for programs only; people read the same in prose."""
 
     key: str
     value: Mapping[str, object] | Sequence[Mapping[str, object]]
 
 
-@dataclass(frozen=True, slots=True)
-class Folded:
+class Folded(Struct, frozen=True):
     """Parts that a page shows only when a reader opens them. Elsewhere they are like all others."""
 
     title: str
     parts: Sequence[DocumentPart]
 
 
-@dataclass(frozen=True, slots=True)
-class SideBySide:
+class SideBySide(Struct, frozen=True):
     """Parts in two columns where a page has room; elsewhere one after the other. The right one is narrow,
     unless both are `even`."""
 
@@ -288,8 +275,7 @@ DocumentPart = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Document:
+class Document(Struct, frozen=True):
     """A titled sequence of parts. Tables that follow each other stand side by side where there is room."""
 
     title: str

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import html
 from collections.abc import Iterable
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from simmer_tui.document.model import Figure, LegendMark
 from simmer_tui.errors import printable

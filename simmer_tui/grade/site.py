@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import replace
 from xml.etree import ElementTree
+
+from msgspec.structs import replace
 
 from simmer_tui.document.as_data import json_text
 from simmer_tui.document.as_html import html_page

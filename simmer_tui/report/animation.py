@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from msgspec import Struct
 
 from simmer_tui.config.mission_plan import Cell, cells_of
 from simmer_tui.document import svg
@@ -52,8 +53,7 @@ _FRESH = 1.2
 _RAY, _CONE, _CLOUD = "#554100", "#fbe3bd", "#e79be7"
 
 
-@dataclass(frozen=True, slots=True)
-class Shots:
+class Shots(Struct, frozen=True):
     """The moments that are drawn: from `begin` until `end` (elapsed seconds), at `playback_rate` simulated
     seconds a second."""
 

@@ -12,10 +12,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 from msgspec import structs
+from msgspec.structs import replace
 
 from simmer_tui.config.nominal import Nominal
 from simmer_tui.report.drive_audit import DriveRule, drive_tests, set_rule
@@ -35,6 +35,7 @@ from simmer_tui.report.sensor_sample import by_sensor, sample_of
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.angles import half_turn
+from simmer_tui.sim.arrays import median_of
 from simmer_tui.sim.noise import bias_spread
 from simmer_tui.sim.specs import CELL_SIZE, DriveSpec, SensorSpec, SimulationSpec
 
@@ -234,7 +235,7 @@ def is_another_robot(spec: SimulationSpec, nominal: SimulationSpec) -> bool:
 
 def _slower(rows: Columns, own: SensorSpec, row: SensorSpec, nominal: Nominal) -> Iterator[Claim]:
     """A sensor that takes longer to answer."""
-    took = float(np.median(rows["took"])) - row.read_time
+    took = median_of(rows["took"]) - row.read_time
     if own.read_time != row.read_time and abs(took) >= _LEAST_DELAY:
         how = "later" if took > 0 else "sooner"
         what = f"answers {abs(took):.2f} s {how} than in {_by(nominal)}"

@@ -8,9 +8,9 @@ with the smallest residuals are named.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from simmer_tui.report.finding import FEWEST, LEAST_DEGREES, Disagreement, moment
 from simmer_tui.report.robust_fit import binomial_tail, mad_scale, robust_fit
@@ -38,8 +38,7 @@ _LONGEST_TURN = 150.0
 """Turns above this, degrees, may have been believed to go in the other direction."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Axis:
+class _Axis(Struct, frozen=True):
     """One kind of motion: how far the robot went between beliefs and how far the program believed, (n,).
     `least` is the shortest motion that counts, `correction` the usual size of corrections of a belief."""
 
@@ -50,8 +49,7 @@ class _Axis:
     correction: float
 
 
-@dataclass(frozen=True, slots=True)
-class _Source:
+class _Source(Struct, frozen=True):
     """A source from which a program may know the motion of an axis: (n,), NaN where it has none."""
 
     code: str

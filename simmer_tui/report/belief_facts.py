@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Collection
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from msgspec import Struct
 from msgspec.structs import astuple
 
 from simmer_tui.report.belief_audit import SURE, BeliefMotion
@@ -22,7 +22,7 @@ from simmer_tui.run.phrases import times_text
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.angles import cos_sin_array, half_turn
-from simmer_tui.sim.arrays import FloatArray
+from simmer_tui.sim.arrays import FloatArray, distinct, median_of
 from simmer_tui.sim.command import counted
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.sensors import ObservingSensor, modelled_sensor
@@ -51,8 +51,7 @@ _ON_GRID = 1.0
 """Inches to a whole number of cells within which an offset is that of a map. Judged."""
 
 
-@dataclass(frozen=True, slots=True)
-class ConstantOffset:
+class ConstantOffset(Struct, frozen=True):
     """One error that most sure beliefs have: `text` says it, `share` is their share; `of` are the codes of
     the sensors that it may be from."""
 
@@ -95,7 +94,7 @@ class BeliefFacts:
         return max(kept, key=lambda each: each.share, default=None)
 
     def _offset(self, x: FloatArray, y: FloatArray, where: str) -> ConstantOffset | None:
-        across, up = float(np.median(x)), float(np.median(y))
+        across, up = median_of(x), median_of(y)
         if np.hypot(across, up) < _LEAST:
             return None
         share = float((np.hypot(x - across, y - up) <= _NEAR).mean())
@@ -165,7 +164,7 @@ class BeliefFacts:
         if lost is not None and len(self.rows) and lost.order == self.rows["order"][0]:
             return self._first_parting
         errors = self._parted_by_code
-        means = {code: float(np.median(off)) for code, off in errors.items() if len(off) >= _TWICE}
+        means = {code: median_of(np.array(off)) for code, off in errors.items() if len(off) >= _TWICE}
         worst = max(means, key=lambda code: means[code], default="")
         others = [off for code, off in means.items() if code != worst]
         if worst and others and means[worst] > max(SLIGHT, _APART * max(others)):
@@ -238,7 +237,7 @@ class BeliefFacts:
         sure = np.nan_to_num(rows["spread"]) <= SURE
         off = np.hypot(np.diff(rows["x"] - rows["true_x"]), np.diff(rows["y"] - rows["true_y"]))
         for each in np.flatnonzero(sure[1:] & sure[:-1]):
-            numbers = np.unique(moves["code"][places[each] : places[each + 1]])
+            numbers = distinct(moves["code"][places[each] : places[each + 1]])
             if len(numbers) == 1:
                 code = self._seen.history.code_names[numbers[0]]
                 found.setdefault(code, []).append(float(off[each]))
@@ -278,7 +277,7 @@ def has_read_range(seen: Attempt, order: int) -> bool:
     """True if a range was read before an event."""
     readings, codes = seen.within(seen.history.readings), seen.history.sensor_codes
     ranges = {each.code for each in seen.spec.sensors if each.kind.is_range}
-    return any(codes[number] in ranges for number in np.unique(readings["sensor"][readings["order"] < order]))
+    return any(codes[number] in ranges for number in distinct(readings["sensor"][readings["order"] < order]))
 
 
 def listed_movements(history: RunHistory, moves: Columns) -> str:
@@ -329,8 +328,7 @@ def ranges_fit_text(seen: Attempt, lost: BeliefRow) -> str:
     )
 
 
-@dataclass(frozen=True, slots=True)
-class Way:
+class Way(Struct, frozen=True):
     """A displacement in the robot's frame at its beginning: inches, degrees to the left, and in words."""
 
     far: float

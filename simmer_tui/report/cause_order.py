@@ -8,9 +8,10 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
+from msgspec import Struct
+from msgspec.structs import replace
 
 from simmer_tui.report.causes import Cause, Kind, MomentKind, Sureness
 from simmer_tui.report.contact_evidence import ContactEvidence, DriveErrors, belief_text, movements_text
@@ -79,8 +80,7 @@ _NAMED = 4
 """Findings named in a sentence; the table of devices has all."""
 
 
-@dataclass(frozen=True, slots=True)
-class Fact:
+class Fact(Struct, frozen=True):
     """A fact that decided a run: a sentence, its moment (elapsed seconds) with its line and place, by default
     the run's end, and the codes of the devices that it is about. `advice` and `moment` replace those of its
     rule. `has_behind` is true if wrong devices or beliefs may explain it."""
@@ -96,8 +96,7 @@ class Fact:
     sure: Sureness = Sureness.CERTAIN
 
 
-@dataclass(frozen=True, slots=True)
-class CauseRule:
+class CauseRule(Struct, frozen=True):
     """A rule: it holds where `find` gives a fact. `when` is its condition for the page, `excludes` what it
     rules out, `advice` one line to follow (empty for none), `moment` the kind of moment that is marked."""
 

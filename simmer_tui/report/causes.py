@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import StrEnum
+
+from msgspec import Struct
 
 from simmer_tui.report.counterfactuals import Counterfactual
 
@@ -55,8 +56,7 @@ class Sureness(StrEnum):
     LIKELY = "likely"
 
 
-@dataclass(frozen=True, slots=True)
-class Cause:
+class Cause(Struct, frozen=True):
     """Cause of a failed run: `text` is a fact in one or two sentences, `evidence` has the sentences that
     support it. `elapsed` (seconds) and `line` (of the log; 0 if there is none) are its moment, of the kind
     `moment`, `place` its place (inches). `culprits` are the codes of the sensors and drives to blame,

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from msgspec import Struct
 
 from simmer_tui.report.counterfactuals import Change, Counterfactual, CounterfactualWorld
 from simmer_tui.report.why import looks_there
@@ -58,8 +58,7 @@ _SHOWN = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class ShownPlace:
+class ShownPlace(Struct, frozen=True):
     """A reading that was right and showed the place of a contact before it. It is by the sensor `code`, with
     `value` in inches, at `elapsed` seconds, `ago` inches of path before the movement that touched."""
 
@@ -71,8 +70,7 @@ class ShownPlace:
     """True if that sensor was not read again."""
 
 
-@dataclass(frozen=True, slots=True)
-class DriveErrors:
+class DriveErrors(Struct, frozen=True):
     """Errors of drives without which nothing would have been touched: those of the last `count` movements by
     the drives with these codes. They are `certain` where nothing was read in between, and `large` where they
     are more than a program can be asked to allow for."""

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from heapq import nlargest
 from operator import itemgetter
 from typing import Any
+
+from msgspec.structs import replace
 
 from simmer_tui.document import svg
 from simmer_tui.document.formats import (

@@ -8,10 +8,10 @@ as long. Only movements are repeated, never the program: its other decisions are
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from enum import StrEnum
 
-from msgspec.structs import astuple
+from msgspec import Struct
+from msgspec.structs import astuple, replace
 
 from simmer_tui.run.attempt import Collision
 from simmer_tui.run.events import MovementEnded
@@ -45,8 +45,7 @@ class Change(StrEnum):
     NO_BLOCK = "without the block in the gripper"
 
 
-@dataclass(frozen=True, slots=True)
-class Counterfactual:
+class Counterfactual(Struct, frozen=True):
     """A change, and in `saved` True if the movement would then have touched nothing. It is None if that
     cannot be decided: the robot would have stood in a wall, or passed one by less than `NARROW`."""
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from simmer_tui.report.contact_evidence import SIGMAS
 from simmer_tui.report.drive_audit import set_rule
@@ -14,7 +14,7 @@ from simmer_tui.report.sensor_sample import by_sensor, sample_of
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.table import Columns
-from simmer_tui.sim.arrays import BoolArray, FloatArray
+from simmer_tui.sim.arrays import BoolArray, FloatArray, median_of
 from simmer_tui.sim.command import counted
 from simmer_tui.sim.specs import DriveSpec, SensorSpec
 
@@ -23,8 +23,7 @@ _NAMED = 3
 """Devices named in a sentence."""
 
 
-@dataclass(frozen=True, slots=True)
-class DeviceHealth:
+class DeviceHealth(Struct, frozen=True):
     """Numbers of readings and movements that could be compared, and of those beyond the errors that their set
     declares, by code."""
 
@@ -77,7 +76,7 @@ def few_movements(history: RunHistory, moves: Columns, drive: DriveSpec) -> str:
     off, allowed, shares = _off_movements(history, moves, drive)
     if not len(off):
         return ""
-    by = f", by {100.0 * float(np.median(shares)):+.0f} %" if (off > allowed).all() else ""
+    by = f", by {100.0 * median_of(shares):+.0f} %" if (off > allowed).all() else ""
     return f"{_in_words(off > allowed)}{by}"
 
 

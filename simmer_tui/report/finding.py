@@ -7,9 +7,11 @@ findings of a run have a familywise error of 0.1 %: a test gives a `Claim`, and 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import TypeVar
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from simmer_tui.document.formats import COUNT, number
 from simmer_tui.document.model import DataColumn, DataTable, data_table
@@ -54,8 +56,7 @@ class Basis(StrEnum):
     NOMINAL = "nominal"
 
 
-@dataclass(frozen=True, slots=True)
-class Finding:
+class Finding(Struct, frozen=True):
     """A fault of the device with the code `of`: its `value` with the 95 % interval from `low` to `high`, in
     `unit`, of `count` readings or movements. `other` is the code of the device that it is swapped with."""
 
@@ -71,16 +72,14 @@ class Finding:
     other: str | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Claim:
+class Claim(Struct, frozen=True):
     """One test: its p-value, and its finding if the effect is large enough to matter."""
 
     probability: float
     finding: Finding | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class DeviceUnderTest:
+class DeviceUnderTest(Struct, frozen=True):
     """A sensor or drive under test: its code, and the set that it is compared with. `rows` is the noun for
     the evidence, `against` ends its sentences where they name that set."""
 
@@ -193,8 +192,7 @@ def plain_findings(found: Iterable[Finding]) -> tuple[dict[str, object], ...]:
 # -- explanations of beliefs ------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class Disagreement:
+class Disagreement(Struct, frozen=True):
     """One explanation of beliefs that differ from the truth: `of` are the codes of the sensors or drives.
     `text` says what the beliefs fit, `count` is the number of readings or movements behind it.
 

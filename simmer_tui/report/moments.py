@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 from textwrap import shorten
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from simmer_tui.document.formats import COUNT, PASSAGE, Format, number
 from simmer_tui.document.model import DataColumn, DataTable, data_table
@@ -38,8 +40,7 @@ _KEPT = (
 """Kinds of moments, those that are kept longest first."""
 
 
-@dataclass(frozen=True, slots=True)
-class Moment:
+class Moment(Struct, frozen=True):
     """One fact of a run: `text` says it, without its time. `elapsed` is in seconds, `line` that of the log (0
     without one), `code` the sensor's, drive's or command's, `place` in inches. `is_cause` marks the cause."""
 

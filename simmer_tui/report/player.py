@@ -9,10 +9,11 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict
 from importlib.resources import files
 from itertools import pairwise
 from typing import Any
+
+from msgspec.structs import asdict
 
 from simmer_tui.document import svg
 from simmer_tui.errors import printable

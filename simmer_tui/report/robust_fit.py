@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
-from simmer_tui.sim.arrays import FloatArray
+from simmer_tui.sim.arrays import FloatArray, median_of
 
 Z_95 = 1.959963984540054
 """97.5 % quantile of the standard normal distribution, for intervals of 95 %."""
@@ -24,8 +24,7 @@ _HUBER = 1.345
 _ROUNDS = 20
 
 
-@dataclass(frozen=True, slots=True)
-class RobustFit:
+class RobustFit(Struct, frozen=True):
     """Coefficients of a linear fit with their standard errors, (k,), of `count` values; `rough` is the
     standard deviation of the standardized residuals by their median. `declared` is true if the errors are
     those of the declared spread, which needs no estimate from the sample."""
@@ -97,7 +96,7 @@ def _product(subscripts: str, left: FloatArray, right: FloatArray) -> FloatArray
 
 def mad_scale(values: FloatArray) -> float:
     """Standard deviation of numbers around 0 by their median absolute value; 0 of none."""
-    return _MAD_TO_SIGMA * float(np.median(np.abs(values))) if len(values) else 0.0
+    return _MAD_TO_SIGMA * median_of(np.abs(values)) if len(values) else 0.0
 
 
 def excess_noise(

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from msgspec import Struct
 
 from simmer_tui.config.mission_plan import cells_of
 from simmer_tui.report.belief_facts import BeliefFacts, has_read_range, listed_movements, ranges_fit_text
@@ -24,7 +24,7 @@ from simmer_tui.run.facts import missed_zone
 from simmer_tui.run.history_rows import BeliefRow, GripRow, MissionRow, MovementRow, NoticeRow, RefusalRow
 from simmer_tui.run.phrases import REAL_TIME_LIMIT, last_output, times_text
 from simmer_tui.run.table import Columns
-from simmer_tui.sim.arrays import FloatArray
+from simmer_tui.sim.arrays import FloatArray, median_of
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import counted, parse_value
 from simmer_tui.sim.sensors import ObservingSensor, modelled_sensor
@@ -52,8 +52,7 @@ _POSES = 400
 """Most poses from which it is computed who sees the block: the strip between two is then an inch or two."""
 
 
-@dataclass(frozen=True, slots=True)
-class Silence:
+class Silence(Struct, frozen=True):
     """Time without a command at the end of a run, from `since` on (elapsed seconds); `seconds` are simulated
     ones, `real_seconds` real ones."""
 
@@ -62,8 +61,7 @@ class Silence:
     real_seconds: float
 
 
-@dataclass(frozen=True, slots=True)
-class Unseen:
+class Unseen(Struct, frozen=True):
     """Sensors that alone see the block and were not read, or hardly (`readings`), since the last goal, and
     the first moment at which they would have seen it (elapsed seconds)."""
 
@@ -489,7 +487,7 @@ class RunEvidence:
         numbers, counts = np.unique(moves["code"], return_counts=True)
         told = []
         for place in np.argsort(-counts)[:_CODES]:
-            usual = float(np.median(np.abs(moves["asked"][moves["code"] == numbers[place]])))
+            usual = median_of(np.abs(moves["asked"][moves["code"] == numbers[place]]))
             told.append(f"{names[numbers[place]]} {times_text(int(counts[place]))}, mostly by {usual:.2g}")
         return "; ".join(told)
 

@@ -8,14 +8,15 @@ because its errors add up.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field, replace
 
 import numpy as np
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from simmer_tui.report.finding import LEAST_DEGREES, LEAST_INCHES, FindingKind
-from simmer_tui.run.run_history import RunHistory
+from simmer_tui.run.run_history import RunHistory, rows_by_name
 from simmer_tui.run.table import Columns
-from simmer_tui.sim.arrays import BoolArray, FloatArray
+from simmer_tui.sim.arrays import BoolArray, FloatArray, distinct, median_of, quantiles
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.sensors import CountingSensor, ObservingSensor, Sensor, modelled_sensor
@@ -42,8 +43,7 @@ LEAST_ERRORS = 50.0
 _WRONG = 0.05
 
 
-@dataclass(frozen=True, slots=True)
-class Alternative:
+class Alternative(Struct, frozen=True):
     """Values that a sensor with a fault would give: `expected`, (n,), in its unit, NaN where not known."""
 
     kind: FindingKind
@@ -52,8 +52,7 @@ class Alternative:
     other: str | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class SensorSample:
+class SensorSample(Struct, frozen=True):
     """Readings of one sensor, or its counts between them: values, expected values and declared standard
     deviations, (n,) each, in its unit. `chance` is the probability that a reading without a fault is nearer
     to a false expectation. `missed` is the number of dropouts among the `looked` readings with something in
@@ -111,9 +110,9 @@ class SensorSample:
 def by_sensor(history: RunHistory, readings: Columns) -> Iterator[tuple[SensorSpec, Columns]]:
     """The sensors that a run read, each with its rows among some readings."""
     specs = {each.code: each for each in history.spec.sensors}
-    for number, code in enumerate(history.sensor_codes):
+    for code, rows in rows_by_name(readings, "sensor", history.sensor_codes):
         if code in specs:
-            yield specs[code], readings[readings["sensor"] == number]
+            yield specs[code], rows
 
 
 def poses_of(rows: Columns) -> FloatArray:
@@ -326,9 +325,9 @@ def stuck(sample: SensorSample) -> Iterator[Alternative]:
     """A constant value, where the truth varied by more than its noise."""
     if not len(sample.values):
         return
-    low, high = np.quantile(sample.expected, (0.1, 0.9))
-    middle = float(np.median(sample.values))
-    if high - low > 2 * sample.least + 4 * float(np.median(sample.spread)) or sample.least == 0.5:
+    low, high = quantiles(sample.expected, 0.1, 0.9)
+    middle = median_of(sample.values)
+    if high - low > 2 * sample.least + 4 * median_of(sample.spread) or sample.least == 0.5:
         yield Alternative(FindingKind.STUCK, np.full(len(sample.values), middle), middle)
 
 
@@ -398,7 +397,7 @@ def _seen_by(history: RunHistory, rows: Columns, sensor: ObservingSensor) -> Flo
     since = np.searchsorted([each.order for each in blocks], rows["order"], "right") - 1
     asked = np.zeros(len(rows), bool)
     asked[:: _stride(len(rows), _PLACES)] = True
-    for place in np.unique(since).tolist():
+    for place in distinct(since).tolist():
         chosen = asked & (since == place)
         state = blocks[max(place, 0)]
         if state.held and sensor.sees_block(state.block.size):

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from simmer_tui.document import svg
 from simmer_tui.document.model import Figure, LegendMark
@@ -26,8 +27,7 @@ _Points = tuple[tuple[float, float], ...]
 """Pairs of (x, value)."""
 
 
-@dataclass(frozen=True, slots=True)
-class Strip:
+class Strip(Struct, frozen=True):
     """One line over time: the code or name it is `of`, its values, and the values they are compared with, if
     any."""
 
@@ -58,8 +58,7 @@ def traces(run: RunStatistics) -> Figure | None:
     return Figure("Sensors", PICTURE_WIDTH, height + _AXIS, drawn, "strips", legend)
 
 
-@dataclass(frozen=True, slots=True)
-class Clock:
+class Clock(Struct, frozen=True):
     """The time axis of a picture, from 0 at `left` to `end` (seconds) at `right`. The strips have their
     codes, the upper edge of the first, and the distance from one to the next. All in points."""
 

@@ -7,8 +7,9 @@ success stays a success, with a note. A crash before is a failure, and the crash
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from enum import StrEnum
+
+from msgspec import Struct
 
 from simmer_tui.report.audit import audit
 from simmer_tui.report.cause_order import (
@@ -53,8 +54,7 @@ class Outcome(StrEnum):
         return self in (Outcome.FAILED, Outcome.CRASHED)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Verdict:
+class Verdict(Struct, frozen=True, kw_only=True):
     """The verdict. `elapsed` (seconds) and `line` (of the log, 0 without one) are the moment of the cause, or
     of the end where there is none."""
 

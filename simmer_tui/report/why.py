@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from simmer_tui.run.events import MovementEnded
 from simmer_tui.run.facts import BESIDE, FacingSensor, LastReading, facing_sensor
@@ -30,8 +31,7 @@ _SHOWN_ERROR = 0.05
 NOTHING_MOVED = "No movement has ended yet, and nothing was touched."
 
 
-@dataclass(frozen=True, slots=True)
-class WhyFact:
+class WhyFact(Struct, frozen=True):
     """One fact about a movement: `label` is a word such as `asked`, `is_bad` is true for what stopped it."""
 
     label: str

@@ -2,11 +2,11 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
+from msgspec import Struct, field
 
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.mission_plan import Cell, MissionPlan, draw_mission
@@ -27,7 +27,7 @@ from simmer_tui.run.history_rows import (
 from simmer_tui.run.progress import CommandLoop, StalledPeriod, loop_at_end, without_progress
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.table import Columns, Newest, RowT, RowTable
-from simmer_tui.sim.arrays import BoolArray, IntArray
+from simmer_tui.sim.arrays import BoolArray, IntArray, distinct
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import PEOPLE
 from simmer_tui.sim.footprint import Footprint
@@ -44,8 +44,7 @@ REPEATED_DISTANCE = CELL_SIZE
 """Inches of a continuous motion before a contact that counterfactuals repeat."""
 
 
-@dataclass(frozen=True, slots=True)
-class Task:
+class Task(Struct, frozen=True):
     """Limits of a mission, and the cell for the block; None where the cell is not known."""
 
     contacts: int | None
@@ -67,8 +66,7 @@ def task_of(configuration: Configuration, seed: int, plan: MissionPlan | None = 
     return Task(mission.contacts, mission.time_limit, drawn.drop_zone if same else None)
 
 
-@dataclass(frozen=True, slots=True)
-class Collision:
+class Collision(Struct, frozen=True):
     """A movement with a contact, and all that was known when it began. That is the newest belief, the first
     of the lost beliefs that led to it (`lost`), each sensor's last reading, the block and the bias. A held
     block is in the robot's frame. `before` are the movements before it, newest last, with nothing in between;
@@ -99,8 +97,7 @@ class Collision:
         return self.row.contact
 
 
-@dataclass(slots=True)
-class SpentTime:
+class SpentTime(Struct):
     """Time spent, simulated seconds; `between` is the real time from an answer to the next
     command: the program's thinking, and the link."""
 
@@ -113,8 +110,7 @@ class SpentTime:
     """Whole milliseconds of the readings, by code."""
 
 
-@dataclass(frozen=True, slots=True)
-class Dwell:
+class Dwell(Struct, frozen=True):
     """A stretch at the end, from `since` on (elapsed seconds), in which the robot only read its sensors.
     There were `readings` readings, `often` of them by the sensor with `code`, the one read most."""
 
@@ -531,7 +527,7 @@ class Attempt:
             after = movements[place].order if place < len(movements) else self._until
             begin, end = readings.place_of(row.order), readings.place_of(after)
             numbers = readings.columns(begin, end)["sensor"]
-            if any(self.history.sensor_codes[number] in load for number in np.unique(numbers)):
+            if any(self.history.sensor_codes[number] in load for number in distinct(numbers)):
                 return True
         return False
 
@@ -565,7 +561,7 @@ class Attempt:
         driving = {each.code for each in self.spec.drives} | {each.code for each in self.spec.velocities}
         rows = rows[np.isin(rows["code"], [place for place, name in enumerate(names) if name in driving])]
         codes = rows["code"][rows["refused"]]
-        return [names[number] for number in np.unique(codes)], len(codes), len(rows)
+        return [names[number] for number in distinct(codes)], len(codes), len(rows)
 
     @cached_property
     def asks_end(self) -> BoolArray:
@@ -585,7 +581,7 @@ class Attempt:
         """Codes of drives that were asked for 0 in the stretch without progress, and how often."""
         rows, names = self.within(self.history.movements), self.history.code_names
         rows = rows[(rows["asked"] == 0.0) & ~self.asks_end & (rows["elapsed"] >= self.stalled.since)]
-        return [names[number] for number in np.unique(rows["code"])], len(rows)
+        return [names[number] for number in distinct(rows["code"])], len(rows)
 
     @property
     def whole_numbers(self) -> int:

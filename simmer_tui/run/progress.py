@@ -1,8 +1,7 @@
 """Progress of a robot: new ground, the stretch at the end without any, and repeated movements."""
 
-from dataclasses import dataclass
-
 import numpy as np
+from msgspec import Struct
 
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.arrays import BoolArray
@@ -22,8 +21,7 @@ ROUNDS, LOOPED, _LONGEST = 5, 40, 16
 """Least rounds of a loop, least movements in all of them, and most movements of one round."""
 
 
-@dataclass(frozen=True, slots=True)
-class StalledPeriod:
+class StalledPeriod(Struct, frozen=True):
     """The latest stretch in which the robot reached no goal, and hardly any ground that was new since the
     last goal. It has its begin (elapsed seconds) and place, its movements, its path in inches and degrees,
     and the seconds of driving."""
@@ -70,8 +68,7 @@ def without_progress(rows: Columns, legs: BoolArray, place: Pose, since: float) 
     )
 
 
-@dataclass(frozen=True, slots=True)
-class CommandLoop:
+class CommandLoop(Struct, frozen=True):
     """Movements at the end that repeat a round of commands: begin (elapsed seconds), place, commands of a
     round, and number of rounds."""
 

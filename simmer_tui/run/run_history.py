@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter, deque
-from collections.abc import Callable, Container, Mapping
+from collections.abc import Callable, Container, Iterator, Mapping
 from functools import cached_property, lru_cache
 from typing import NamedTuple
 
@@ -632,15 +632,15 @@ class RunHistory:
         totals.commands += len(rows)
         totals.link_seconds += float(rows["link"].sum())
         totals.last_command_line = int(rows["line"][-1])
-        for name, mine in _by_name(rows, "code", self.code_names):
+        for name, mine in rows_by_name(rows, "code", self.code_names):
             record = totals.codes.setdefault(name, CodeTotals())
             record.count += len(mine)
             record.refused += int(mine["refused"].sum())
-        for name, mine in _by_name(rows, "source", self.source_names):
+        for name, mine in rows_by_name(rows, "source", self.source_names):
             totals.sources[name] += len(mine)
 
     def _sum_readings(self, rows: Columns) -> None:
-        for code, mine in _by_name(rows, "sensor", self.sensor_codes):
+        for code, mine in rows_by_name(rows, "sensor", self.sensor_codes):
             record = self._totals.sensors.setdefault(self._names[code], SensorTotals())
             wanted = record.trace.wanted(len(mine))
             if wanted:
@@ -663,7 +663,7 @@ class RunHistory:
         totals.driving_seconds += float((rows["elapsed"] - rows["begin"]).sum())
         totals.contacts += int(rows["contact"].sum())
         totals.contacts_that_ended += int(rows["held"].sum())
-        for name, mine in _by_name(rows, "code", self.code_names):
+        for name, mine in rows_by_name(rows, "code", self.code_names):
             if name in self._velocities:
                 totals.legs += len(mine)
             else:
@@ -692,11 +692,13 @@ def _is_again(before: ContactRow, row: ContactRow) -> bool:
     return before.shown == row.shown and is_same_place(before.pose, row.pose)
 
 
-def _by_name(rows: Columns, column: str, names: list[str]) -> list[tuple[str, Columns]]:
+def rows_by_name(rows: Columns, column: str, names: list[str]) -> Iterator[tuple[str, Columns]]:
     """The rows of each name in a column of indices, in the order in which the names came."""
     numbers = rows[column]
     # np.unique would sort; counting small indices takes a single pass.
     present = np.flatnonzero(np.bincount(numbers, minlength=len(names))).tolist()
     # Rows are picked as bytes: numpy copies rows of columns column by column, which takes four times as long.
     packed = rows.view(f"V{rows.itemsize}")
-    return [(names[each], packed[numbers == each].view(rows.dtype)) for each in present]
+    # One at a time: together they would be a copy of all rows.
+    for each in present:
+        yield names[each], packed[numbers == each].view(rows.dtype)

@@ -6,10 +6,10 @@ import heapq
 import math
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from msgspec import Struct
 from msgspec.structs import replace
 
 from simmer_tui.config.loader import Configuration
@@ -56,8 +56,7 @@ _LATE = 1.0
 """Longest delay of an answer by a busy computer, seconds of real time."""
 
 
-@dataclass(frozen=True, slots=True)
-class Difference:
+class Difference(Struct, frozen=True):
     """The first difference between a logged run and its rerun."""
 
     line: int

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from msgspec.structs import replace
 
 from simmer_tui.document.model import DataColumn, DataTable, Document, DocumentPart, Paragraph, data_table
 from simmer_tui.sim.command import counted

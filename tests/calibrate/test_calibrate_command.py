@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from msgspec import structs
 from rich.console import Console
 
 from benchmarks.emulated_robots import Session, draw_robot, record, set_with, wandering
@@ -150,7 +151,7 @@ def test_the_tables_fit_a_terminal_of_80_columns(found: Fit) -> None:
     assert held is not None
     for table in (figures_table(estimates_of(found)), held_back_table(held)):
         console = Console(file=io.StringIO(), width=80)
-        print_table(replace(table, note=""), console)
+        print_table(structs.replace(table, note=""), console)
         assert isinstance(console.file, io.StringIO)
         lines = console.file.getvalue().splitlines()
         shown = [" ".join(line.split()) for line in lines]

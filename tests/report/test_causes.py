@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import re
 from collections.abc import Callable
@@ -344,10 +343,10 @@ def test_a_wrong_sensor_comes_before_what_follows_from_it_and_is_said_once() -> 
     mission.give("d1-16.5")
     text = "u1 reads 3.0 in too long (2.9 to 3.1, 395 readings)"
     found = Finding("u1", FindingKind.OFFSET, 3.0, 2.9, 3.1, "in", 395, Basis.SET, text)
-    twice = dataclasses.replace(found, basis=Basis.NOMINAL, text=f"{text}, against the nominal set")
+    twice = structs.replace(found, basis=Basis.NOMINAL, text=f"{text}, against the nominal set")
     cause = cause_of(mission.evidence(findings=(twice, found)))
     assert (cause.kind, cause.culprits, cause.text) == (Kind.SENSOR_WRONG, ("u1",), f"{text}.")
-    drive = dataclasses.replace(found, of="d1", text="d1 drives 1.20 times what is asked")
+    drive = structs.replace(found, of="d1", text="d1 drives 1.20 times what is asked")
     cause = cause_of(mission.evidence(findings=(drive,)))
     assert (cause.kind, cause.text) == (Kind.DRIVE_WRONG, f"{drive.text}.")
 

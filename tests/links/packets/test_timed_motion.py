@@ -232,7 +232,7 @@ def test_xx_is_a_word_of_packets_only(on_clock: Any) -> None:
     on_clock(scenario)
 
 
-def test_the_trail_on_the_screen_ends_where_xx_stopped_the_robot(on_clock: Any) -> None:
+def test_the_path_of_a_state_ends_where_xx_stopped_the_robot(on_clock: Any) -> None:
     async def scenario(bench: Any) -> list[float]:
         reducer = Reducer(checkpoint_of(bench.simulator))
         bench.engine.watch(reducer.apply)
@@ -242,10 +242,10 @@ def test_the_trail_on_the_screen_ends_where_xx_stopped_the_robot(on_clock: Any) 
         await bench.clock.pass_by(3.0)
         state = reducer.at(bench.engine.now())
         assert not state.moving
-        return [float(y) for _, y in state.trail]
+        return [float(y) for y in state.path[:, 1]]
 
-    trail = on_clock(scenario)
-    assert (trail[0], max(trail)) == (6.0, pytest.approx(12.0))
+    path = on_clock(scenario)
+    assert (path[0], max(path)) == (6.0, pytest.approx(12.0))
 
 
 def test_connections_with_open_requests_are_bounded_and_a_stop_comes_through(on_clock: Any) -> None:
