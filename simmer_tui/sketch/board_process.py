@@ -9,6 +9,7 @@ import shutil
 import signal
 import struct
 import subprocess
+import sys
 import threading
 import time
 from collections.abc import Iterable, Sequence
@@ -38,7 +39,7 @@ _CAUSES: dict[int, str] = {
     signal.SIGILL: "a function ended without its return",
 }
 """Causes of a board's death by its signal."""
-if platform_has.POSIX:
+if sys.platform != "win32":
     # The trap of a missing return on ARM, and bad memory on macOS.
     _CAUSES |= {signal.SIGTRAP: _CAUSES[signal.SIGILL], signal.SIGBUS: _CAUSES[signal.SIGSEGV]}
 NEVER = 1 << 62
