@@ -1,6 +1,6 @@
 """Types of numpy arrays, and three functions in place of numpy's own.
 
-`np.unique`, `np.quantile` and `np.median` load masked arrays, which takes 7 ms, a thirtieth of a short report.
+`np.unique`, `np.quantile` and `np.median` load masked arrays: 7 ms, a thirtieth of a short report.
 """
 
 import math
