@@ -30,7 +30,7 @@ from simmer_tui.sim.command import counted, parse_value, plural
 from simmer_tui.sim.scan_rays import extremes
 from simmer_tui.sim.specs import Axes, DriveKind
 from simmer_tui.sketch.board_view import BoardView
-from simmer_tui.tui.event_text import clock_text, grid_lines, off_text
+from simmer_tui.tui.event_text import clock_text, grid_lines, off_piece
 from simmer_tui.tui.gauges import bearing_words
 from simmer_tui.tui.key_table import AGAIN_KEY, TRY_KEY
 from simmer_tui.tui.line_panel import StyledLine, heading, length, shortened, wrapped_lines
@@ -176,7 +176,7 @@ def now_answer(snapshot: Snapshot, *, plain: bool) -> AnswerCard:
     lines += map(ended_line, snapshot.ends)
     belief = snapshot.state.belief
     if belief is not None:
-        lines.append((("belief is off ", "value"), (off_text(belief), "belief")))
+        lines.append((("belief is off ", "value"), off_piece(belief)))
         lines += [((line, "belief"),) for line in (() if belief.grid is None else grid_lines(belief.grid))]
     if snapshot.state.ended is not None:
         lines.append(((":why", "mark"), (" explains the last movement", "value")))
@@ -350,9 +350,17 @@ def _failure(snapshot: Snapshot, reason: str, *, orders: bool, tries: bool) -> A
     notes = _notes(verdict)
     short: StyledLine = ((TRY_KEY, "mark"), (" try", "label")) if tries and orders else ()
     brief = (lines[-1], *notes, (*_numbers(snapshot), *_GAP, *(offered[0] if offered else ()), *short))
-    lines += [*notes, _numbers(snapshot), *_tried(tries=tries, orders=orders)]
+    lines += [*notes, _numbers(snapshot), *_went_on(snapshot), *_tried(tries=tries, orders=orders)]
     at = f"at {clock_text(mission.time)}" if mission is not None else ""
     return AnswerCard("why it failed", at, (*lines, *offered), brief, role="danger")
+
+
+def _went_on(snapshot: Snapshot) -> tuple[StyledLine, ...]:
+    """The line about commands after the mission's end: sensors, pose and events are of a later moment."""
+    mission, state = snapshot.mission, snapshot.state
+    if mission is None or not mission.over or state.commands <= mission.commands:
+        return ()
+    return ((("then it drove on, till ", "label"), (clock_text(state.time), "value")),)
 
 
 def _first_sentences(text: str) -> str:

@@ -9,7 +9,7 @@ from simmer_tui.live.snapshot import LogEntry
 from simmer_tui.run import events
 from simmer_tui.run.belief_grid import GridBelief
 from simmer_tui.run.events import Belief, EventHandler, MovementEnded, NoticeKind
-from simmer_tui.run.facts import displacement
+from simmer_tui.run.facts import deviation, displacement
 from simmer_tui.run.phrases import (
     WEDGED_TEXT,
     contact_line,
@@ -76,6 +76,14 @@ def off_text(belief: Belief) -> str:
     if belief.grid is not None and not belief.grid.has_headings:
         return f"{distance:.1f} in"
     return f"{distance:.1f} in {abs(turn):.0f} deg"
+
+
+def off_piece(belief: Belief, more: str = "") -> tuple[str, str]:
+    """Error of a belief with its role, and `more` behind it; of one that is off by more than it allows for,
+    that it is lost."""
+    found = deviation(belief)
+    is_lost = math.isfinite(found.distance) and found.wrong
+    return (f"{off_text(belief)}, lost", "danger") if is_lost else (f"{off_text(belief)}{more}", "belief")
 
 
 def spread_text(belief: Belief) -> str:

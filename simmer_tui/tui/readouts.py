@@ -18,7 +18,7 @@ from simmer_tui.sim.wheels import WheelKinematics
 from simmer_tui.tui.event_text import (
     clock_text,
     last_event_line,
-    off_text,
+    off_piece,
     reply_text,
     screen_pose_text,
     spread_text,
@@ -72,7 +72,7 @@ def pose_line(snapshot: Snapshot, room: Room) -> StyledLine:
     doing, role = _state(snapshot)
     lefts: tuple[StyledLine, ...] = ((*pose, (f"  {doing}", role)), pose)
     if state.belief is not None:
-        off = off_text(state.belief), "belief"
+        off = off_piece(state.belief)
         lefts = (*pose, ("  belief off ", "label"), off), (*pose, ("  off ", "label"), off)
     driven = f"{state.distance:.1f} in  ", "label"
     count, later = _contacts(snapshot)
@@ -117,11 +117,12 @@ def robot_lines(snapshot: Snapshot, room: Room) -> list[StyledLine]:
         return [head, pose, (*doing, *(contacts if state.contacts else driven))]
     believed = fact_line("belief", "none sent", "dim")
     if state.belief is not None:
-        grid, off = state.belief.grid, off_text(state.belief)
+        grid = state.belief.grid
         # The answer card shows the spread of a grid, beside its entropy.
-        off += spread_text(state.belief) if grid is None else f", {truth_text(grid)}"
+        more = spread_text(state.belief) if grid is None else f", {truth_text(grid)}"
+        off, believes = off_piece(state.belief, more)
         at = f", at {screen_pose_text(state.belief.pose)}" if room.width >= _WIDE_PANEL else ""
-        believed = fact_line("belief", f"off {off}{at}", "belief")
+        believed = fact_line("belief", f"off {off}{at}", believes)
     if room.rows < _WITH_BLOCK:
         return [head, pose, believed, (*doing, *driven, *contacts)]
     last: StyledLine = ()

@@ -171,6 +171,13 @@ def test_how_far_a_belief_is_off_is_always_said(run: Run) -> None:
     assert len(line) == 80
 
 
+def test_a_belief_that_is_off_by_more_than_it_allows_for_is_lost(run: Run) -> None:
+    run.engine.tell(Belief(0.0, Pose(69.5, 42.0, 0.0), Pose(9.5, 42.0, 0.0), 2.0))
+    assert texts(robot_lines(run.snapshot(), Room(36, plain=True)))[2] == "belief   off 60.0 in 0 deg, lost"
+    line = pose_line(run.snapshot(), Room(80, plain=True))
+    assert roles(line)["60.0 in 0 deg, lost"] == "danger"
+
+
 def believe_grid(run: Run, headings: int) -> None:
     table = np.full((4, 8, headings), 0.25 / (32 * headings - 1))
     table[0, 2, 0] = 0.75
@@ -702,6 +709,14 @@ def test_contacts_after_the_end_of_a_mission_are_counted_apart(
         shown = "\n".join(map(text_of, robot_lines(snapshot, Room(60, rows))))
         assert re.search("contacts +1, later 1", shown)
     assert "1 contact, later 1" in text_of(pose_line(snapshot, Room(110)))
+    answer = end_answer(snapshot, orders=False)
+    assert answer is not None
+    drove_on = f"then it drove on, till {clock_text(snapshot.state.time)}"
+    assert drove_on in texts(list(answer.lines))
+    at_end = dataclasses.replace(snapshot, mission=dataclasses.replace(failed, commands=3))
+    answer = end_answer(at_end, orders=False)
+    assert answer is not None
+    assert drove_on not in texts(list(answer.lines))
 
 
 def role_of(run: Run, code: str, width: int = 36) -> tuple[str, str]:
