@@ -51,6 +51,9 @@ _BESIDE = sorted(
     key=lambda place: (4 * place[0] ** 2 + place[1] ** 2, place),
 )
 """Places of a number around its cell, rows and columns, the nearest first."""
+# Each of them is sent anew with every belief. So many still show a circle as large as the maze.
+_RING_DOTS = 40
+"""Most dots of the circle around a belief."""
 _TICK = 0.4
 """Length of the mark at the front of a belief, in robot radii."""
 _ARROW_AHEAD = 0.6
@@ -189,8 +192,9 @@ def draw_belief(canvas: Canvas, scene: Scene, belief: BeliefMark) -> None:
     step = _step(canvas)
     radius = robot.reach * canvas.viewport.scale
     if belief.spread is not None and 0 < belief.spread < math.inf:
-        # Every third dot, so that the circle does not look like another robot.
-        ring = shapes.outline_points(RobotSpec(radius=belief.spread), pose, 3 * step)
+        # Every third dot at most, so that the circle looks neither like another robot nor like a trail.
+        apart = max(3 * step, 2 * math.pi * belief.spread / _RING_DOTS)
+        ring = shapes.outline_points(RobotSpec(radius=belief.spread), pose, apart)
         canvas.line(Role.BELIEF, ring, canvas.backdrop.keeps_wall)
     if canvas.signs.dotted:
         outline = shapes.outline_points(robot, pose, step)
