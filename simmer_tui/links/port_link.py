@@ -134,7 +134,7 @@ class PortLink(ABC):
         return f", but {refused}" if refused else ""
 
     def set_baud(self, endpoint: SerialEndpoint, baud: float) -> None:
-        """The program has set another rate, bits a second."""
+        """Take another rate that the program has set, bits a second."""
         if endpoint is self._driver:
             self._set_rate(baud)
 
@@ -146,7 +146,7 @@ class PortLink(ABC):
             self._last = data[-60:].decode("utf-8", "surrogateescape").strip()
 
     def waits(self, endpoint: SerialEndpoint, place: str) -> None:
-        """A read of the program has waited for long, at the line `place`."""
+        """Note a read of the program that has waited for long, at the line `place`."""
         if endpoint is self._driver:
             last = f"; the last message was '{cut(self._last)}'" if self._last else ""
             self.engine.tell_fault(
@@ -154,7 +154,7 @@ class PortLink(ABC):
             )
 
     def closed(self, endpoint: SerialEndpoint, unread: int) -> None:
-        """A program has closed its port or has ended, and has left `unread` bytes unread."""
+        """End with a program that has closed its port or has ended, and has left `unread` bytes unread."""
         if isinstance(endpoint, HookedProgram):
             self._programs.discard(endpoint)
         if endpoint is not self._driver:
@@ -180,11 +180,11 @@ class PortLink(ABC):
 
     @abstractmethod
     def _joined(self, baud: float | None) -> None:
-        """A program has opened the port, and knows it."""
+        """Begin with a program that has opened the port, and knows it."""
 
     @abstractmethod
     def _set_rate(self, baud: float) -> None:
-        """Bytes of the program are sent at this rate from now on."""
+        """Send the program's bytes at `baud` bits a second from now on."""
 
     @abstractmethod
     def _flush(self) -> None:
@@ -192,7 +192,7 @@ class PortLink(ABC):
 
     @abstractmethod
     def _left(self, endpoint: SerialEndpoint) -> None:
-        """The program has left."""
+        """End with a program that has left."""
 
     def _kind_of_unread(self, unread: int) -> NoticeKind:
         """Kind of the notice about bytes that the program did not read."""

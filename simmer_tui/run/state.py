@@ -138,9 +138,9 @@ def checkpoint_of(simulator: Simulator, *, mission: bool = False, time_scale: fl
 class State(Checkpoint, frozen=True, kw_only=True, eq=False):
     """A run at one moment, also during a movement. Nothing here changes any more; any thread may read it.
 
-    `contact` is the first contact of the latest movement, as soon as it has come; `touching` is true while
-    the robot stands there. `path` is that of the latest movement till now, (n, 3): x and y in inches,
-    simulated seconds. It has no rows before the first.
+    `contact` is the first contact of the latest movement, as soon as it has come; at velocities it is the
+    latest since they began. `touching` is true while the robot stands there. `path` is that of the latest
+    movement till now, (n, 3): x and y in inches, simulated seconds. It has no rows before the first.
     `moved` is the running number of the last event that moved the robot. `twins` holds, by sensor code, the
     last readings of the real robot and its twin. `ended` is the end of the latest movement that is over; at a
     velocity, of the latest leg with a contact. `movement` is the plan of one under way.

@@ -2,7 +2,16 @@
 
 from collections.abc import Sequence
 
-from simmer_tui.sim.command import NUMBER, WORD, Command, cut, keyboard_text, meant_number, utf8_text
+from simmer_tui.sim.command import (
+    LARGEST_VALUE,
+    NUMBER,
+    WORD,
+    Command,
+    cut,
+    keyboard_text,
+    meant_number,
+    utf8_text,
+)
 from simmer_tui.sim.specs import DriveKind, SimulationSpec
 
 _MOVES = {
@@ -40,6 +49,6 @@ def movement_in_words(words: Sequence[str], spec: SimulationSpec) -> str:
     kind, sign = _MOVES.get(words[0].lower().strip("():;!?."), (None, 0.0)) if words else (None, 0.0)
     code = next((drive.code for drive in spec.drives if drive.kind is kind and drive.enabled), "")
     number = meant_number(words[1]) if len(words) > 1 else ""
-    if not NUMBER.fullmatch(number):
+    if not NUMBER.fullmatch(number) or abs(float(number)) > LARGEST_VALUE:
         number = "90" if kind is DriveKind.ROT else "3"
     return f"{code}-{sign * float(number):g}" if code else ""

@@ -113,7 +113,7 @@ def board_source(source: str) -> str:
 def _with_timed_loops(source: str) -> str:
     """The source with a statement in the condition of each loop that has none in its body.
 
-    A `for` with a condition that changes is counted, and ends: it stays.
+    A `for` that begins or steps something is counted, and ends: it stays.
     """
     if _LOOP.search(source) is None:
         return source
@@ -128,16 +128,18 @@ def _with_timed_loops(source: str) -> str:
         end = ends.get(match.end())
         if end is None or begin < done or not _NO_BODY.match(flat, end + 1):
             continue
+        counts = False
         if match["kind"] == "for":
             parts = [begin + at for at, sign in enumerate(flat[begin:end]) if sign == ";"]
             if len(parts) != 2:
                 continue
+            counts = bool(flat[begin : parts[0]].strip() or flat[parts[1] + 1 : end].strip())
             begin, end = parts[0] + 1, parts[1]
         condition = source[begin:end]
         if _ENDLESS.fullmatch(flat, begin, end):
             # Line numbers stay.
             made += [source[done:begin], _STATEMENT, "\n" * condition.count("\n")]
-        elif match["kind"] == "while" and not _DECLARATION.match(flat, begin, end):
+        elif not counts and not _DECLARATION.match(flat, begin, end):
             made += [source[done:begin], f"{_STATEMENT} && ({condition})"]
         else:
             continue

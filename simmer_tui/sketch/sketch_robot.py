@@ -333,6 +333,7 @@ class SketchRobot(LockstepWorld):
         self.advance(self.lockstep.reached)
         self._world.settle()
         self._tell_messages(NEVER)
+        self.lockstep.laptop_listens = False  # else bytes still on the line would wait for the boards
         self.on_sent()
         self.failed = text
         self._world.set_speeds({})

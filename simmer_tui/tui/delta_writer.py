@@ -83,9 +83,9 @@ class DeltaWriter:
         """Begin an update of a screen. `is_full` forgets the known content of the screen, as a new size
         does."""
         screen = width, height, colors
-        self._changed.clear()
         if is_full or self._screen != screen or len(self._pens) > _MOST_PENS:
             self._screen = screen
+            self._changed.clear()
             self._rows = [[_UNKNOWN] * width for _ in range(height)]
             self._forget_pens()
         # Others write between two updates, and leave the cursor anywhere.

@@ -101,6 +101,7 @@ def test_a_refusal_says_why_and_does_nothing(course_spec: SimulationSpec) -> Non
         ("forward 3", "the code fo; did you mean d1-3?"),
         ("turn 45", "the code tu; did you mean r1-45?"),
         ("right", "did you mean r1--90?"),
+        (f"forward {'9' * 400}", "did you mean d1-3?"),
         ("d1", "missing"),
         ("d1-", "missing"),
         ("d1-abc", "'abc' is not"),

@@ -37,6 +37,7 @@ def test_numbers_have_the_widths_of_the_board(written: str, made: str) -> None:
     [
         *("while(1);", "while (true) ;", "for(;;);", "for ( ; ; ) {}", "while(1) { }", "do {} while (1);"),
         *("while (1) /* error */;", "for (;;) { // wait (\n }", "while (1) { ; }", "while ( !(on ) );"),
+        *("for (; !on; );", "for (;!on;) {}"),
     ],
 )
 def test_an_empty_endless_loop_gets_a_statement(loop: str) -> None:

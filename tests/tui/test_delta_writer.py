@@ -174,3 +174,11 @@ def test_scattered_cells_of_one_style_are_sent_together() -> None:
     assert len(re.findall(r"38;2;", sent)) == 2
     assert [glass.text(row).rstrip() for row in range(HEIGHT)] == ["a    b    a"] * HEIGHT
     assert [glass.screen.buffer[1][column].fg for column in (0, 5, 10)] == ["ff0000", "00ff00", "ff0000"]
+
+
+def test_what_an_update_did_not_send_is_sent_with_the_next() -> None:
+    glass = Glass()
+    glass.show(0, 0, Segment("aaaa"))
+    glass.writer.begin(WIDTH, HEIGHT, TRUE)
+    glass.writer.write(0, 0, [Segment("bbbb")])
+    assert "bbbb" in glass.show(0, 0, Segment("bbbb")), "the update before has failed"
