@@ -584,7 +584,7 @@ def test_a_belief_is_drawn_with_its_error_and_logged(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         robot = cockpit.client()
         robot.believe(12.5, 46.0, 350.0, 1.5, [(12, 45), (13, 47, 90)], note="[i]lost\x07")
-        await cockpit.until(lambda: "off 5.0 in 10 deg, spread 2" in cockpit["robot"])
+        await cockpit.until(lambda: "off 5.0 in 10 deg, lost" in cockpit["robot"])
         belief = cockpit.maze.scene.belief
         assert belief.pose == Pose(12.5, 46.0, 350.0)
         assert belief.particles.tolist() == [[12, 45], [13, 47]]

@@ -162,7 +162,7 @@ def test_contacts_and_refused_commands_are_found(run: Run) -> None:
 def test_belief_and_its_error_are_shown_at_the_end(run: Run) -> None:
     async def act(app: ReplayApp, pilot: Pilot[int]) -> None:
         await pilot.press("end")
-        await shows(pilot, app, "robot", "belief   off 34.5 in 80 deg, spread 2")
+        await shows(pilot, app, "robot", "belief   off 34.5 in 80 deg, lost")
         scene = app.query_one(MazeView).scene
         assert scene is not None
         assert scene.belief is not None
