@@ -213,6 +213,10 @@ def _server(options: argparse.Namespace) -> Server:
     return Server(configuration, plan=plan, sketches=sketches)
 
 
+_DRAFTED = "my-robot"
+"""Folder of a set that is proposed for a sketch without one."""
+
+
 def _sketch_set(options: argparse.Namespace) -> str:
     """The set of `--sketch`. Raises ConfigurationError."""
     from simmer_tui.config.set_sketches import WIRING_FILE
@@ -222,12 +226,13 @@ def _sketch_set(options: argparse.Namespace) -> str:
         raise ConfigurationError([Problem("--sketch", "names the set already: leave --config out")])
     path = Path(options.sketch)
     if path.is_file():
-        # The set is beside the sketch, one folder up, or in `config` there.
-        places = (set_in(each) for each in (path.parent, path.absolute().parent.parent))
+        # The set is beside the sketch, one folder up, in `config` there, or where the advice below puts it.
+        folder = path.resolve().parent
+        places = [*(set_in(each) for each in (path.parent, folder.parent, Path(_DRAFTED))), folder / _DRAFTED]
         there = next((each for each in places if (each / WIRING_FILE).is_file()), None)
         what = "is a file; --sketch takes the folder of the set that names it"
         if there is None:
-            what = f"{what}. Make one: simmer-tui init my-robot --sketch {typed_path(path)}"
+            what = f"{what}. Make one: simmer-tui init {_DRAFTED} --sketch {typed_path(path)}"
         else:
             what = f"{what}: simmer-tui --sketch {typed_path(there)}"
         raise ConfigurationError([Problem(str(path), what)])

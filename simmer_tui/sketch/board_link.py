@@ -53,6 +53,7 @@ class BoardLink(PortLink):
 
     def _joined(self, baud: float | None) -> None:
         self._has_told_baud = False
+        self._lost = LostBytes(self.engine)  # what a person sent before is not this program's
         self._robot.reset_by_usb()
 
     def _set_rate(self, baud: float) -> None:
@@ -76,7 +77,8 @@ class BoardLink(PortLink):
         at = max(self._free, now)
         if byte:
             room = max(MOST_IN_TRANSIT - (at - now) // byte, 0)
-            self._lost.add(len(data) - room)
+            if self._driver is not None:
+                self._lost.add(len(data) - room)
             data = data[:room]
         if not data:
             return

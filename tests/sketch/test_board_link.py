@@ -70,6 +70,10 @@ def run(body: Callable[[], None]) -> None:
 def test_bytes_beyond_the_line_are_lost_and_counted(course_spec: SimulationSpec) -> None:
     def body() -> None:
         line = Line(course_spec, 9600)
+        line.link.send(b"x" * 40_000)
+        assert not line.told, "a person has sent them"
+        line.link.close()
+        line = Line(course_spec, 9600)
         line.run(40_000, 1000)
         assert len(line.arrived) == MOST_IN_TRANSIT
         told = [each for each in line.told if "lost" in each]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -201,6 +202,11 @@ def test_the_folder_of_a_sketch_is_no_second_sketch(
     Path("rover.ino").write_text(ROVER, "utf-8")
     assert main(["--no-ui", "--sketch", "rover.ino"]) == 2
     assert "simmer-tui init my-robot --sketch rover.ino" in capsys.readouterr().err
+    assert main(["init", "my-robot", "--sketch", "rover.ino"]) == 0
+    capsys.readouterr()
+    assert main(["--no-ui", "--sketch", "rover.ino"]) == 2
+    assert "that names it: simmer-tui --sketch my-robot" in capsys.readouterr().err
+    shutil.rmtree("my-robot")
     assert main(["init", "--sketch", "rover.ino", "."]) == 0
     assert list(tomllib.loads(Path("wiring.toml").read_text("utf-8"))["boards"]) == ["rover"]
     assert not Path("config").exists()
