@@ -350,7 +350,7 @@ def _failure(snapshot: Snapshot, reason: str, *, orders: bool, tries: bool) -> A
     notes = _notes(verdict)
     short: StyledLine = ((TRY_KEY, "mark"), (" try", "label")) if tries and orders else ()
     brief = (lines[-1], *notes, (*_numbers(snapshot), *_GAP, *(offered[0] if offered else ()), *short))
-    lines += [*notes, _numbers(snapshot), *_went_on(snapshot), *_tried(tries=tries, orders=orders)]
+    lines += [*notes, *_went_on(snapshot), _numbers(snapshot), *_tried(tries=tries, orders=orders)]
     at = f"at {clock_text(mission.time)}" if mission is not None else ""
     return AnswerCard("why it failed", at, (*lines, *offered), brief, role="danger")
 
