@@ -30,6 +30,7 @@ from tests.sketch.rovers import (  # noqa: E402
     JOINED,
     MOTORS,
     ROVER,
+    ROVER_BY_LINK,
     SENSOR,
     Boards,
     made_set,
@@ -69,20 +70,7 @@ while time.time() - begun < SECONDS:
 """
 TWO_BOARDS = JOINED.replace("edges_per_inch = 40", "edges_per_inch = 21")
 """About 9.4 and 7.7 in/s: 400 edges a second of both together."""
-ROVER_JOINED = (
-    DRIVE
-    + """
-#include <SoftwareSerial.h>
-SoftwareSerial link(7, 8);
-void setup() { link.begin(9600); }
-void loop() {
-  if (!link.available()) return;
-  char what = link.read();
-  if (what == 'F') drive(220, 180);
-  if (what == 'S') drive(-220, -180);
-}
-"""
-)
+ROVER_JOINED = ROVER_BY_LINK.replace("drive(-200, 0)", "drive(-220, -180)")
 
 
 def alone(folder: Path, wiring: str, sketches: Mapping[str, str], seconds: float) -> dict[str, float]:

@@ -36,12 +36,10 @@ _CAUSES: dict[int, str] = {
     signal.SIGSEGV: "it used memory that is not its own, or its stack is full",
     signal.SIGFPE: "it divided by zero",
     signal.SIGABRT: "it gave up",
-    signal.SIGILL: "a function ended without its return",
 }
 """Causes of a board's death by its signal."""
 if sys.platform != "win32":
-    # The trap of a missing return on ARM, and bad memory on macOS.
-    _CAUSES |= {signal.SIGTRAP: _CAUSES[signal.SIGILL], signal.SIGBUS: _CAUSES[signal.SIGSEGV]}
+    _CAUSES[signal.SIGBUS] = _CAUSES[signal.SIGSEGV]  # bad memory on macOS
 NEVER = 1 << 62
 """A time that no board reaches."""
 STOP_WHEN_SENT = 0x100

@@ -69,6 +69,11 @@ _BAUDS = frozenset(
     )
 )
 _USUAL_BAUD = 9600
+_OF_LINKERS = {
+    r"undefined (?:reference to|symbol:?) [`'\"]?([^'\"\n]+)": "is used, and defined nowhere",
+    r"(?:multiple definition of|duplicate symbol:?) [`'\"]?([^'\"\n]+)": "is defined more than once",
+}
+"""Ends of sentences about a name, by what linkers say about it."""
 _WARNINGS = {
     "-Woverflow": "this number does not fit",
     "-Wconstant-conversion": "this number does not fit",
@@ -166,11 +171,12 @@ def _sources(sketch: Path, files: Sequence[Path]) -> Iterator[_Source]:
         if not own.is_dir() and not provided.isdisjoint(_headers_of(code)):
             del libraries_there[name]
     yield from beside
+    own_names = {each.name.lower() for each in beside}
     waiting = [*files, *(each.path for each in beside)]
     while waiting and libraries_there:
         for header, _ in includes(sketch_text(waiting.pop())):
             name = _library_of(header.lower(), libraries_there)
-            if name:
+            if name and header.lower() not in own_names:
                 code = libraries_there.pop(name)
                 waiting += [each.path for each in code]
                 yield from code
@@ -198,8 +204,8 @@ def _known_headers(sources: Sequence[_Source]) -> set[str]:
     """The headers that a sketch may include, in small letters."""
     own = {Path(each.name).name.lower() for each in sources}
     core = {each.name.lower() for each in (RUNTIME / "core").glob("*.h")}
-    known = own | core | _provided() | _STANDARD | set(_OTHER_NAMES)
-    return known - ({"wire.h"} - _provided())
+    known = core | _provided() | _STANDARD | set(_OTHER_NAMES)
+    return (known - ({"wire.h"} - _provided())) | own
 
 
 def _missing_header(output: str, files: Sequence[Path]) -> Problem | None:
@@ -248,12 +254,12 @@ def _compile(
         work = Path(name)
         # Arduino's build names it so too. Debuggers take the name of the unit for that of its first file.
         main = f"{files[0].name}.cpp"
-        (work / main).write_text(_with_names(joined_source(files), known), encoding="utf-8")
+        (work / main).write_text(_with_names(joined_source(files), known, sources), encoding="utf-8")
         for each in sources:
             target = work / each.name
             target.parent.mkdir(parents=True, exist_ok=True)
             own = None if each.name.startswith("libraries/") else known
-            text = f'#line 1 "{each.name}"\n{_with_names(board_source(sketch_text(each.path)), own)}'
+            text = f'#line 1 "{each.name}"\n{_with_names(board_source(sketch_text(each.path)), own, sources)}'
             if target.suffix in _COMPILED:
                 text = f'#include "Arduino.h"\n{text}'
             target.write_text(text, encoding="utf-8")
@@ -307,9 +313,12 @@ def _flags(kind: BoardKind) -> list[str]:
 def _instrumented(compiler: Compiler) -> list[str]:
     coverage = "trace-pc" if compiler.is_gcc else "bb,no-prune,trace-pc"
     named = f"-fdebug-prefix-map={RUNTIME}={RUNTIME_NAME}"
-    # Else a function without its return would go on in the code that happens to follow.
-    trap = "-fsanitize-undefined-trap-on-error" if compiler.is_gcc else "-fsanitize-trap=return"
-    return ["-O1", "-g1", named, f"-fsanitize-coverage={coverage}", "-fsanitize=return", trap]
+    # Else a function without its return would go on in the code that happens to follow. gcc takes the end of
+    # such a function for unreachable, unless it looks after what is unreachable.
+    returns = ["-fsanitize=unreachable", "-fsanitize-undefined-trap-on-error"]
+    if not compiler.is_gcc:
+        returns = ["-fno-strict-return"]
+    return ["-O1", "-g1", named, f"-fsanitize-coverage={coverage}", *returns]
 
 
 def _include_paths(work: Path, sources: Sequence[_Source]) -> list[str]:
@@ -318,17 +327,24 @@ def _include_paths(work: Path, sources: Sequence[_Source]) -> list[str]:
     return [part for path in paths for part in ("-I", path)]
 
 
-def _with_names(source: str, allowed: set[str] | None) -> str:
+def _with_names(source: str, allowed: set[str] | None, sources: Sequence[_Source]) -> str:
     """Includes with the names of the files as they are here: elsewhere file names have no case. Headers that
     are not among those allowed get a folder that is not there."""
     known = {each.name.lower(): each.name for each in (*(RUNTIME / "core").glob("*.h"), *_library_headers())}
+    own = {Path(each.name).name for each in sources}
+    known |= {each.lower(): each for each in own}
 
     def renamed(match: re.Match[str]) -> str:
         name = match[2]
         low = name.lower()
         if allowed is not None and low not in allowed and low.rpartition("/")[2] not in allowed:
             return f"{match[1]}{_NOWHERE}{name}{match[3]}"
+        folder, slash, last = name.rpartition("/")
+        if last in own:
+            return match[0]
         found = known.get(low) or _OTHER_NAMES.get(low)
+        if slash and last.lower() in {each.lower() for each in own}:
+            found = f"{folder}/{known[last.lower()]}"
         return f"{match[1]}{found or name}{match[3]}"
 
     return re.sub(r'(?m)^(\s*#\s*include\s*[<"])([^>"\n]+)([>"])', renamed, source)
@@ -380,7 +396,9 @@ def _errors(output: str, compiler: Compiler, files: Sequence[Path]) -> Iterator[
         if seen == MOST_ERRORS:
             return
     if not seen:
-        undefined = re.search(r"undefined (?:reference to|symbol:?) [`'\"]?([^'\"\n]+)", output)
-        last = output.strip().splitlines()[-1:] or ["it printed nothing"]
-        what = f"{undefined[1]} is used, and defined nowhere" if undefined else last[0]
+        what = (output.strip().splitlines() or ["it printed nothing"])[-1]
+        for pattern, ending in _OF_LINKERS.items():
+            if named := re.search(pattern, output):
+                what = f"{named[1]} {ending}"
+                break
         yield Problem(files[0].name if files else compiler.name, what)

@@ -23,11 +23,12 @@ _TOKEN = re.compile(
 )
 _TYPE_WORDS = frozenset(("unsigned", "signed", "long", "short", "int", "double"))
 _LOOP = re.compile(r"\b(?P<kind>while|for)\b\s*(?=\()")
-_NO_BODY = re.compile(r"\s*(?:;|\{[\s;]*\})")
+_NO_BODY = re.compile(r"\s*(?:;|continue\s*;|\{(?:[\s;]|continue\b)*\})")
 _ENDLESS = re.compile(r"\s*(?:|1|true|HIGH)\s*")
 _DECLARATION = re.compile(r"[\w:<>\s]*[\w>][\s*&]+[A-Za-z_]\w*\s*(?:=(?!=)|\{)")
 # A block without a statement has no instrumentation in gcc: a loop of it would take no time, and never end.
-_STATEMENT = '({ __asm__ volatile(""); 1; })'
+# A compiler that computes a constant has no board.
+_STATEMENT = "(__builtin_is_constant_evaluated() || (::yield(), true))"
 _FUNCTION = re.compile(
     r"(?:^|[)] ?)(?P<type>[A-Za-z_][\w:<>, ]*?[ *&]+)"
     r"(?P<name>[A-Za-z_]\w*) ?\((?P<arguments>[^()]*)\) ?$"
@@ -186,6 +187,9 @@ def prototypes(source: str) -> tuple[list[str], int]:
         if name in _NO_FUNCTIONS or not words or _NO_TYPES.intersection(words) or "operator" in words:
             continue
         first = min(first, begin)
+        # After an attribute its type would lack the words before it.
+        if match.start() and re.search(r"\bstatic\b", text[: match.start()]):
+            continue
         # One with default arguments stays as it is defined: a second default is an error.
         if "=" in arguments or "::" in kind:
             continue

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import pytest
@@ -61,6 +60,46 @@ def test_headers_count_where_the_compiler_reads_them(tmp_path: Path) -> None:
         build_sketch(sketch, UNO)
 
 
+EXTRAS = """#include <Motor.h>
+#include "utils/Gear.h"
+#include <Wire.h>
+#include <SoftwareSerial.h>
+struct Link { SoftwareSerial port; Link(SoftwareSerial given) : port(given) {} };
+Link link_(SoftwareSerial(2, 3));
+constexpr int length(const char* text) { int n = 0; while (text[n++]); return n; }
+int room[length("abc")];
+static __attribute__((noinline)) void local() {}
+int sign(int value) { if (value) return 1; }
+void setup() { local(); motor(); room[0] = gear() + own_wire() + sign(2); link_.port = SoftwareSerial(4, 5); }
+void yield() {}
+void loop() {}
+"""
+
+
+@no_compiler
+@pytest.mark.slow
+def test_what_arduino_compiles_compiles(tmp_path: Path) -> None:
+    sketch = files(
+        tmp_path,
+        {
+            "rover/rover.ino": EXTRAS,
+            # Names of files have other capitals on the student's machine; those beside the sketch go first.
+            "rover/motor.h": "void motor();\n",
+            "rover/motor.cpp": "void motor() {}\n",
+            "libraries/Motor/Motor.h": "void motor();\n",
+            "libraries/Motor/Motor.cpp": "void motor() {}\n",
+            "rover/src/utils/gear.h": "inline int gear() { return 3; }\n",
+            "rover/libraries/Wire/Wire.h": "inline int own_wire() { return 4; }\n",
+        },
+    )
+    assert [each.split(": ")[:2] for each in build_sketch(sketch, UNO).warnings] == [
+        ["rover.ino:10", "this function ends without its return"]
+    ]
+    files(tmp_path, {"rover/more.cpp": "void motor() {}\n"})
+    with pytest.raises(ConfigurationError, match=r"motor\(\) is defined more than once"):
+        build_sketch(sketch, UNO)
+
+
 @no_compiler
 def test_a_build_folder_that_fails_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     sketch = files(tmp_path, {"rover/rover.ino": EMPTY})
@@ -81,7 +120,7 @@ def test_a_build_folder_that_fails_is_told(tmp_path: Path, monkeypatch: pytest.M
 def test_a_compiler_is_named_by_its_version(tmp_path: Path, told: str, name: str, is_gcc: bool) -> None:
     program = tmp_path / "g++"
     program.write_text(f'#!/bin/sh\necho "{told}"; echo "$LC_ALL" >&2\n', "utf-8")
-    os.chmod(program, 0o755)  # noqa: PTH101
+    program.chmod(0o755)
     compiler = Compiler((str(program),))
     assert (compiler.name, compiler.is_gcc) == (name, is_gcc)
     assert compiler.run([], tmp_path).stderr == "C\n"

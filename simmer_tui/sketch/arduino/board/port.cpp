@@ -30,6 +30,8 @@ Port::Port(int rx, int tx) : rx_(rx), tx_(tx) {
   if (port_count < MOST_PORTS) ports[port_count++] = this;
 }
 
+Port::Port(const Port& other) : Port(other.rx_, other.tx_) { *this = other; }
+
 // One that is local to a function receives no more after it.
 Port::~Port() {
   for (int port = 0; port < port_count; ++port)

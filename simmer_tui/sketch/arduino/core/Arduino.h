@@ -42,7 +42,8 @@ int shiftIn(int data, int clock, int order);
 // No sound: only the time of the call.
 void tone(int pin, unsigned int frequency, unsigned int duration = 0);
 void noTone(int pin);
-inline void yield() {}
+// Does nothing, unless the sketch has its own.
+void yield();
 
 // -- interrupts --------------------------------------------------------------------------------------
 

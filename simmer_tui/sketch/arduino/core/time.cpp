@@ -42,3 +42,5 @@ int shiftIn(int data, int clock, int order) {
   }
   return value;
 }
+
+__attribute__((weak)) void yield() {}
