@@ -35,7 +35,6 @@ from simmer_tui.report.sensor_sample import by_sensor, sample_of
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.angles import half_turn
-from simmer_tui.sim.arrays import median_of
 from simmer_tui.sim.noise import bias_spread
 from simmer_tui.sim.specs import CELL_SIZE, DriveSpec, SensorSpec, SimulationSpec
 
@@ -235,7 +234,7 @@ def is_another_robot(spec: SimulationSpec, nominal: SimulationSpec) -> bool:
 
 def _slower(rows: Columns, own: SensorSpec, row: SensorSpec, nominal: Nominal) -> Iterator[Claim]:
     """A sensor that takes longer to answer."""
-    took = median_of(rows["took"]) - row.read_time
+    took = float(np.median(rows["took"])) - row.read_time
     if own.read_time != row.read_time and abs(took) >= _LEAST_DELAY:
         how = "later" if took > 0 else "sooner"
         what = f"answers {abs(took):.2f} s {how} than in {_by(nominal)}"

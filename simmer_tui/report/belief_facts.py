@@ -22,7 +22,7 @@ from simmer_tui.run.phrases import times_text
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.angles import cos_sin_array, half_turn
-from simmer_tui.sim.arrays import FloatArray, distinct, median_of
+from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.command import counted
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.sensors import ObservingSensor, modelled_sensor
@@ -94,7 +94,7 @@ class BeliefFacts:
         return max(kept, key=lambda each: each.share, default=None)
 
     def _offset(self, x: FloatArray, y: FloatArray, where: str) -> ConstantOffset | None:
-        across, up = median_of(x), median_of(y)
+        across, up = float(np.median(x)), float(np.median(y))
         if np.hypot(across, up) < _LEAST:
             return None
         share = float((np.hypot(x - across, y - up) <= _NEAR).mean())
@@ -164,7 +164,7 @@ class BeliefFacts:
         if lost is not None and len(self.rows) and lost.order == self.rows["order"][0]:
             return self._first_parting
         errors = self._parted_by_code
-        means = {code: median_of(np.array(off)) for code, off in errors.items() if len(off) >= _TWICE}
+        means = {code: float(np.median(off)) for code, off in errors.items() if len(off) >= _TWICE}
         worst = max(means, key=lambda code: means[code], default="")
         others = [off for code, off in means.items() if code != worst]
         if worst and others and means[worst] > max(SLIGHT, _APART * max(others)):
@@ -237,7 +237,7 @@ class BeliefFacts:
         sure = np.nan_to_num(rows["spread"]) <= SURE
         off = np.hypot(np.diff(rows["x"] - rows["true_x"]), np.diff(rows["y"] - rows["true_y"]))
         for each in np.flatnonzero(sure[1:] & sure[:-1]):
-            numbers = distinct(moves["code"][places[each] : places[each + 1]])
+            numbers = np.unique(moves["code"][places[each] : places[each + 1]])
             if len(numbers) == 1:
                 code = self._seen.history.code_names[numbers[0]]
                 found.setdefault(code, []).append(float(off[each]))
@@ -277,7 +277,7 @@ def has_read_range(seen: Attempt, order: int) -> bool:
     """True if a range was read before an event."""
     readings, codes = seen.within(seen.history.readings), seen.history.sensor_codes
     ranges = {each.code for each in seen.spec.sensors if each.kind.is_range}
-    return any(codes[number] in ranges for number in distinct(readings["sensor"][readings["order"] < order]))
+    return any(codes[number] in ranges for number in np.unique(readings["sensor"][readings["order"] < order]))
 
 
 def listed_movements(history: RunHistory, moves: Columns) -> str:

@@ -14,7 +14,7 @@ from simmer_tui.report.sensor_sample import by_sensor, sample_of
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.table import Columns
-from simmer_tui.sim.arrays import BoolArray, FloatArray, median_of
+from simmer_tui.sim.arrays import BoolArray, FloatArray
 from simmer_tui.sim.command import counted
 from simmer_tui.sim.specs import DriveSpec, SensorSpec
 
@@ -76,7 +76,7 @@ def few_movements(history: RunHistory, moves: Columns, drive: DriveSpec) -> str:
     off, allowed, shares = _off_movements(history, moves, drive)
     if not len(off):
         return ""
-    by = f", by {100.0 * median_of(shares):+.0f} %" if (off > allowed).all() else ""
+    by = f", by {100.0 * float(np.median(shares)):+.0f} %" if (off > allowed).all() else ""
     return f"{_in_words(off > allowed)}{by}"
 
 

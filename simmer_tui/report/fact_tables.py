@@ -12,7 +12,7 @@ from simmer_tui.report.device_health import few_movements, few_readings
 from simmer_tui.report.finding import FEWEST, Finding
 from simmer_tui.report.run_evidence import RunEvidence
 from simmer_tui.run.table import Columns
-from simmer_tui.sim.arrays import IntArray, median_of
+from simmer_tui.sim.arrays import IntArray
 from simmer_tui.sim.command import counted
 
 NO_TRUTH = "this run has no truth: a real robot"
@@ -129,7 +129,7 @@ def _devices(run: RunEvidence) -> Iterator[tuple[object, ...]]:
         if len(mine) and not history.is_twin:
             axis = "total_r" if drive.kind.turns else "total_x" if drive.kind.direction.x else "total_y"
             sign = drive.kind.direction.x + drive.kind.direction.y + drive.kind.direction.r
-            gain = median_of(mine[axis] * sign / mine["asked"])
+            gain = float(np.median(mine[axis] * sign / mine["asked"]))
         few = few_movements(history, mine, drive) if _FEWEST <= len(mine) < FEWEST["set"] else ""
         yield drive.code, "drive", len(mine), gain, _told(run, drive.code, len(mine), "movement", few)
 
@@ -164,7 +164,7 @@ def _beliefs(run: RunEvidence) -> Iterator[tuple[object, ...]]:
         return
     error = ""
     if len(sure):
-        off, turn = median_of(sure["distance"]), median_of(np.abs(sure["turn"]))
+        off, turn = float(np.median(sure["distance"])), float(np.median(np.abs(sure["turn"])))
         error = f"{off:.1f} in and {turn:.0f} deg, the median of the sure ones"
     yield "error", len(sure), error
     yield "constant offset", None, "" if facts.constant is None else facts.constant.text

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from msgspec import Struct
 
-from simmer_tui.sim.arrays import FloatArray, median_of
+from simmer_tui.sim.arrays import FloatArray
 
 Z_95 = 1.959963984540054
 """97.5 % quantile of the standard normal distribution, for intervals of 95 %."""
@@ -96,7 +96,7 @@ def _product(subscripts: str, left: FloatArray, right: FloatArray) -> FloatArray
 
 def mad_scale(values: FloatArray) -> float:
     """Standard deviation of numbers around 0 by their median absolute value; 0 of none."""
-    return _MAD_TO_SIGMA * median_of(np.abs(values)) if len(values) else 0.0
+    return _MAD_TO_SIGMA * float(np.median(np.abs(values))) if len(values) else 0.0
 
 
 def excess_noise(

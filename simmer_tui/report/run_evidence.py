@@ -24,7 +24,7 @@ from simmer_tui.run.facts import missed_zone
 from simmer_tui.run.history_rows import BeliefRow, GripRow, MissionRow, MovementRow, NoticeRow, RefusalRow
 from simmer_tui.run.phrases import REAL_TIME_LIMIT, last_output, times_text
 from simmer_tui.run.table import Columns
-from simmer_tui.sim.arrays import FloatArray, median_of
+from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import counted, parse_value
 from simmer_tui.sim.sensors import ObservingSensor, modelled_sensor
@@ -487,7 +487,7 @@ class RunEvidence:
         numbers, counts = np.unique(moves["code"], return_counts=True)
         told = []
         for place in np.argsort(-counts)[:_CODES]:
-            usual = median_of(np.abs(moves["asked"][moves["code"] == numbers[place]]))
+            usual = float(np.median(np.abs(moves["asked"][moves["code"] == numbers[place]])))
             told.append(f"{names[numbers[place]]} {times_text(int(counts[place]))}, mostly by {usual:.2g}")
         return "; ".join(told)
 

@@ -24,7 +24,7 @@ from simmer_tui.report.robust_fit import (
     two_sided,
 )
 from simmer_tui.report.sensor_sample import Alternative, SensorSample
-from simmer_tui.sim.arrays import FloatArray, median_of, quantiles
+from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.command import counted
 from simmer_tui.sim.specs import SensorSpec
 
@@ -188,7 +188,7 @@ def _fitted(device: DeviceUnderTest, sample: SensorSample) -> list[Claim]:
             sample.seconds if counts else np.ones(len(residuals))
         ),
     }
-    low, middle, high = quantiles(sample.expected, 0.1, 0.5, 0.9)
+    low, middle, high = np.quantile(sample.expected, (0.1, 0.5, 0.9))
     if not counts and high - low <= max(_ONE_VALUE * abs(middle), sample.least):
         del columns[FindingKind.GAIN]
     singles, double = [(kind,) for kind in columns], tuple(columns)
@@ -244,7 +244,7 @@ def _first_offset(device: DeviceUnderTest, sample: SensorSample, error: float, s
 def _noise(device: DeviceUnderTest, sample: SensorSample, residuals: FloatArray) -> Claim:
     """Residuals that scatter by more than the set says."""
     unit, count = sample.spec.unit, len(residuals)
-    ratio, declared = mad_scale(residuals / sample.spread), median_of(sample.spread)
+    ratio, declared = mad_scale(residuals / sample.spread), float(np.median(sample.spread))
     probability, excess, interval = excess_noise(ratio, declared, count, 2)
     if excess < sample.least:
         return Claim(probability)

@@ -16,7 +16,6 @@ from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.angles import half_turn
-from simmer_tui.sim.arrays import distinct
 from simmer_tui.sim.specs import CELL_SIZE, GripperSpec, SensorSpec, SimulationSpec
 
 # Judged: an inch is a third of the way beside a robot in a corridor; 5 degrees lead an inch aside in a cell.
@@ -95,7 +94,7 @@ def _of_drives(seen: Attempt) -> Iterator[tuple[str, str]]:
     name, reference = reference_set(seen.history)
     usual = {each.code: each for each in reference.drives}
     names = seen.history.code_names
-    used = {names[number] for number in distinct(seen.within(seen.history.movements)["code"])}
+    used = {names[number] for number in np.unique(seen.within(seen.history.movements)["code"])}
     for own in seen.spec.drives:
         row = usual.get(own.code)
         if own.code not in used or row is None or row.kind is not own.kind or not row.gain:

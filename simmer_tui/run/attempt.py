@@ -27,7 +27,7 @@ from simmer_tui.run.history_rows import (
 from simmer_tui.run.progress import CommandLoop, StalledPeriod, loop_at_end, without_progress
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.table import Columns, Newest, RowT, RowTable
-from simmer_tui.sim.arrays import BoolArray, IntArray, distinct
+from simmer_tui.sim.arrays import BoolArray, IntArray
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import PEOPLE
 from simmer_tui.sim.footprint import Footprint
@@ -527,7 +527,7 @@ class Attempt:
             after = movements[place].order if place < len(movements) else self._until
             begin, end = readings.place_of(row.order), readings.place_of(after)
             numbers = readings.columns(begin, end)["sensor"]
-            if any(self.history.sensor_codes[number] in load for number in distinct(numbers)):
+            if any(self.history.sensor_codes[number] in load for number in np.unique(numbers)):
                 return True
         return False
 
@@ -561,7 +561,7 @@ class Attempt:
         driving = {each.code for each in self.spec.drives} | {each.code for each in self.spec.velocities}
         rows = rows[np.isin(rows["code"], [place for place, name in enumerate(names) if name in driving])]
         codes = rows["code"][rows["refused"]]
-        return [names[number] for number in distinct(codes)], len(codes), len(rows)
+        return [names[number] for number in np.unique(codes)], len(codes), len(rows)
 
     @cached_property
     def asks_end(self) -> BoolArray:
@@ -581,7 +581,7 @@ class Attempt:
         """Codes of drives that were asked for 0 in the stretch without progress, and how often."""
         rows, names = self.within(self.history.movements), self.history.code_names
         rows = rows[(rows["asked"] == 0.0) & ~self.asks_end & (rows["elapsed"] >= self.stalled.since)]
-        return [names[number] for number in distinct(rows["code"])], len(rows)
+        return [names[number] for number in np.unique(rows["code"])], len(rows)
 
     @property
     def whole_numbers(self) -> int:

@@ -19,7 +19,7 @@ from msgspec import Struct
 
 from simmer_tui.sim.angles import cos_sin, turned
 from simmer_tui.sim.arcs import Arc
-from simmer_tui.sim.arrays import BoolArray, FloatArray, distinct
+from simmer_tui.sim.arrays import BoolArray, FloatArray
 from simmer_tui.sim.contact import TOUCHING
 from simmer_tui.sim.footprint import Edges, Footprint
 from simmer_tui.sim.obstacles import Obstacles
@@ -78,7 +78,7 @@ def _events(footprint: Footprint, obstacles: Obstacles, arc: Arc, last: float) -
     every = np.concatenate(found)
     with np.errstate(invalid="ignore"):
         inside = every[(every > 0.0) & (every < last)]
-    return [0.0, *distinct(inside).tolist(), last]
+    return [0.0, *np.unique(inside).tolist(), last]
 
 
 def _line_crossings(points: FloatArray, velocities: FloatArray, w: float, edges: Edges) -> FloatArray:

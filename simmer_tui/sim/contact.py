@@ -14,7 +14,7 @@ import numpy as np
 from msgspec import Struct
 
 from simmer_tui.sim.angles import turned
-from simmer_tui.sim.arrays import BoolArray, FloatArray, NDArray, distinct
+from simmer_tui.sim.arrays import BoolArray, FloatArray, NDArray
 from simmer_tui.sim.footprint import Edges, Footprint
 from simmer_tui.sim.obstacles import Obstacles
 from simmer_tui.sim.path import PATH_START, Path, PathPosition, distances
@@ -90,11 +90,11 @@ def _contact_within(
         turning_events = _turning_events(body, near, centres, swept, (cos[:-1], sin[:-1]))
         found += [(2 * segments, fractions) for segments, fractions in turning_events]
     legs, fractions = (np.concatenate(each) for each in zip(*found, strict=True))
-    for leg in distinct(legs):
+    for leg in np.unique(legs):
         segment, straight = divmod(int(leg), 2)
         at = begin + segment
         longest = float(shares[segment]) if straight else share
-        events = distinct(np.concatenate(([0.0], fractions[legs == leg], [1.0]))) * longest
+        events = np.unique(np.concatenate(([0.0], fractions[legs == leg], [1.0]))) * longest
         if at == after.segment:
             events = (
                 _still_to_come(events, after.translated) if straight else _turned_on(events, after.turned)
@@ -133,7 +133,7 @@ def _turned_on(events: FloatArray, done: float) -> FloatArray:
         return _still_to_come(events, done)
     again = events + np.ceil(np.maximum(done - events, 0.0) / circle) * circle
     end = min(done + circle, 1.0)
-    return np.concatenate(([done], distinct(again[(again > done) & (again < end)]), [end]))
+    return np.concatenate(([done], np.unique(again[(again > done) & (again < end)]), [end]))
 
 
 def _straight_events(
