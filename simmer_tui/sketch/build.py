@@ -69,11 +69,6 @@ _BAUDS = frozenset(
     )
 )
 _USUAL_BAUD = 9600
-_OF_LINKERS = {
-    r"undefined (?:reference to|symbol:?) [`'\"]?([^'\"\n]+)": "is used, and defined nowhere",
-    r"(?:multiple definition of|duplicate symbol:?) [`'\"]?([^'\"\n]+)": "is defined more than once",
-}
-"""Ends of sentences about a name, by what linkers say about it."""
 _WARNINGS = {
     "-Woverflow": "this number does not fit",
     "-Wconstant-conversion": "this number does not fit",
@@ -396,9 +391,11 @@ def _errors(output: str, compiler: Compiler, files: Sequence[Path]) -> Iterator[
         if seen == MOST_ERRORS:
             return
     if not seen:
+        undefined = re.search(r"undefined (?:reference to|symbol:?) [`'\"]?([^'\"\n]+)", output)
+        twice = re.search(r"(?:multiple definition of|duplicate symbol:?) [`'\"]?([^'\"\n]+)", output)
         what = (output.strip().splitlines() or ["it printed nothing"])[-1]
-        for pattern, ending in _OF_LINKERS.items():
-            if named := re.search(pattern, output):
-                what = f"{named[1]} {ending}"
-                break
+        if undefined is not None:
+            what = f"{undefined[1]} is used, and defined nowhere"
+        elif twice is not None:
+            what = f"{twice[1]} is defined more than once"
         yield Problem(files[0].name if files else compiler.name, what)
