@@ -360,7 +360,7 @@ def _went_on(snapshot: Snapshot) -> tuple[StyledLine, ...]:
     mission, state = snapshot.mission, snapshot.state
     if mission is None or not mission.over or state.commands <= mission.commands:
         return ()
-    return ((("then it drove on, till ", "label"), (clock_text(state.time), "value")),)
+    return ((("then it drove on, until ", "label"), (clock_text(state.time), "value")),)
 
 
 def _first_sentences(text: str) -> str:

@@ -711,7 +711,7 @@ def test_contacts_after_the_end_of_a_mission_are_counted_apart(
     assert "1 contact, later 1" in text_of(pose_line(snapshot, Room(110)))
     answer = end_answer(snapshot, orders=False)
     assert answer is not None
-    drove_on = f"then it drove on, till {clock_text(snapshot.state.time)}"
+    drove_on = f"then it drove on, until {clock_text(snapshot.state.time)}"
     assert drove_on in texts(list(answer.lines))
     at_end = dataclasses.replace(snapshot, mission=dataclasses.replace(failed, commands=3))
     answer = end_answer(at_end, orders=False)

@@ -75,16 +75,11 @@ class HeatMap:
         return levels
 
 
-def has_numbers(grid: GridBelief, viewport: Viewport) -> bool:
-    """True if a grid's cells have room for their percentages."""
-    return grid.cell_size[0] * viewport.scale >= _NUMBER_COLUMNS
-
-
 def heat_numbers(grid: GridBelief, viewport: Viewport, *, tinted: bool) -> list[HeatNumber]:
     """Percentages of the cells that have room for them. Without tints smaller cells have tenths."""
     places, (width, height) = grid.places(), grid.cell_size
     x0, _, _, y1 = grid.bounds
-    in_full = has_numbers(grid, viewport)
+    in_full = _has_room(grid, viewport)
     wide, high = width * viewport.scale, height * viewport.scale / 2
     if wide < 1.0 or high < 1.0 or (tinted and not in_full):
         return []
@@ -100,15 +95,23 @@ def heat_numbers(grid: GridBelief, viewport: Viewport, *, tinted: bool) -> list[
     return found
 
 
-def likeliest(grid: GridBelief, maze: MazeSpec) -> tuple[float, float, float] | None:
-    """Middle of the most likely cell, inches, and its probability; None while no cell stands out."""
-    places = grid.places()
+def likeliest(grid: GridBelief, maze: MazeSpec, viewport: Viewport) -> HeatNumber | None:
+    """Percentage of the most likely cell, in the middle of it. None while no cell stands out, and where cells
+    have room for their own."""
+    places, (width, height) = grid.places(), grid.cell_size
     row, column = divmod(int(places.argmax()), grid.columns)
     share = float(places[row, column])
-    if share < _STANDS_OUT * even_share(grid, maze):
+    if _has_room(grid, viewport) or share < _STANDS_OUT * even_share(grid, maze):
         return None
-    (width, height), (x0, _, _, y1) = grid.cell_size, grid.bounds
-    return x0 + (column + 0.5) * width, y1 - (row + 0.5) * height, share
+    x0, _, _, y1 = grid.bounds
+    middle, line = viewport.place(x0 + (column + 0.5) * width, y1 - (row + 0.5) * height)
+    text = f"{100 * share:.0f}%"
+    return HeatNumber(math.floor(line / 2), math.floor(middle + len(text) / 2 - 0.5), text)
+
+
+def _has_room(grid: GridBelief, viewport: Viewport) -> bool:
+    """True if a grid's cells have room for their percentages."""
+    return grid.cell_size[0] * viewport.scale >= _NUMBER_COLUMNS
 
 
 def _shares(grid: GridBelief, viewport: Viewport, across: int, down: int) -> tuple[FloatArray, float]:

@@ -7,7 +7,6 @@ from operator import is_
 import numpy as np
 from msgspec import Struct
 
-from simmer_tui.run.belief_grid import GridBelief
 from simmer_tui.sim.arrays import FloatArray, NDArray
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import FloorPatch
@@ -16,7 +15,7 @@ from simmer_tui.sim.specs import RobotSpec
 from simmer_tui.tui.maze import shapes
 from simmer_tui.tui.maze.canvas import Canvas
 from simmer_tui.tui.maze.glyphs import Mask, dot_patterns, heading_arrow
-from simmer_tui.tui.maze.heat import has_numbers, likeliest
+from simmer_tui.tui.maze.heat import HeatNumber
 from simmer_tui.tui.maze.palette import Role
 from simmer_tui.tui.maze.scene import BeliefMark, Scene, SensorView
 
@@ -159,19 +158,12 @@ def draw_codes(canvas: Canvas, rays: Sequence[DrawnRay]) -> None:
                 break
 
 
-def draw_likeliest(canvas: Canvas, scene: Scene, grid: GridBelief) -> None:
-    """Write the probability of a grid's most likely cell on it, or beside what covers it; large cells have
-    theirs already."""
-    found = likeliest(grid, scene.maze)
-    if found is None or has_numbers(grid, canvas.viewport):
-        return
-    x, y, share = found
-    text = f" {100 * share:.0f}% "
-    column, line = canvas.viewport.place(x, y)
-    top, left = math.floor(line / 2), math.floor(column - len(text) / 2 + 0.5)
+def draw_likeliest(canvas: Canvas, number: HeatNumber) -> None:
+    """Write the percentage of the most likely cell on it, or beside what covers it."""
+    text = f" {number.text} "
     taken = canvas.bodies | canvas.contacts | canvas.backdrop.named | canvas.backdrop.has_wall
     for down, right in _BESIDE:
-        row, begin = top + down, left + right
+        row, begin = number.row + down, number.column - len(number.text) + right
         inside = canvas.holds(row, begin) and canvas.holds(row, begin + len(text) - 1)
         if inside and not taken[row, begin : begin + len(text)].any():
             canvas.text(row, begin, text, Role.BELIEF)

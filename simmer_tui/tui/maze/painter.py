@@ -16,7 +16,7 @@ from simmer_tui.tui.maze import bodies, lines
 from simmer_tui.tui.maze.backdrop import Backdrop
 from simmer_tui.tui.maze.canvas import Canvas
 from simmer_tui.tui.maze.glyphs import Cells, blank_cells, signs_for
-from simmer_tui.tui.maze.heat import HeatMap, HeatMark, heat_numbers
+from simmer_tui.tui.maze.heat import HeatMap, HeatMark, heat_numbers, likeliest
 from simmer_tui.tui.maze.palette import DEFAULT, HEATS, Attribute, Look, Palette, Role, palette_for
 from simmer_tui.tui.maze.robot import DrawnRobot
 from simmer_tui.tui.maze.scene import FloorMode, Scene, zones_of
@@ -91,8 +91,8 @@ class Painter:
         if scene.contact is not None:
             bodies.draw_contact(canvas, scene, scene.contact)
         lines.draw_codes(canvas, rays)
-        if self.heat and scene.heat is not None:
-            lines.draw_likeliest(canvas, scene, self._heat_map.shown(scene.heat).grid)
+        if canvas.backdrop.likeliest is not None:
+            lines.draw_likeliest(canvas, canvas.backdrop.likeliest)
         return canvas.cells
 
     def _ground(self, scene: Scene, viewport: Viewport) -> Backdrop:
@@ -138,6 +138,7 @@ class Painter:
             levels = self._heat_map.levels(mark, scene.maze, viewport, signs.across, signs.down)
             made = Backdrop(scene, viewport, signs, self.palette, loud=False, heat=levels, tinted=self.tints)
             made.write_numbers(heat_numbers(mark.grid, viewport, tinted=self.tints))
+            made.likeliest = likeliest(mark.grid, scene.maze, viewport)
             return made
 
         return self._kept("heat", scene, viewport, draw, mark.grid)
