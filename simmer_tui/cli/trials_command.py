@@ -129,10 +129,10 @@ def _begun(options: argparse.Namespace) -> TrialFolder:
     points = points_of(options.vary)
     _check(configuration, overrides, points)
     mazes = {} if options.mazes is None else read_mazes(options.mazes)
-    _check_program(options, options.run or "")
     sketches: SketchSet | None = None
     programs: dict[str, str] = {}
     if options.sketch is not None:
+        _check_program(options, options.run or "")  # before anything is compiled
         configuration, sketches, programs = _compiled(options, configuration)
     plan = TrialPlan(
         command=options.run or "",
@@ -149,6 +149,7 @@ def _begun(options: argparse.Namespace) -> TrialFolder:
         sketches=programs,
     )
     _check_plan(options, plan, configuration)
+    _check_program(options, plan.command)
     path = options.out or Path(f"{PREFIX}{moment_name()}")
     return TrialFolder.create(path, plan, configuration.texts, mazes, sketches)
 
