@@ -15,6 +15,9 @@ from simmer_tui.sim.command import typed_path
 from simmer_tui.sketch.sketch_robot import SketchSet, compile_set, with_boards
 from simmer_tui.sketch.wiring import wiring_of
 
+_DRAFTED = "my-robot"
+"""Folder of a set that is proposed for a sketch without one."""
+
 
 def sketch_set(
     options: argparse.Namespace, overrides: Mapping[str, Override], command: str = "simmer-tui"
@@ -27,12 +30,13 @@ def sketch_set(
         raise ConfigurationError([Problem("--sketch", what)])
     path = Path(options.sketch)
     if path.is_file():
-        # The set is beside the sketch, one folder up, or in `config` there.
-        places = (set_in(each) for each in (path.parent, path.absolute().parent.parent))
+        # The set is beside the sketch, one folder up, in `config` there, or where the advice below puts it.
+        folder = path.resolve().parent
+        places = [*(set_in(each) for each in (path.parent, folder.parent, Path(_DRAFTED))), folder / _DRAFTED]
         there = next((each for each in places if (each / WIRING_FILE).is_file()), None)
         what = "is a file; --sketch takes the folder of the set that names it"
         if there is None:
-            what = f"{what}. Make one: simmer-tui init my-robot --sketch {typed_path(path)}"
+            what = f"{what}. Make one: simmer-tui init {_DRAFTED} --sketch {typed_path(path)}"
         else:
             what = f"{what}: {command} --sketch {typed_path(there)}"
         raise ConfigurationError([Problem(str(path), what)])
