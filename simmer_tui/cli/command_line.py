@@ -295,6 +295,11 @@ def add_run_option(parser: OptionGroup, text: str) -> None:
     parser.add_argument("--run", metavar='"CMD ..."', type=_program, help=text)
 
 
+def add_sketch_option(parser: OptionGroup) -> None:
+    """The option `--sketch`, a set whose boards drive the robot."""
+    parser.add_argument("--sketch", metavar="DIR", help="as --config; sketches on its boards drive it")
+
+
 class OneLineParser(argparse.ArgumentParser):
     """A parser whose errors are one line on stderr and exit code 2.
 

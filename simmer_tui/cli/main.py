@@ -21,6 +21,7 @@ from simmer_tui.cli.command_line import (
     add_flag,
     add_run_option,
     add_setting_options,
+    add_sketch_option,
     add_trust_option,
     has_terminal,
     overrides_from,
@@ -28,7 +29,7 @@ from simmer_tui.cli.command_line import (
     without_effect,
 )
 from simmer_tui.config.loader import Configuration, load
-from simmer_tui.config.sets import find_mission_set, find_set, set_in
+from simmer_tui.config.sets import find_mission_set, find_set
 from simmer_tui.config.settings import OFF
 from simmer_tui.errors import ConfigurationError, Problem, is_disk_full, lacks_temporary_folder, reason_of
 from simmer_tui.version import __version__, requirement
@@ -36,7 +37,6 @@ from simmer_tui.version import __version__, requirement
 if TYPE_CHECKING:
     from simmer_tui.cli.run_life import FrontEnd
     from simmer_tui.live.server import Server
-    from simmer_tui.sketch.sketch_robot import SketchSet
     from simmer_tui.web.page_server import PageServer
 
 # Names, not functions: importing all commands would make every start as slow as the slowest.
@@ -86,11 +86,7 @@ def build_parser() -> OneLineParser:
     parser.add_argument("--version", action="version", version=f"simmer-tui {__version__}")
     run = parser.add_argument_group("run")
     add_config_option(run)
-    run.add_argument(
-        "--sketch",
-        metavar="DIR",
-        help="as --config; sketches on its boards drive it",
-    )
+    add_sketch_option(run)
     text = "do the set's mission (default set: ./config or mission); with --no-ui exit code 1: it failed"
     add_flag(run, "--mission", text)
     add_flag(run, "--no-ui", "run without the screen")
@@ -194,62 +190,22 @@ def _server(options: argparse.Namespace) -> Server:
 
         add_token_of(options.token_file, overrides)
     if options.sketch is not None:
-        options.config = _sketch_set(options)
-        if "serial.port" in overrides:
-            what = "runs boards in the simulator: leave --serial out"
-            raise ConfigurationError([Problem("--sketch", what)])
+        from simmer_tui.cli.sketch_option import compiled, sketch_set
+
+        options.config = sketch_set(options, overrides)
     find = find_mission_set if options.mission else find_set
     directory = find(options.config)
     if options.mission and (problems := without_effect(overrides)):
         raise ConfigurationError(problems)
     configuration, sketches = load(directory, overrides), None
     if options.sketch is not None:
-        configuration, sketches = _compiled(configuration)
+        configuration, sketches = compiled(configuration)
     configuration, plan = with_possible_clock(configuration, options), None
     if options.mission:
         from simmer_tui.run.mission import plan_run
 
         configuration, plan = plan_run(configuration)
     return Server(configuration, plan=plan, sketches=sketches)
-
-
-_DRAFTED = "my-robot"
-"""Folder of a set that is proposed for a sketch without one."""
-
-
-def _sketch_set(options: argparse.Namespace) -> str:
-    """The set of `--sketch`. Raises ConfigurationError."""
-    from simmer_tui.config.set_sketches import WIRING_FILE
-    from simmer_tui.sim.command import typed_path
-
-    if options.config is not None:
-        raise ConfigurationError([Problem("--sketch", "names the set already: leave --config out")])
-    path = Path(options.sketch)
-    if path.is_file():
-        # The set is beside the sketch, one folder up, in `config` there, or where the advice below puts it.
-        folder = path.resolve().parent
-        places = [*(set_in(each) for each in (path.parent, folder.parent, Path(_DRAFTED))), folder / _DRAFTED]
-        there = next((each for each in places if (each / WIRING_FILE).is_file()), None)
-        what = "is a file; --sketch takes the folder of the set that names it"
-        if there is None:
-            what = f"{what}. Make one: simmer-tui init {_DRAFTED} --sketch {typed_path(path)}"
-        else:
-            what = f"{what}: simmer-tui --sketch {typed_path(there)}"
-        raise ConfigurationError([Problem(str(path), what)])
-    return str(options.sketch)
-
-
-def _compiled(configuration: Configuration) -> tuple[Configuration, SketchSet]:
-    """A set's configuration with its boards, and their compiled sketches. Raises ConfigurationError."""
-    from simmer_tui.config.set_sketches import WIRING_FILE
-    from simmer_tui.sketch.sketch_robot import compile_set, with_boards
-    from simmer_tui.sketch.wiring import wiring_of
-
-    wiring = wiring_of(configuration)
-    if wiring is None:
-        what = f"the set {configuration.name} has no {WIRING_FILE}, which says what runs on its boards"
-        raise ConfigurationError([Problem("--sketch", what)])
-    return with_boards(configuration, wiring), compile_set(wiring, configuration.directory)
 
 
 def with_possible_clock(configuration: Configuration, options: argparse.Namespace) -> Configuration:

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Generator, Sequence
 from itertools import takewhile
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from msgspec import structs
 from rich.progress import MofNCompleteColumn, TextColumn, TimeElapsedColumn
@@ -58,9 +58,12 @@ from simmer_tui.trials.sweep_summary import (
     sweep_document,
     sweep_page,
 )
-from simmer_tui.trials.trial import TIME_LIMIT, TrialResult, timed_seconds
+from simmer_tui.trials.trial import TIME_LIMIT, TrialResult, driven_by_boards, timed_seconds
 from simmer_tui.trials.trials_page import trials_page
 from simmer_tui.trials.trials_summary import runs_table, trials_document
+
+if TYPE_CHECKING:
+    from simmer_tui.sketch.sketch_robot import SketchSet
 
 
 @subcommand("trials", add_trials_options, usage='simmer-tui trials --run "CMD ..." [options]')
@@ -107,17 +110,32 @@ def _continuation(folder: TrialFolder, options: argparse.Namespace) -> str:
 
 def _begun(options: argparse.Namespace) -> TrialFolder:
     """A new set of trials. Raises TrialsError, ProgramError, ConfigurationError."""
-    if options.run is None:
+    if options.run is not None:
+        check_no_shell(options.run)
+    elif options.sketch is None:
         raise TrialsError('--run is missing: give the program, such as --run "python my_robot.py"')
-    check_no_shell(options.run)
-    directory = find_mission_set(options.config)
     overrides = overrides_from(options)
+    if options.sketch is not None:
+        from simmer_tui.cli.sketch_option import sketch_set
+
+        options.config = sketch_set(options, overrides, "simmer-tui trials")
+    directory = find_mission_set(options.config)
     configuration = load(directory, overrides)
+    if options.run is None and configuration.mission is None:
+        raise TrialsError(
+            "--run is missing: boards without a program need a mission to end the run; give the program, "
+            f"or add a mission.toml to {cut(configuration.name)}"
+        )
     points = points_of(options.vary)
     _check(configuration, overrides, points)
     mazes = {} if options.mazes is None else read_mazes(options.mazes)
+    sketches: SketchSet | None = None
+    programs: dict[str, str] = {}
+    if options.sketch is not None:
+        _check_program(options, options.run or "")  # before anything is compiled
+        configuration, sketches, programs = _compiled(options, configuration)
     plan = TrialPlan(
-        command=options.run,
+        command=options.run or "",
         runs=options.runs or (DEFAULT_RUNS if options.sure is None else _test(options).cap),
         seed=configuration.settings.run_seed(),
         configuration=configuration.name,
@@ -127,11 +145,13 @@ def _begun(options: argparse.Namespace) -> TrialFolder:
         fixed_ports=bool(options.fixed_ports),
         time_limit=options.time_limit or TIME_LIMIT + timed_seconds(configuration),
         points=points,
+        sketch_set=str(directory.absolute()) if programs else "",
+        sketches=programs,
     )
     _check_plan(options, plan, configuration)
     _check_program(options, plan.command)
     path = options.out or Path(f"{PREFIX}{moment_name()}")
-    return TrialFolder.create(path, plan, configuration.texts, mazes)
+    return TrialFolder.create(path, plan, configuration.texts, mazes, sketches)
 
 
 def _check(
@@ -148,11 +168,30 @@ def _check(
 
 def _check_program(options: argparse.Namespace, command: str) -> None:
     """Refuse a program that is not there: all runs would fail for that reason. Raises TrialsError."""
+    # Boards may drive without one.
+    if not command:
+        return
     # The machines of a cluster have programs of their own. Scripts are sent there.
     if options.dask is not None and not is_python("".join(command.split()[:1])):
         return
     if missing := missing_program(command):
         raise TrialsError(f"--run {cut(command)!r}: {missing}")
+
+
+def _compiled(
+    options: argparse.Namespace, configuration: Configuration
+) -> tuple[Configuration, SketchSet, dict[str, str]]:
+    """The configuration of runs with boards, their compiled sketches, and files and hashes of those. Raises
+    TrialsError, ConfigurationError."""
+    # Few trials have boards.
+    from simmer_tui.cli.sketch_option import compiled
+    from simmer_tui.sketch.sketch_robot import logged_sketches
+
+    # Other machines have other compilers.
+    if options.dask is not None:
+        raise TrialsError("--dask: boards run on this machine only: leave out --dask")
+    made, sketches = compiled(configuration)
+    return driven_by_boards(made), sketches, logged_sketches(sketches)
 
 
 def _check_sure(options: argparse.Namespace) -> None:
@@ -208,6 +247,12 @@ def _resumed(options: argparse.Namespace) -> TrialFolder:
     }
     if "seed" in overrides:
         given["--seed"] = (str(overrides["seed"].value), str(plan.seed))
+    if options.sketch is not None:
+        from simmer_tui.cli.sketch_option import sketch_set
+
+        sketch_set(options, overrides, "simmer-tui trials")  # refuses what does not go with it
+        if not plan.sketches:
+            given["--sketch"] = (options.sketch, "")
     if options.config is not None:
         name = load(find_set(options.config), overrides).name
         given["--config"] = (name, plan.configuration)
@@ -220,7 +265,7 @@ def _resumed(options: argparse.Namespace) -> TrialFolder:
     for option, (value, before) in given.items():
         if value is not None and value != before:
             raise TrialsError(
-                f"{option} differs from that of these trials ({cut(str(before))}): leave it "
+                f"{option} differs from that of these trials ({cut(str(before)) or 'none'}): leave it "
                 "out to resume, or start new trials with another --out"
             )
     runs = options.runs or plan.runs
@@ -228,11 +273,37 @@ def _resumed(options: argparse.Namespace) -> TrialFolder:
         raise TrialsError(f"--runs {runs} is less than the {plan.runs} runs planned for these trials")
     _check_plan(options, plan, folder.configuration)
     plan = structs.replace(plan, runs=runs)
+    if plan.sketches:
+        plan = _with_sketches(options, folder, plan)
     if plan != folder.plan:
         folder.write_plan(plan)
     if folder.to_do:
         _check_program(options, plan.command)
     return folder
+
+
+def _with_sketches(options: argparse.Namespace, folder: TrialFolder, plan: TrialPlan) -> TrialPlan:
+    """The plan with the folder of its sketches, which are compiled if there are runs to do. Raises
+    TrialsError, ConfigurationError."""
+    # A folder that is named again is compared, even if no run is left.
+    is_used = plan.runs > folder.plan.runs or folder.to_do or options.why is not None
+    if options.sketch is None and not is_used:
+        return plan
+    directory = Path(plan.sketch_set) if options.sketch is None else find_set(options.sketch).absolute()
+    if not directory.is_dir():
+        raise TrialsError(
+            f"the set of these trials is not in {directory}: name where it is with --sketch DIR"
+        )
+    here = structs.replace(folder.configuration, directory=directory)
+    _, sketches, now = _compiled(options, here)
+    if changed := [name for name, before in plan.sketches.items() if now.get(name) != before]:
+        before = ", ".join(f"{name}: {plan.sketches[name]}" for name in changed)
+        raise TrialsError(
+            f"the sketches in {directory} differ from those of these trials ({cut(before)}): put them back "
+            "to resume, or start new trials with another --out"
+        )
+    folder.use_sketches(sketches, directory)
+    return structs.replace(plan, sketch_set=str(directory))
 
 
 # -- doing it --------------------------------------------------------------------------------------

@@ -14,6 +14,7 @@ from simmer_tui.cli.command_line import (
     add_json_option,
     add_run_option,
     add_setting_options,
+    add_sketch_option,
     add_trust_option,
     add_value,
 )
@@ -66,6 +67,7 @@ def add_trials_options(parser: OneLineParser) -> None:
         group, "--runs", _COUNT, f"number of runs (default {DEFAULT_RUNS}); with --vary, for each value"
     )
     add_config_option(group, f"./config with a mission.toml, else {MISSION_SET}")
+    add_sketch_option(group)
     mazes = group.add_mutually_exclusive_group()
     mazes.add_argument(
         "--mazes",

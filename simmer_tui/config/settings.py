@@ -193,7 +193,8 @@ class MotionSettings(Struct, frozen=True, kw_only=True):
         Setting(
             ChoiceRule((AUTO_CLOCK, *CLOCKS)),
             "clock of timed motion: the real one, or that of the Python program that is run, which stands "
-            "still while it computes; auto: the program's in trials and gradings of a set with a dialect",
+            "still while it computes; auto: the program's in trials and gradings of a set with a dialect, "
+            "and in trials with --sketch",
         ),
     ] = AUTO_CLOCK
     time_scale: Annotated[

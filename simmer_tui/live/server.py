@@ -382,6 +382,12 @@ class Server:
         if self.clock is not None:
             self.clock.settle_output = settle
 
+    def run_without_program(self) -> None:
+        """Let time pass as fast as the boards run, until the mission is over; by the real clock it passes
+        anyway. Before `start`."""
+        if self.clock is not None:
+            self.engine.watch(MissionEnd(self.clock.pass_freely()).handle)
+
     def use_simulator(self) -> None:
         """Let clients drive the simulated robot from now on. Any thread may call it."""
         self.call(self._use_simulator)

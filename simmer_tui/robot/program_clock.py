@@ -96,6 +96,12 @@ class ProgramClock:
         self.reached = True
         self._processes[process] = None
 
+    def pass_freely(self) -> Callable[[], None]:
+        """Let time pass without a program, as fast as boards run. Returns the function that ends it."""
+        process = ProgramWait(lambda time: None, lambda: None, until=math.inf)
+        self.join(process)
+        return lambda: self.leave(process)
+
     def leave(self, process: ProgramWait) -> None:
         """Remove a process that has ended."""
         self._processes.pop(process, None)

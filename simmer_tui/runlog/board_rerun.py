@@ -24,6 +24,11 @@ from simmer_tui.sketch.parts import SECOND
 from simmer_tui.sketch.sketch_robot import SketchRobot, compile_set, logged_sketches, with_boards
 from simmer_tui.sketch.wiring import wiring_of
 
+# What happens at the very end is there once the board has passed it: no call of a sketch that sets a pin
+# takes longer.
+_AFTER = 0.001
+"""Simulated seconds that the boards run beyond the last event of the log."""
+
 
 class BoardRerun(Closing):
     """Boards that are run again beside a log."""
@@ -47,7 +52,7 @@ class BoardRerun(Closing):
             if changed:
                 names = cut(", ".join(changed))
                 raise RunLogError(f"{self._shown}: the sketch of {names} in {folder} is not that of the run")
-            simulator = Simulator(with_boards(configuration, wiring).simulation, header.seed)
+            simulator = Simulator(with_boards(configuration).simulation, header.seed)
             simulator.noise = header.noise
             set_up_simulator(simulator, header)
         except BaseException:
@@ -85,7 +90,7 @@ class BoardRerun(Closing):
             if fact is not None:
                 said.append(fact)
             last = max(last, getattr(event, "time", 0.0))
-        self._run_to(last)
+        self._run_to(last + _AFTER)
         for logged_fact, made in zip(said, self._made, strict=False):
             if logged_fact != made:
                 return f"{self._shown}: the log has {_words(logged_fact)}, the boards now make {_words(made)}"

@@ -35,7 +35,7 @@ def bench_lines(configuration: Configuration, wiring: Wiring, problems: list[Pro
 
     Errors of the compiler, and boards that die or hang, go to `problems`. Without a compiler nothing runs.
     """
-    configuration = with_boards(configuration, wiring)
+    configuration = with_boards(configuration)
     simulator = Simulator(configuration.simulation, _SEED)
     engine = Engine(simulator, timed=True)
     clock = _StoppedClock()

@@ -112,7 +112,7 @@ def compile_set(wiring: Wiring, directory: Path) -> SketchSet:
     return SketchSet(wiring, built, bauds, facts_of(wiring, directory, []))
 
 
-def with_boards(configuration: Configuration, wiring: Wiring) -> Configuration:
+def with_boards(configuration: Configuration) -> Configuration:
     """The configuration of a run with boards: motion is timed, and a velocity lasts as the pins do."""
     listeners = tuple(each for each in configuration.settings.server.listeners if each != TEAM)
     made = configuration.with_settings(

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+import tomllib
 from collections.abc import Callable, Iterable
 from itertools import product
 from operator import attrgetter
+from typing import Any
 
 from simmer_tui.config import drive_csv, maze_csv, mission_toml, robot_csv, sensors_csv
 from simmer_tui.config.loader import Configuration
+from simmer_tui.config.set_sketches import WIRING_FILE
 from simmer_tui.config.settings import all_settings, value_of
 from simmer_tui.document.formats import COUNT, ESTIMATE, TYPED, Format, estimate, number, numbers
 from simmer_tui.document.model import DataColumn, DataTable, Document, Paragraph, data_table
@@ -138,7 +141,7 @@ def _sets(first: TrialFolder, second: TrialFolder, pairs: list[RunPair]) -> Data
     for index, (name, folder) in enumerate((("A", first), ("B", second))):
         plan, rated = folder.plan, success_rate([pair[index] for pair in pairs])
         clock = clocks_text([pair[index] for pair in pairs])
-        rows.append((name, folder.path, plan.command, plan.configuration, len(folder.results), clock, rated))
+        rows.append((name, folder.path, plan.program, plan.configuration, len(folder.results), clock, rated))
     left_out = len(first.results) + len(second.results) - 2 * len(pairs)
     note = f"Compared: the {counted(len(pairs), 'run')} that both have. In brackets: 95 % Wilson intervals."
     more = f" Left out: {counted(left_out, 'run')} that only one of them has." if left_out else ""
@@ -234,7 +237,19 @@ def robot_differences(first: TrialFolder, second: TrialFolder) -> list[str]:
         for name, part in _ROBOT_FILES.items()
         if part(one.simulation) != part(other.simulation) and _lines(one, name) != _lines(other, name)
     ]
+    if bool(first.plan.sketches) != bool(second.plan.sketches):
+        found.append("boards, which drive only one of them")
+    elif first.plan.sketches and _wiring(one) != _wiring(other):
+        found.append(WIRING_FILE)
     return found + _settings(one, other, _is_of_the_robot)
+
+
+def _wiring(configuration: Configuration) -> dict[str, Any]:
+    """The values of a set's wiring.toml without the paths of its sketches, which are programs."""
+    values = tomllib.loads(configuration.files[WIRING_FILE].removeprefix("\ufeff"))
+    for board in values.get("boards", {}).values():
+        board.pop("sketch", None)
+    return values
 
 
 def _is_of_the_robot(name: str) -> bool:

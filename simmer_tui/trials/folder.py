@@ -12,9 +12,10 @@ report.html     the report
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import contextlib
+from collections.abc import Generator, Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from msgspec import Meta, Struct, structs
 
@@ -27,7 +28,19 @@ from simmer_tui.sim.specs import MazeSpec
 from simmer_tui.trials.mazes import maze_text, read_mazes
 from simmer_tui.trials.store import RunStore, StoreKind, unbroken
 from simmer_tui.trials.sweep import SweepPoint, check_effects, files_at, settings_at, shown_point
-from simmer_tui.trials.trial import RANDOM, Trial, TrialResult, maze_faults, maze_of, run_seed, with_maze
+from simmer_tui.trials.trial import (
+    RANDOM,
+    Trial,
+    TrialResult,
+    driven_by_boards,
+    maze_faults,
+    maze_of,
+    run_seed,
+    with_maze,
+)
+
+if TYPE_CHECKING:
+    from simmer_tui.sketch.sketch_robot import SketchSet
 
 PLAN, _SET, MAZES, RUNS, POINTS, WHY = "trials.json", "set", "mazes", "runs", "points", "why"
 TABLE, REPORT_PAGE = "trials.csv", "report.html"
@@ -36,7 +49,9 @@ TABLE, REPORT_PAGE = "trials.csv", "report.html"
 class TrialPlan(Struct, frozen=True, kw_only=True):
     """The runs to do. `settings` holds the options over the set's settings.toml by dotted name,
     each with its value; `mazes` the names of the mazes, empty for the set's own. In a sweep `points`
-    holds the values that stand over all that, and `runs` is for each of them."""
+    holds the values that stand over all that, and `runs` is for each of them. If boards drive the robot,
+    `sketches` has their files and hashes, by board, and `sketch_set` the folder from which wiring.toml names
+    them; `command` may then be empty."""
 
     command: str
     runs: Annotated[int, Meta(ge=0)]
@@ -48,6 +63,14 @@ class TrialPlan(Struct, frozen=True, kw_only=True):
     fixed_ports: bool
     time_limit: Annotated[float, Meta(ge=0)]
     points: tuple[SweepPoint, ...] = ()
+    sketch_set: str = ""
+    sketches: Mapping[str, str] = {}
+
+    @property
+    def program(self) -> str:
+        """The programs that are tried, for people: that of the laptop, and the sketches of boards."""
+        files = sorted({each.rpartition(" ")[0] for each in self.sketches.values()})
+        return ", ".join(each for each in (self.command, *files) if each)
 
     @property
     def total(self) -> int:
@@ -91,10 +114,17 @@ class TrialFolder:
         """The mazes that the runs take in turn, by name; empty for the set's own."""
         self.results: dict[int, TrialResult] = {}
         """All results, by number."""
+        self._sketches: list[SketchSet] = []
+        """The compiled sketches, with the wiring of each point, or of the set; empty until they are used."""
 
     @classmethod
     def create(
-        cls, path: Path, plan: TrialPlan, files: Mapping[str, str], mazes: Mapping[str, MazeSpec]
+        cls,
+        path: Path,
+        plan: TrialPlan,
+        files: Mapping[str, str],
+        mazes: Mapping[str, MazeSpec],
+        sketches: SketchSet | None = None,
     ) -> TrialFolder:
         """Begin a set of trials in a new or empty folder. Raises TrialsError, ConfigurationError."""
         store = RunStore(path, KIND)
@@ -108,6 +138,8 @@ class TrialFolder:
                     store.write_files(_point_folder(index), {**files, **changed})
             folder = cls(path, plan)
             folder._check_mazes()
+            if sketches is not None:
+                folder.use_sketches(sketches, Path(plan.sketch_set))
             check_effects(plan.points, folder._configurations)
             store.write_plan(plan)
         return folder
@@ -122,6 +154,19 @@ class TrialFolder:
                 raise TrialsError(f"{where}: is of a run with another seed")
             folder.results.setdefault(result.number, result)
         return folder
+
+    def use_sketches(self, sketches: SketchSet, directory: Path) -> None:
+        """Let boards drive the robot in all runs from now on; `directory` is that of their set. Raises
+        ConfigurationError if the values of a point do not go with wiring.toml."""
+        from simmer_tui.sketch.wiring import wiring_of
+
+        self._sketches = []
+        for index, each in enumerate(self._configurations):
+            with _named_point(self.plan.points[index]):
+                wiring = wiring_of(structs.replace(each, directory=directory))
+            assert wiring is not None, "a set with sketches has a wiring"
+            self._sketches.append(structs.replace(sketches, wiring=wiring))
+        self._sketches = self._sketches or [sketches]
 
     @property
     def runs(self) -> Path:
@@ -152,6 +197,7 @@ class TrialFolder:
             command=plan.command,
             fixed_ports=plan.fixed_ports,
             time_limit=plan.time_limit,
+            sketches=self._sketches[plan.point(number)] if self._sketches else None,
         )
 
     def maze(self, number: int) -> MazeSpec:
@@ -200,6 +246,8 @@ def _load(directory: Path, plan: TrialPlan, values: Mapping[str, Any], devices: 
     given = {**plan.settings, **values}
     overrides = {name: Override(options.get(name, name), value) for name, value in given.items()}
     loaded = load(directory, overrides, devices=devices)
+    if plan.sketches:
+        loaded = driven_by_boards(loaded)
     return structs.replace(loaded, name=plan.configuration)
 
 
@@ -213,8 +261,15 @@ def _load_point(
     """The configuration of a point. Raises ConfigurationError."""
     point, own = plan.points[index], path / _point_folder(index)
     values = settings_at(point, base)
-    try:
+    with _named_point(point):
         return _load(own if own.is_dir() else path / _SET, plan, values, devices)
+
+
+@contextlib.contextmanager
+def _named_point(point: SweepPoint) -> Generator[None, None, None]:
+    """Inside the `with` block mistakes in a configuration are named by the point that makes them."""
+    try:
+        yield
     except ConfigurationError as error:
         where = f"--vary {shown_point(point)}"
         raise ConfigurationError([Problem(where, str(each)) for each in error.problems]) from None

@@ -135,9 +135,14 @@ def obstacle(run: RunStatistics, path: Path, *, has_command: bool) -> str:
         )
     if verdict.outcome is Outcome.STILL_GOING:
         return f"this run has not ended in its log ({verdict.text}): explain a run that has failed"
-    if has_command or header.can_run_again:
-        return ""
     plan = path.absolute().parent.parent / PLAN
+    if header.sketches and not plan.is_file():
+        return (
+            "boards drove this robot, and why runs no boards: run the set in trials, "
+            "simmer-tui trials --sketch DIR --run CMD --why"
+        )
+    if (has_command or header.can_run_again) and not header.sketches:
+        return ""
     if plan.is_file():
         folder = typed_path(path.parent.parent)
         return f"this is a run of trials: type simmer-tui trials --resume --out {folder} --why"

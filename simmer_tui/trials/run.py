@@ -135,7 +135,7 @@ class TrialRun:
         started, used = time.perf_counter(), time.process_time()
         self._sandbox = self._new_sandbox()
         try:
-            server = Server(configuration, plan=plan, take=self._sandbox.take)
+            server = Server(configuration, plan=plan, take=self._sandbox.take, sketches=self._trial.sketches)
             simulator, history = server.simulator, server.keep_history()
             try:
                 end = self._drive(server, configuration)
@@ -151,7 +151,7 @@ class TrialRun:
         cut_off = end.ending is Ending.REAL_TIME_LIMIT
         verdict = verdict_of(history, task, cut_off=cut_off, findings=findings)
         return structs.replace(
-            fault_result(self._trial, _reason(end, self._trial.time_limit), configuration),
+            fault_result(self._trial, self._reason(end, server), configuration),
             success=end.ending is Ending.SUCCESS,
             ending=end.ending,
             exit_code=end.exit_code,
@@ -177,10 +177,15 @@ class TrialRun:
         return last_output(history.programs.items[-1].event) if history.programs.items else ""
 
     def _drive(self, server: Server, configuration: Configuration) -> _End:
-        """Let the program drive the robot until the run ends."""
+        """Let the program, or the boards alone, drive the robot until the run ends."""
         for leftover in (self._log, self._output_file):  # of a run that was cut off
             leftover.unlink(missing_ok=True)
         server.start_log(str(self._log))
+        server.boards_ended = lambda: self._end_boards(server)
+        if not self._trial.command:
+            server.run_without_program()
+            server.start(lambda event: self._watch(event, server))
+            return self._wait(server)
         server.start(lambda event: self._watch(event, server))
         given = server.environment | {"SIMMER_RUN": str(self._trial.repetition or self._trial.number)}
         if self._is_confined:  # a sandbox does not see our folders
@@ -214,6 +219,13 @@ class TrialRun:
             self._tell_end(server, program, output)
         return end
 
+    def _end_boards(self, server: Server) -> None:
+        """Note that a board has died or hangs, in the robot's thread. A program's time stands still until it
+        is ended: so the log ends the same every time."""
+        if server.clock is not None:
+            server.clock.frozen = True
+        self._happened.put(_What.BOARDS)
+
     def _tell_end(self, server: Server, program: RunningProgram, output: ProgramOutput) -> None:
         """Tell the end of the program, if it has ended by now."""
         code: _What | int = _What.NOTHING
@@ -233,14 +245,20 @@ class TrialRun:
     def _take_line(self, line: str) -> None:
         self._output.append(cut(line, _LINE_LENGTH))
 
-    def _wait(self, server: Server, program: RunningProgram, output: ProgramOutput) -> _End:
+    def _wait(
+        self, server: Server, program: RunningProgram | None = None, output: ProgramOutput | None = None
+    ) -> _End:
         """Wait for the end of the run; a mission is over then."""
         deadline = time.monotonic() + self._trial.time_limit
         what = self._next(deadline)
+        if what is _What.BOARDS or (what is _What.OVER and _boards_text(server)):
+            return _End(Ending.BOARDS)
         if what is _What.OVER:
             return _End(Ending.FAULT)  # replaced by the referee's result
         end = _End(Ending.REAL_TIME_LIMIT)
         if isinstance(what, int):
+            assert program is not None, "a program has ended"
+            assert output is not None, "it has output"
             program.end()  # processes that it left running must not drive any more
             server.drain()
             server.tell(output.end(what))
@@ -250,7 +268,7 @@ class TrialRun:
     def _give_up(self, server: Server, end: _End) -> _End:
         """End a mission that cannot be finished any more."""
         if server.referee is not None:
-            server.call(server.referee.end, _reason(end, self._trial.time_limit))
+            server.call(server.referee.end, self._reason(end, server))
             if server.referee.result is Result.UNDER_WAY:
                 self._until_over()
         return end
@@ -259,6 +277,18 @@ class TrialRun:
         deadline = time.monotonic() + _SETTLE
         while self._next(deadline) not in (_What.OVER, _What.NOTHING):
             pass
+
+    def _reason(self, end: _End, server: Server) -> str:
+        """The reason of an end that is no success; empty for a success."""
+        if end.ending is Ending.SUCCESS:
+            return ""
+        if end.ending is Ending.REAL_TIME_LIMIT:
+            return f"{REAL_TIME_LIMIT} of {self._trial.time_limit:g} s"
+        if end.ending is Ending.SILENCE:
+            return Ending.SILENCE.value
+        if end.ending is Ending.BOARDS:
+            return _boards_text(server)
+        return exit_text(end.exit_code)
 
     def _next(self, deadline: float) -> _What | int:
         """The next event of the run, an exit code for the program's end; NOTHING when time is up."""
@@ -269,6 +299,11 @@ class TrialRun:
         if what is _What.STOP:
             raise InterruptedTrialError
         return what
+
+
+def _boards_text(server: Server) -> str:
+    """The sentence about a board that has died or hangs; empty if all run, or there are none."""
+    return "" if server.boards is None else server.boards.failed
 
 
 def _clock(server: Server) -> str:
@@ -282,6 +317,7 @@ class _What(Enum):
     """Events that end the wait for a program."""
 
     OVER = "the mission is over"
+    BOARDS = "a board has died or hangs"
     STOP = "the run must stop"
     NOTHING = "time is up"
 
@@ -290,16 +326,6 @@ class _What(Enum):
 class _End:
     ending: Ending
     exit_code: int | None = None
-
-
-def _reason(end: _End, time_limit: float) -> str:
-    if end.ending is Ending.SUCCESS:
-        return ""
-    if end.ending is Ending.REAL_TIME_LIMIT:
-        return f"{REAL_TIME_LIMIT} of {time_limit:g} s"
-    if end.ending is Ending.SILENCE:
-        return Ending.SILENCE.value
-    return exit_text(end.exit_code)
 
 
 def _judged(end: _End, state: MissionState | None) -> _End:

@@ -198,7 +198,7 @@ _INTERVALS = Paragraph(
 
 
 def _title(folder: TrialFolder) -> str:
-    return f"Sweep of {cut(folder.plan.command)}"
+    return f"Sweep of {cut(folder.plan.program)}"
 
 
 def curve_figure(curve: Curve, wanted: float, title: str) -> Figure:

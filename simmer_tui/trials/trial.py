@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from msgspec import Meta, Struct
@@ -24,6 +24,9 @@ from simmer_tui.sim.command import counted
 from simmer_tui.sim.obstacles import placement_problems
 from simmer_tui.sim.specs import MazeSpec
 from simmer_tui.trials.mazes import maze_text, random_maze
+
+if TYPE_CHECKING:
+    from simmer_tui.sketch.sketch_robot import SketchSet
 
 RANDOM = "random"
 """The name of a maze made for a run."""
@@ -44,7 +47,8 @@ class Trial:
     `repetition` is its number among the runs of its value; 0 represents the run's number. With `drawn_for`
     the mission is drawn as for that configuration, so that different robots have the same one. With
     `errors_seed` sensors and drives draw their errors by it; mission and maze stay those of `seed`. With
-    `tells_start` the program is given its start pose."""
+    `tells_start` the program is given its start pose. With `sketches` boards drive the robot, and `command`
+    may be empty; the configuration is that of `driven_by_boards`."""
 
     number: int
     repetition: int = 0
@@ -57,6 +61,7 @@ class Trial:
     drawn_for: Configuration | None = None
     errors_seed: int | None = None
     tells_start: bool = False
+    sketches: SketchSet | None = None
 
     @property
     def name(self) -> str:
@@ -141,6 +146,15 @@ def run_clock(configuration: Configuration) -> str:
     return "program" if TEAM in configuration.settings.server.listeners else REAL
 
 
+def driven_by_boards(configuration: Configuration) -> Configuration:
+    """The same set for runs in which boards drive the robot. Clock `auto` is the program's, by which runs
+    repeat exactly."""
+    from simmer_tui.sketch.sketch_robot import with_boards
+
+    made = with_boards(configuration)
+    return with_clock(made, "program") if made.settings.motion.clock == AUTO_CLOCK else made
+
+
 def with_clock(configuration: Configuration, clock: str) -> Configuration:
     """The same set, with a clock."""
     return configuration.with_settings({"motion.clock": clock})
@@ -167,6 +181,8 @@ class Ending(StrEnum):
     CONTACTS = "contacts"
     TIME_LIMIT = "time limit"
     EXIT = "program ended"
+    BOARDS = "board ended"
+    """A board died or hung."""
     SILENCE = NOTHING_SENT
     """The program ended with exit code 0 without sending a command."""
     REAL_TIME_LIMIT = "real time limit"

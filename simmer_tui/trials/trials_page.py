@@ -40,6 +40,7 @@ _ENDINGS = {
     Ending.TIME_LIMIT: ("ran out of time", Tone.MIXED),
     Ending.REAL_TIME_LIMIT: ("ran out of real time", Tone.MIXED),
     Ending.EXIT: ("ended before the goal", Tone.PLAIN),
+    Ending.BOARDS: ("lost a board", Tone.PLAIN),
     Ending.SILENCE: ("sent no command", Tone.PLAIN),
     Ending.FAULT: ("had a fault of the simulator", Tone.PLAIN),
 }
@@ -69,7 +70,7 @@ def trials_page(folder: TrialFolder, run_pages: Mapping[int, str], required: flo
         _verdict(results, required),
         ShareBar([(endings[ending], *words) for ending, words in _ENDINGS.items()]),
         key_figures(SHARE.text(success_rate(results).value), f"succeeded{asked}", results),
-        Paragraph(ports_advice(results), kind="warning"),
+        Paragraph("" if folder.plan.sketches else ports_advice(results), kind="warning"),
         *beside(failures, first_map),
         *((Bullets("", [summary], kind="card"),) if summary else ()),
         Folded("Places of failures and contacts", () if first_map else maps),
@@ -77,7 +78,7 @@ def trials_page(folder: TrialFolder, run_pages: Mapping[int, str], required: flo
         Folded("All tables", [table for key, table in made.items() if key not in _SHOWN]),
         Paragraph(" ".join(clock_sentences(folder.configuration, results)), kind="note"),
     ]
-    return Document(f"Trials of {cut(folder.plan.command)}", parts)
+    return Document(f"Trials of {cut(folder.plan.program)}", parts)
 
 
 def run_line(folder: TrialFolder) -> Paragraph:
@@ -89,7 +90,7 @@ def run_line(folder: TrialFolder) -> Paragraph:
     parts = (
         *(runs, f"set {cut(plan.configuration)}", f"seed {plan.seed}"),
         *((f"clock: {clocks}",) if clocks else ()),
-        cut(plan.command),
+        cut(plan.program),
     )
     return Paragraph(" · ".join(parts), kind="run")
 

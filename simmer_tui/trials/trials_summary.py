@@ -146,7 +146,7 @@ def trials_document(folder: TrialFolder, test: SequentialTest | None = None) -> 
     parts: list[DocumentPart] = [
         Paragraph(": ".join(success_texts(results)), "answer", "strong"),
         Paragraph(failure_summary(results), "advice"),
-        Paragraph(ports_advice(results), "ports", "warning"),
+        Paragraph("" if folder.plan.sketches else ports_advice(results), "ports", "warning"),
         Paragraph(" ".join(clock_sentences(folder.configuration, results)), "computing", "note"),
         *trials_tables(folder),
         runs_table(folder),
@@ -155,7 +155,7 @@ def trials_document(folder: TrialFolder, test: SequentialTest | None = None) -> 
     if test is not None and decision is not None:
         numbers = decision.runs, decision.successes
         parts.append(DECISION.filled([(decision.passed, *numbers, test.interval(*numbers))]))
-    return Document(f"Trials of {cut(folder.plan.command)}", parts)
+    return Document(f"Trials of {cut(folder.plan.program)}", parts)
 
 
 def success_texts(results: Sequence[TrialResult]) -> tuple[str, str]:
@@ -232,7 +232,7 @@ def _summary(folder: TrialFolder, results: list[TrialResult]) -> DataTable:
     plan = folder.plan
     mazes = "a random one for each run" if plan.random_mazes else len(plan.mazes) or None
     row = (
-        *(folder.path, plan.command, plan.configuration),
+        *(folder.path, plan.program, plan.configuration),
         "its mission" if folder.configuration.mission is not None else "exit code 0",
         *(mazes, dict(plan.settings), plan.seed, clocks_text(results), (len(results), plan.runs)),
         *(sum(result.success for result in results), success_rate(results)),

@@ -62,7 +62,7 @@ class Boards:
         wiring = wiring_of(configuration)
         assert wiring is not None
         sketches = compile_set(wiring, configuration.directory)
-        self.simulator = Simulator(with_boards(configuration, wiring).simulation, 1)
+        self.simulator = Simulator(with_boards(configuration).simulation, 1)
         self.simulator.noise = noise
         engine = Engine(self.simulator, timed=True)
         self.events: list[Event] = []

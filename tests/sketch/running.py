@@ -58,7 +58,7 @@ def run_boards(configuration: Configuration, seconds: float, sent: Sent = (), se
     wiring = wiring_of(configuration)
     assert wiring is not None
     sketches = compile_set(wiring, configuration.directory)
-    configuration = with_boards(configuration, wiring)
+    configuration = with_boards(configuration)
     simulator = Simulator(configuration.simulation, seed)
     engine = Engine(simulator, timed=True)
     events: list[Event] = []

@@ -182,7 +182,7 @@ def test_boards_and_a_real_robot_do_not_drive_at_once(tmp_path: Path) -> None:
     wiring = wiring_of(configuration)
     assert wiring is not None
     sketches = compile_set(wiring, configuration.directory)
-    server = Server(any_ports(with_boards(configuration, wiring)), sketches=sketches)
+    server = Server(any_ports(with_boards(configuration)), sketches=sketches)
     told: queue.Queue[Event] = queue.Queue()
     server.engine.watch(told.put)
     server.start()

@@ -21,7 +21,7 @@ def mission() -> Configuration:
 
 def folder(configuration: Configuration, points: tuple[dict[str, str], ...] = (), **mazes: MazeSpec) -> Any:
     """Trials of a configuration, as far as they are compared."""
-    plan = SimpleNamespace(points=points)
+    plan = SimpleNamespace(points=points, sketches={})
     return SimpleNamespace(configuration=configuration, plan=plan, mazes=mazes)
 
 
@@ -105,3 +105,17 @@ def test_parts_of_a_robot(mission: Configuration) -> None:
         assert robot_differences(folder(mission), folder(changed)) == [file]
     ends = {name: text.replace("\n", "\r\n") for name, text in mission.files.items()}
     assert robot_differences(folder(mission), folder(replace(mission, files=ends))) == []
+
+
+def test_the_wiring_of_boards_is_of_the_robot_and_a_sketch_is_a_program(mission: Configuration) -> None:
+    def wired(text: str, sketch: str) -> Any:
+        made = folder(replace(mission, files={**mission.files, "wiring.toml": text}))
+        made.plan.sketches = {"rover": f"{sketch} 0123456789abcdef"}
+        return made
+
+    one = wired('[boards.rover]\nsketch = "a.ino"\nboard = "uno"\n', "a.ino")
+    other_sketch = wired('[boards.rover]\nsketch = "b.ino"  # ours\nboard = "uno"\n', "b.ino")
+    other_board = wired('[boards.rover]\nsketch = "a.ino"\nboard = "mega"\n', "a.ino")
+    assert robot_differences(one, other_sketch) == []
+    assert robot_differences(one, other_board) == ["wiring.toml"]
+    assert robot_differences(one, folder(mission)) == ["boards, which drive only one of them"]

@@ -1,0 +1,52 @@
+"""The option `--sketch`: the set whose boards drive the robot, and its compiled sketches."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from pathlib import Path
+
+from simmer_tui.config.loader import Configuration
+from simmer_tui.config.set_sketches import WIRING_FILE
+from simmer_tui.config.sets import set_in
+from simmer_tui.config.settings_file import Override
+from simmer_tui.errors import ConfigurationError, Problem
+from simmer_tui.sim.command import typed_path
+from simmer_tui.sketch.sketch_robot import SketchSet, compile_set, with_boards
+from simmer_tui.sketch.wiring import wiring_of
+
+_DRAFTED = "my-robot"
+"""Folder of a set that is proposed for a sketch without one."""
+
+
+def sketch_set(
+    options: argparse.Namespace, overrides: Mapping[str, Override], command: str = "simmer-tui"
+) -> str:
+    """The set of `--sketch`; `command` is that of messages. Raises ConfigurationError."""
+    if options.config is not None:
+        raise ConfigurationError([Problem("--sketch", "names the set already: leave --config out")])
+    if "serial.port" in overrides:
+        what = "runs boards in the simulator: leave --serial out"
+        raise ConfigurationError([Problem("--sketch", what)])
+    path = Path(options.sketch)
+    if path.is_file():
+        # The set is beside the sketch, one folder up, in `config` there, or where the advice below puts it.
+        folder = path.resolve().parent
+        places = [*(set_in(each) for each in (path.parent, folder.parent, Path(_DRAFTED))), folder / _DRAFTED]
+        there = next((each for each in places if (each / WIRING_FILE).is_file()), None)
+        what = "is a file; --sketch takes the folder of the set that names it"
+        if there is None:
+            what = f"{what}. Make one: simmer-tui init {_DRAFTED} --sketch {typed_path(path)}"
+        else:
+            what = f"{what}: {command} --sketch {typed_path(there)}"
+        raise ConfigurationError([Problem(str(path), what)])
+    return str(options.sketch)
+
+
+def compiled(configuration: Configuration) -> tuple[Configuration, SketchSet]:
+    """A set's configuration with its boards, and their compiled sketches. Raises ConfigurationError."""
+    wiring = wiring_of(configuration)
+    if wiring is None:
+        what = f"the set {configuration.name} has no {WIRING_FILE}, which says what runs on its boards"
+        raise ConfigurationError([Problem("--sketch", what)])
+    return with_boards(configuration), compile_set(wiring, configuration.directory)
