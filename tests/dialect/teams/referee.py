@@ -416,10 +416,18 @@ class Stream(Team):
         return [self.WAYS[message]] if message in self.WAYS else []
 
     def finish(self, run: Run, judgement: Judgement) -> None:
-        """The angles are in order; by the program's clock every line has its time, logged or not."""
+        """The angles are in order; by the program's clock every line has its time, logged or not.
+
+        On a busy machine the real clock leaves lines out, and the run says so.
+        """
         exact = run.entries[0]["settings"]["motion"]["clock"] == "program"
-        for tick, line in enumerate(got for _, got in run.notes if got):
+        gaps = not exact and any("are left out" in entry.get("text", "") for entry in run.entries)
+        tick = -1
+        for line in (got for _, got in run.notes if got):
+            tick += 1
             angle, distance = line.strip().split(b",")
+            if gaps and int(angle) % 6 == 0:
+                tick += (int(angle) // 6 - tick) % 60
             judgement.expect("angles in order", int(angle) == tick * 6 % 360, tick, line)
             if exact and tick % 7 == 0:
                 ray = run.range((tick + 1) * self.EVERY, int(angle))
