@@ -173,6 +173,11 @@ class BoardProcess:
         self._is_hung = False
         self.exchanges = 0
 
+    @property
+    def pid(self) -> int:
+        """The number of its process."""
+        return self._process.pid
+
     def receive(self) -> list[BoardRecord]:
         """Wait until the board stops again. Returns its records. Raises BoardError if it died or hangs."""
         self._waits_since = time.monotonic()

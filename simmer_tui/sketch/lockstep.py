@@ -25,6 +25,7 @@ from simmer_tui.sketch.board_process import (
     Told,
 )
 from simmer_tui.sketch.parts import LARGEST_DUTY, SECOND, EncoderState
+from simmer_tui.sketch.shared_processor import SharedProcessor
 
 BOARD_SLICE = 20_000_000
 """Nanoseconds that a board runs at most at a time, so that a person's stop is not late."""
@@ -152,6 +153,7 @@ class Lockstep:
         world: LockstepWorld,
         laptop: tuple[Board, int] | None,
         slice_length: int = BOARD_SLICE,
+        processor: SharedProcessor | None = None,
     ) -> None:
         """`laptop` is the board, and its pin, whose bytes go to the laptop's program."""
         self.boards = tuple(boards)
@@ -164,6 +166,7 @@ class Lockstep:
         """True if `run` returns before the first byte for the laptop arrives."""
         self._drivers = tuple(each for each in self.boards if each.driving)
         self._has_begun = False
+        self._processor = processor or SharedProcessor()
 
     @property
     def reached(self) -> int:
@@ -173,6 +176,15 @@ class Lockstep:
     def run(self, until: int, most_real: float = REAL_SLICE) -> int:
         """Let the boards run to a time, nanoseconds. Returns the time that all have reached: it is earlier if
         a byte arrives at the laptop, or if that takes too long. Raises BoardError."""
+        with self._processor.turns(tuple([each.process.pid for each in self.boards])):
+            until = self._run_steps(until, most_real)
+        reached = min(self.reached, until)
+        self._world.advance(reached)
+        self._world.settle()
+        return reached
+
+    def _run_steps(self, until: int, most_real: float) -> int:
+        """Let boards take turns. Returns the time to run to, which a byte for the laptop makes earlier."""
         begun = real.perf_counter()
         count = 0
         if not self._has_begun:
@@ -190,10 +202,7 @@ class Lockstep:
             count += 1
             if count & 31 == 0 and real.perf_counter() - begun > most_real:
                 break
-        reached = min(self.reached, until)
-        self._world.advance(reached)
-        self._world.settle()
-        return reached
+        return until
 
     def reset(self, board: Board) -> None:
         """A board begins again at its clock, in another process."""

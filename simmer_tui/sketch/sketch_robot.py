@@ -55,6 +55,7 @@ from simmer_tui.sketch.parts import (
     rim_speed,
 )
 from simmer_tui.sketch.robot_world import RobotWorld
+from simmer_tui.sketch.shared_processor import SharedProcessor
 from simmer_tui.sketch.sketch_check import facts_of
 from simmer_tui.sketch.sketch_scan import SketchFacts
 from simmer_tui.sketch.wiring import (
@@ -173,6 +174,7 @@ class SketchRobot(LockstepWorld):
         self.engine = engine
         self._set = sketches
         self._slice = slice_length
+        self._processor = SharedProcessor()
         self._session = engine.session(answer_at_end=False, lane="boards")
         self._running = False
         self._late = 0.0
@@ -224,7 +226,7 @@ class SketchRobot(LockstepWorld):
         self.boards: Mapping[str, Board] = boards
         line = self._set.wiring.laptop
         laptop = None if line is None else (boards[line.board], line.tx)
-        self.lockstep = Lockstep(list(boards.values()), self, laptop, self._slice)
+        self.lockstep = Lockstep(list(boards.values()), self, laptop, self._slice, self._processor)
 
     def _board(self, name: str) -> Board:
         wiring = self._set.wiring

@@ -1,0 +1,71 @@
+"""One processor that a thread and processes share while they take turns.
+
+Whoever takes turns gains nothing from a second processor. Each turn would wake a sleeping one, which takes
+longer than the turn: two boards are four times as fast on one. Elsewhere than on Linux nothing happens.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+import time
+from collections.abc import Collection, Iterator
+from pathlib import Path
+
+if sys.platform == "linux":
+    from os import sched_getaffinity, sched_setaffinity
+else:
+
+    def sched_getaffinity(pid: int, /) -> set[int]:
+        return set()
+
+    def sched_setaffinity(pid: int, mask: Collection[int], /) -> None: ...
+
+
+_THREAD = Path("/proc/thread-self/stat")
+_PROCESSOR = 36
+"""Field of the thread's last processor, behind its name (man proc_pid_stat: 39 with number and name)."""
+_KEPT = 0.05
+"""Real seconds for which a processor is kept. By then the system may have moved the thread elsewhere."""
+
+
+class SharedProcessor:
+    """The processor of one thread and of processes that it waits for."""
+
+    def __init__(self) -> None:
+        self._own = sched_getaffinity(0)
+        self._processor = -1
+        self._until = 0.0
+        self._placed: tuple[int, ...] = ()
+
+    @contextlib.contextmanager
+    def turns(self, processes: tuple[int, ...]) -> Iterator[None]:
+        """Keep the calling thread and these processes, by their numbers, on one processor."""
+        if len(self._own) < 2:
+            yield
+            return
+        try:
+            self._place(processes)
+            sched_setaffinity(0, {self._processor})
+        except OSError:  # a container may forbid it, and the set of processors may have changed
+            self._own = set()
+            yield
+            return
+        try:
+            yield
+        finally:
+            with contextlib.suppress(OSError):
+                sched_setaffinity(0, self._own)
+
+    def _place(self, processes: tuple[int, ...]) -> None:
+        now = time.monotonic()
+        if now >= self._until:
+            self._until = now + _KEPT
+            present = int(_THREAD.read_text().rpartition(")")[2].split()[_PROCESSOR])
+            if present != self._processor:
+                self._processor, self._placed = present, ()
+        if processes != self._placed:
+            self._placed = processes
+            for each in processes:
+                with contextlib.suppress(ProcessLookupError):  # its end is told where it is read
+                    sched_setaffinity(each, {self._processor})
