@@ -194,10 +194,12 @@ class SerialLine:
         while first is None or first > now:
             if first is not None and _program_clock() is not None:
                 return _pass_time_until(first, until, now)
-            self._receive(0.0)
-            now, first = _now(), self._first()
-            if first is not None and first <= now:
-                break
+            # By the program's clock a wait looks first by itself, and a look is a question to the simulator.
+            if _program_clock() is None or (until is not None and until <= now):
+                self._receive(0.0)
+                now, first = _now(), self._first()
+                if first is not None and first <= now:
+                    break
             if self._broken and first is None:
                 raise OSError(self._broken)
             # It has waited until its end, or was cancelled.
@@ -205,8 +207,8 @@ class SerialLine:
                 return False
             if until is None and now - begun > _LONG:
                 self._tell_waiting()
-            if self._pauses(first, until, now):
-                now, first = _now(), self._first()
+            self._pause(first, until, now)
+            now, first = _now(), self._first()
         return True
 
     def cancel(self) -> None:
@@ -225,15 +227,11 @@ class SerialLine:
             inner.recv(4096)
         return self._sock in ready
 
-    def _pauses(self, first: float | None, until: float | None, now: float) -> bool:
-        """Wait for bytes of the robot, until the next known byte arrives, or until the end of the wait.
-
-        By the program's clock it is False if no time has passed.
-        """
-        if _program_clock() is not None and (first is not None or until is None):
-            if first is None:
-                self._receive(None)  # the clock knows if nothing will ever come
-            return False
+    def _pause(self, first: float | None, until: float | None, now: float) -> None:
+        """Wait for bytes of the robot, until the next known byte arrives, or until the end of the wait."""
+        if _program_clock() is not None and until is None:
+            self._receive(None)  # the clock knows if nothing will ever come
+            return
         end = math.inf if until is None else until - now
         arrives = math.inf if first is None else first - now
         pause = min(0.5, end, arrives)
@@ -241,7 +239,6 @@ class SerialLine:
             time.sleep(max(pause, 0.0))
         else:
             self._receive(pause)
-        return True
 
     def _first(self) -> float | None:
         """The time when the next byte on its way arrives; None if there is none."""
