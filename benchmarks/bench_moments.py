@@ -51,7 +51,7 @@ ENDED_AFTER = 10.0
 """Seconds without a byte after which the program has ended."""
 SETTLING = 3.0
 """Seconds after the program's first command that are left out of rates."""
-ROBOT = "b9ffd5"
+ROBOT = "afffd7"
 """Colour of the robot in the dark look."""
 PIXELS = " ▘▝▀▖▌▞▛▗▚▐▜▄▙▟█"
 """Quadrants by the pixels that they show: bit 0 top left, 1 top right, 2 and 3 below."""

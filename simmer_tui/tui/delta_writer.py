@@ -11,17 +11,20 @@ from typing import Final
 
 from msgspec import Struct
 from rich.cells import get_character_cell_size
-from rich.color import ColorSystem
+from rich.color import Color, ColorSystem
 from rich.segment import Segment
 from rich.style import Style
 from textual.strip import Strip
 
-# `CSI 12 G` has five bytes, so four cells cost no more than the jump over them.
-_BRIDGE = 4
-"""Most equal cells in a row that are sent again instead of a jump over them."""
+# `CSI 123 G` has six bytes.
+_BRIDGE = 6
+"""Most equal cells in a row that may be sent again instead of a jump over them."""
 # A picture changes some hundred cells. A new page changes thousands, in long runs of one style.
 _SCATTERED = 1500
 """Most changed cells for which the order by styles is tried."""
+# The first 16 are the user's own. Some of the others are there twice.
+_NUMBER_OF: Final = {Color.from_ansi(number).get_truecolor(): number for number in range(255, 15, -1)}
+"""Number of each of the 256 colours."""
 _ON = ("1", "2", "3", "4", "5", "6", "7", "8", "9", "21", "51", "52", "53")
 """SGR code that switches each attribute on, in the order of Rich's bits."""
 _OFF = ("22", "22", "23", "24", "25", "25", "27", "28", "29", "24", "54", "54", "55")
@@ -223,13 +226,14 @@ class DeltaWriter:
         if self._row != row:
             self._out.append(f"\x1b[{row + 1};{column + 1}H")
         else:
+            # By its number, not by a distance: a terminal may show some characters as wide.
+            sent = f"\x1b[{column + 1}G"
             between = self._rows[row][self._column : column]
             ahead = 0 <= column - self._column <= _BRIDGE
             if ahead and all(self._fits(cell) for cell in between):
-                self._out.append("".join(chr(cell & _CHARACTER) for cell in between))
-            else:
-                # By its number, not by a distance: a terminal may show some characters as wide.
-                self._out.append(f"\x1b[{column + 1}G")
+                again = "".join(chr(cell & _CHARACTER) for cell in between)
+                sent = again if len(again.encode()) <= len(sent) else sent
+            self._out.append(sent)
         self._row, self._column = row, column
 
     def _fits(self, cell: int) -> bool:
@@ -291,10 +295,16 @@ def pen_of(style: Style | None, colors: ColorSystem) -> Pen:
     attributes = sum(1 << bit for bit, name in enumerate(_NAMES) if getattr(style, name))
     foreground, background = _PLAIN.foreground, _PLAIN.background
     if style.color is not None:
-        foreground = ";".join(style.color.downgrade(colors).get_ansi_codes())
+        foreground = _codes_of(style.color.downgrade(colors), foreground=True)
     if style.bgcolor is not None:
-        background = ";".join(style.bgcolor.downgrade(colors).get_ansi_codes(foreground=False))
+        background = _codes_of(style.bgcolor.downgrade(colors), foreground=False)
     return Pen(attributes, foreground, background)
+
+
+def _codes_of(color: Color, *, foreground: bool) -> str:
+    """The SGR codes of a colour: by its number where it is one of the 256, which takes up to 7 bytes less."""
+    number = None if color.triplet is None else _NUMBER_OF.get(color.triplet)
+    return ";".join((Color.from_ansi(number) if number else color).get_ansi_codes(foreground=foreground))
 
 
 _NAMES = (

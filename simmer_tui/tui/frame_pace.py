@@ -91,14 +91,14 @@ class ByteBudget:
     def __init__(self) -> None:
         self._tokens, self._at, self._written = 0.0, -math.inf, 0
 
-    def passes_over(self, written: int, cells: int, now: float) -> bool:
-        """True if the next picture is left out. `written` counts all bytes so far, `cells` those of the
-        screen, `now` is in seconds."""
+    def delay(self, written: int, cells: int, now: float) -> float:
+        """Seconds until there are bytes for the next picture. `written` counts all bytes so far, `cells`
+        those of the screen, `now` is in seconds."""
         rate = float(np.interp(cells, _CELLS, _BYTES))
         gained = rate * min(now - self._at, _BURST + _DEFICIT) - (written - self._written)
         self._tokens = min(max(self._tokens + gained, -rate * _DEFICIT), rate * _BURST)
         self._at, self._written = now, written
-        return self._tokens < 0.0
+        return max(-self._tokens, 0.0) / rate
 
 
 class Lags:

@@ -228,9 +228,11 @@ class _SensorTable:
         """One sensor: its reading, and the parts after it."""
         row = self.rows.get(sensor.code)
         role, look = self._role(row), direction_sign(sensor, plain=self.view.plain)
+        # The reading ages; its sensor stays, which is fewer bytes too.
+        name = "dim" if row is None else "newest" if row.number == self.newest else "value"
         begin: StyledLine = (
-            (sensor.code, "chosen" if sensor.code == self.view.chosen else role),
-            (look.ljust(2) if self.view.plain else f" {look}".ljust(2), role),
+            (sensor.code, "chosen" if sensor.code == self.view.chosen else name),
+            (look.ljust(2) if self.view.plain else f" {look}".ljust(2), name),
         )
         if row is None:
             return self._unread(sensor, begin)

@@ -74,6 +74,8 @@ class Shell(FaultReporting, TerminalApp):
         self._budget = ByteBudget()
         self._is_wanted = False
         """True if somebody waits for the next picture."""
+        self._is_delayed = False
+        """True while a picture waits for its bytes."""
         self._snapshot: Snapshot | None = None
         self._page = 0
         self._answer_rows = 0
@@ -153,8 +155,12 @@ class Shell(FaultReporting, TerminalApp):
         if self._sampling or nothing_new:
             return
         size = self.size
-        is_over = self._budget.passes_over(bytes_written(self), size.width * size.height, time.monotonic())
-        if is_over and not self._is_wanted:
+        delay = self._budget.delay(bytes_written(self), size.width * size.height, time.monotonic())
+        if delay > 0.0 and not self._is_wanted:
+            # A picture comes once there are bytes for it, not at the tick after that.
+            if not self._is_delayed and delay < 1 / self._settings.screen.fps:
+                self._is_delayed = True
+                self.set_timer(delay, self._sample_delayed)
             return
         self._is_wanted = False
         self._sampling = True
@@ -165,6 +171,10 @@ class Shell(FaultReporting, TerminalApp):
                 self._show(snapshot)
         finally:
             self._sampling = False
+
+    async def _sample_delayed(self) -> None:
+        self._is_delayed = False
+        await self._sample()
 
     def post_display_hook(self) -> None:
         self._gate.note_display()

@@ -11,7 +11,7 @@ def shown(size: int, cells: int) -> tuple[int, float]:
     """Pictures of so many bytes in 10 s of 15 ticks each, and the bytes a second."""
     budget, written, count = ByteBudget(), 0, 0
     for tick in range(150):
-        if not budget.passes_over(written, cells, tick / 15):
+        if not budget.delay(written, cells, tick / 15):
             written += size
             count += 1
     return count, written / 10
@@ -31,6 +31,8 @@ def test_bytes_keep_within_their_limit_and_no_picture_is_left_out_below_it(cells
 
 def test_a_whole_screen_delays_the_next_picture_by_a_moment_only() -> None:
     budget = ByteBudget()
-    budget.passes_over(0, 120 * 36, 0.0)
-    assert budget.passes_over(30_000, 120 * 36, 0.05)
-    assert not budget.passes_over(30_000, 120 * 36, 0.5)
+    budget.delay(0, 120 * 36, 0.0)
+    delay = budget.delay(30_000, 120 * 36, 0.05)
+    assert 0.0 < delay < 0.5
+    assert budget.delay(30_000, 120 * 36, 0.05 + delay / 2) == pytest.approx(delay / 2)
+    assert budget.delay(30_000, 120 * 36, 0.05 + delay * 1.001) == 0.0

@@ -112,7 +112,7 @@ def test_what_stays_is_not_sent_again() -> None:
 
 def test_of_a_style_only_what_changes_is_sent() -> None:
     red, green, bold = (pen_of(style, TRUE) for style in STYLES[1:4])
-    assert change_of(red, green) == "38;2;0;255;0"
+    assert change_of(red, green) == "38;5;46", "one of the 256 goes by its number"
     assert change_of(green, bold) == "1"
     assert change_of(bold, green) == "22"
     assert change_of(bold, pen_of(None, TRUE)) == "0"
@@ -124,7 +124,9 @@ def test_of_a_style_only_what_changes_is_sent() -> None:
 
 def test_the_colors_are_those_that_the_terminal_has() -> None:
     assert "38;5;196" in Glass().show(0, 0, Segment("a", STYLES[1]), colors=ColorSystem.EIGHT_BIT)
-    assert "38;2;255;0;0" in Glass().show(0, 0, Segment("a", STYLES[1]))
+    assert "38;2;255;1;0" in Glass().show(0, 0, Segment("a", Style(color="#ff0100")))
+    assert "38;5;196" in Glass().show(0, 0, Segment("a", Style(color="#ff0000")))
+    assert "38;5;9" not in Glass().show(0, 0, Segment("a", Style(color="#ff5555"))), "a user's own colour"
 
 
 @pytest.mark.parametrize("is_full", [True, False])
@@ -164,7 +166,7 @@ def test_what_is_wider_than_the_screen_is_cut(text: str) -> None:
 
 
 def test_scattered_cells_of_one_style_are_sent_together() -> None:
-    red, green = Style(color="#ff0000", bgcolor="#001122"), Style(color="#00ff00", bgcolor="#001122")
+    red, green = Style(color="#ff0001", bgcolor="#001122"), Style(color="#00ff01", bgcolor="#001122")
     glass = Glass()
     glass.writer.begin(WIDTH, HEIGHT, TRUE)
     for row in range(HEIGHT):
@@ -173,7 +175,7 @@ def test_scattered_cells_of_one_style_are_sent_together() -> None:
     glass.stream.feed(sent)
     assert len(re.findall(r"38;2;", sent)) == 2
     assert [glass.text(row).rstrip() for row in range(HEIGHT)] == ["a    b    a"] * HEIGHT
-    assert [glass.screen.buffer[1][column].fg for column in (0, 5, 10)] == ["ff0000", "00ff00", "ff0000"]
+    assert [glass.screen.buffer[1][column].fg for column in (0, 5, 10)] == ["ff0001", "00ff01", "ff0001"]
 
 
 def test_what_an_update_did_not_send_is_sent_with_the_next() -> None:
