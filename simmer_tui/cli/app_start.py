@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path, PureWindowsPath
 
 from simmer_tui import platform_has
-from simmer_tui.cli.command_line import say
+from simmer_tui.cli.command_line import drop_output, say
 from simmer_tui.cli.headless import LinePrinter
 from simmer_tui.cli.run_life import FrontEnd
 from simmer_tui.live.server import Server
@@ -155,4 +155,4 @@ def _forget_dead_terminal() -> None:
         try:
             stream.flush()
         except OSError:
-            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+            drop_output(stream)

@@ -95,11 +95,20 @@ _CODES: dict[type[SimmerError], ExitCode] = {
 def say(line: str, stream: TextIO | None = None) -> None:
     """Print a line at once, by default on standard error; a closed stream is no fault. Control characters are
     shown escaped."""
+    target = stream or sys.stderr
     with suppress(OSError, ValueError):
-        target = stream or sys.stderr
-        # One write: between a line and its end another process could write.
-        target.write(f"{printable(line)}\n")
-        target.flush()
+        try:
+            # One write: between a line and its end another process could write.
+            target.write(f"{printable(line)}\n")
+            target.flush()
+        except BrokenPipeError:
+            drop_output(target)
+
+
+def drop_output(stream: TextIO) -> None:
+    """Send the rest of a stream that nobody reads to the null device: Python writes it once more at exit, and
+    ends with code 120 if that fails."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def print_lines(*lines: str) -> None:

@@ -23,6 +23,7 @@ from simmer_tui.cli.command_line import (
     add_setting_options,
     add_sketch_option,
     add_trust_option,
+    drop_output,
     has_terminal,
     overrides_from,
     say,
@@ -238,12 +239,6 @@ def _open_closed_streams() -> None:
         setattr(sys, name, stream)
 
 
-def _drop_output() -> None:
-    """Send the rest of standard output to the null device: Python writes it once more at exit, which must not
-    fail."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-
-
 def run() -> None:
     """Run `main` as the whole program.
 
@@ -263,7 +258,7 @@ def run() -> None:
         sys.stdout.flush()
     # `simmer-tui report | head` ends like this.
     except BrokenPipeError:
-        _drop_output()
+        drop_output(sys.stdout)
         code = ExitCode.NO
     except OSError as error:
         if lacks_temporary_folder(error):
@@ -272,7 +267,7 @@ def run() -> None:
         # Errors with a file's name are not from standard output.
         if error.filename is not None or not is_disk_full(error):
             raise
-        _drop_output()
+        drop_output(sys.stdout)
         say(f"simmer-tui: the answer cannot be written: {reason_of(error)}")
         code = ExitCode.PROBLEM
     sys.exit(code)

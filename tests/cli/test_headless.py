@@ -44,6 +44,8 @@ class Run:
             stderr=subprocess.PIPE,
             stdin=subprocess.DEVNULL,
             text=True,
+            # Without buffers nothing would be left to write at exit.
+            env={name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"},
         )
         self.ports: dict[str, int] = {}
         self.head = ""
