@@ -138,7 +138,7 @@ class SimmerApp(Shell):
             # The third of its lines: the other two take the rows of legend and pose.
             lines = answer.shown(Room(self.size.width, BRIEF_ANSWER, self._plain))
             status = lines[2][1:] if len(lines) > 2 else ()
-        self._console.show_status(status)
+        self._console.show_status(status, () if brief else last_reply(snapshot))
         room = self._reply.size.width
         self._reply.show([between((), shortened(last_reply(snapshot), room - 1), room)])
 

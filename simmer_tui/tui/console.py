@@ -18,12 +18,14 @@ from simmer_tui.live.operating.orders import ConsoleCommand, completed, completi
 from simmer_tui.sim.command import WORD, cut
 from simmer_tui.sim.specs import SimulationSpec
 from simmer_tui.tui.key_table import IN_CONSOLE, bindings_of
-from simmer_tui.tui.line_panel import LinePanel, StyledLine
+from simmer_tui.tui.line_panel import LinePanel, StyledLine, between, length, shortened
 from simmer_tui.whole_file import write_whole
 
 # A file of a few KB, which is written again with every line.
 KEPT = 500
 """Lines kept in the history."""
+_GAP = 3
+"""Columns between what is typed and the last reply."""
 # As long as the longest path of a file on Linux. Each key draws the whole line again.
 _LONGEST_LINE = 4096
 """Characters that the line holds."""
@@ -203,6 +205,7 @@ class ConsolePane(Vertical):
         """Line that is typed into."""
         self._hint = LinePanel(id="hint")
         self._status: StyledLine = ()
+        self._reply: StyledLine = ()
         self._error = ""
         self._refusal = ""
         self._mistaken = ""
@@ -225,9 +228,9 @@ class ConsolePane(Vertical):
         # At once: the widget's own `focus` would come after keys that are typed already.
         self.screen.set_focus(self.line)
 
-    def show_status(self, status: StyledLine) -> None:
-        """Set the text above the line while nothing is being typed."""
-        self._status = status
+    def show_status(self, status: StyledLine, reply: StyledLine = ()) -> None:
+        """Set the text above the line while nothing is being typed, and the one at its end meanwhile."""
+        self._status, self._reply = status, reply
         self._show_hint()
 
     def show_error(self, text: str) -> None:
@@ -300,6 +303,13 @@ class ConsolePane(Vertical):
         value = self.line.value
         if not value.strip():
             return self._status
+        width = self._hint.size.width
+        taken = length(self._reply)
+        room = width - taken - _GAP if 0 < taken <= width // 2 else width
+        return between(shortened(self._completions(value), room), self._reply, width)
+
+    def _completions(self, value: str) -> StyledLine:
+        """The meaning of a text that is being typed, or how it may go on."""
         found = completions(value, self._spec)
         if not found:
             what = "order" if value.startswith(":") else "code"

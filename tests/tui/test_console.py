@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -65,6 +66,17 @@ def test_an_error_gives_way_to_what_happens_once_the_console_is_left(fly: Fly) -
         await cockpit.until(lambda: "foo: " not in cockpit["hint"])
 
     fly(scenario, size=(80, 24))
+
+
+@pytest.mark.slow
+def test_the_last_reply_and_its_age_stay_beside_what_is_typed(fly: Fly) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        await cockpit.type("c1")
+        await cockpit.until(lambda: "last reply  c1 -> 0.00 deg  now" in cockpit["hint"])
+        cockpit.app.query_one("#line", Input).value = "u2"
+        await cockpit.until(lambda: re.fullmatch(r"u2 ultra2 .*   c1 -> 0\.00 deg  now", cockpit["hint"]))
+
+    fly(scenario, size=(120, 36))
 
 
 @pytest.mark.slow
