@@ -535,7 +535,7 @@ def terminal(tmp_path: Path) -> Iterator[Callable[..., Terminal]]:
 @pytest.mark.parametrize(
     ("changes", "has", "has_not"),
     [
-        ({}, ("48;2;185;255;213", "▐"), ()),
+        ({}, ("48;2;25;30;37", "48;5;158", "▐"), ()),
         pytest.param({"COLORTERM": None}, ("48;5;", "▐"), ("48;2;",), marks=pytest.mark.slow),
         pytest.param(
             {"TERM": "linux", "COLORTERM": None}, ("\x1b[",), ("48;2;", "48;5;", "▐"), marks=pytest.mark.slow
