@@ -25,6 +25,7 @@ from pathlib import Path
 from simmer_tui import platform_has
 from simmer_tui.errors import GradeError, PortError, ProgramError, reason_of
 from simmer_tui.grade import launcher
+from simmer_tui.grade.board_sandbox import BoardSandboxes
 from simmer_tui.grade.call_filter import call_filter
 from simmer_tui.grade.cgroup import made_group
 from simmer_tui.grade.limits import Limits
@@ -56,6 +57,15 @@ class Bubblewrap(LaunchedSandbox):
     _python = sys.executable
     _meters = True
 
+    def __init__(self, files: Path, limits: Limits, extra: Sequence[str] = ()) -> None:
+        super().__init__(files, limits, extra)
+        self._boards = BoardSandboxes(lambda folder: Bubblewrap(folder, limits))
+        self.board = self._boards.board
+
+    def close(self) -> None:
+        self._boards.close()
+        super().close()
+
     @property
     def _uid(self) -> int | None:
         return _FIRST_UID + threading.get_native_id() if platform_has.user_id() == 0 else None
@@ -85,7 +95,7 @@ class Bubblewrap(LaunchedSandbox):
                 ],
                 env={"PATH": os.defpath},
                 cwd="/",
-                stdin=subprocess.DEVNULL,
+                stdin=self._stdin,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.PIPE,
                 pass_fds=(theirs.fileno(), rules.fileno(), options.fileno()),

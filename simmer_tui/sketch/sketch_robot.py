@@ -5,7 +5,7 @@ Only for the robot's thread. Nobody else drives: console and programs over TCP m
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
 from msgspec import Struct
@@ -91,6 +91,10 @@ _MOST_LATE = 0.5
 _ENDED = "the boards have ended: "
 
 
+StartBoard = Callable[[str, Path, Sequence[str]], BoardProcess]
+"""A function that starts a board by its name, its compiled sketch and the sketch's options."""
+
+
 class SketchSet(Struct, frozen=True):
     """A set's wiring with its compiled sketches, by the board's name."""
 
@@ -169,9 +173,17 @@ class SentMessages:
 class SketchRobot(LockstepWorld):
     """The boards of a run, and what is wired to them. A `Backend` for the commands of others."""
 
-    def __init__(self, sketches: SketchSet, engine: Engine, slice_length: int = BOARD_SLICE) -> None:
+    def __init__(
+        self,
+        sketches: SketchSet,
+        engine: Engine,
+        slice_length: int = BOARD_SLICE,
+        start_board: StartBoard | None = None,
+    ) -> None:
+        """`start_board` starts the boards, by default as processes with the access of this one."""
         self.engine = engine
         self._set = sketches
+        self._start_board: StartBoard = start_board or BoardProcess
         self._slice = slice_length
         self._session = engine.session(answer_at_end=False, lane="boards")
         self._running = False
@@ -238,7 +250,7 @@ class SketchRobot(LockstepWorld):
             if pins:
                 options += [option, ",".join(map(str, sorted(pins)))]
         self._options[name] = options
-        process = BoardProcess(name, self._set.built[name].program, options)
+        process = self._start_board(name, self._set.built[name].program, options)
         board = Board(name, process, BITS_OF_A_BYTE * SECOND // self._set.bauds[name])
         board.driving = frozenset(driving)
         board.encoders = [self._encoders[each.label] for each in sensors if isinstance(each, WiredEncoder)]
@@ -267,7 +279,7 @@ class SketchRobot(LockstepWorld):
             return
         board.process.close()
         options = [*self._options[board.name], "--boot", str(now)]
-        process = BoardProcess(board.name, self._set.built[board.name].program, options)
+        process = self._start_board(board.name, self._set.built[board.name].program, options)
         self._watchdog.replace(board.process, process)
         process.now = now
         board.process = process
