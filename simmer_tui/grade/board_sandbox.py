@@ -58,8 +58,10 @@ class BoardSandboxes:
 
     def close(self) -> None:
         """End all of them."""
-        for each in (*self._hosts, *self._lines.values()):
-            each.close()
+        for host in self._hosts:
+            host.close()
+        for lines in self._lines.values():
+            lines.close()
 
 
 class SandboxedBoard:

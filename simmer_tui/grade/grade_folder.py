@@ -24,7 +24,10 @@ from msgspec import Meta, Struct, structs
 from simmer_tui.config import mission_toml
 from simmer_tui.config.device_trust import DeviceUse
 from simmer_tui.config.loader import Configuration, load
+from simmer_tui.config.set_sketches import WIRING_FILE
 from simmer_tui.errors import ConfigurationError, GradeError, Problem, ProgramError
+from simmer_tui.grade.board_build import BoardBuild, BoardCompiler, kept_build
+from simmer_tui.grade.board_submission import sketches_to_compile
 from simmer_tui.grade.course import (
     LONG,
     PLAN_FILE,
@@ -44,12 +47,15 @@ from simmer_tui.grade.submission_folder import folder_of_program, take_folder, u
 from simmer_tui.grade.submission_reader import SubmissionReader
 from simmer_tui.program.program_command import words_of
 from simmer_tui.sim.noise import SEED_BITS
+from simmer_tui.sketch.sketch_robot import compile_set
 from simmer_tui.trials.run import OUTPUT, PACKED_LOG
 from simmer_tui.trials.sequential import Decision, SequentialTest, sequential_test
 from simmer_tui.trials.store import RunStore, StoreKind, unbroken
 from simmer_tui.trials.trial import TrialResult, maze_faults, timed_seconds, with_clock
 
 COURSE, _RUNS = "course", "runs"
+_BOARDS = "boards"
+"""In a team's folder: its compiled sketches."""
 _MOST_NAMED = 5
 """Files of a team that are named as not copied; judged: a linked environment has thousands."""
 _CUT_OFF = "were not copied to the end: grade this team again with --regrade"
@@ -223,6 +229,7 @@ class GradeFolder:
             limits=course.limits,
             read_only=course.read_only,
             image=course.image,
+            sketches=entry.check.sketches,
         )
 
     def home(self, team: Team) -> Path:
@@ -316,6 +323,51 @@ class GradeFolder:
                     configuration = with_clock(check.configuration, self.course.clock)
                     check = replace(check, configuration=configuration)
                 entry.check = check
+        self._compile(entries)
+
+    def _compile(self, entries: Iterable[Entry]) -> None:
+        """Compile the sketches of teams with boards, in sandboxes. Raises GradeError if there can be none, or
+        without a compiler."""
+        asked = []
+        for entry in entries:
+            check, files = entry.check, self.home(entry.team) / PROGRAM
+            if check.sketches is None:
+                continue
+            if self.plan.isolation in (Isolation.DOCKER, Isolation.PODMAN):
+                engine = self.plan.isolation.value
+                what = f"boards have no sandbox of {engine} yet: grade with --isolation {Isolation.BWRAP}"
+                entry.check = SubmissionCheck(None, (Problem(WIRING_FILE, what),))
+            elif self.plan.isolation is Isolation.NONE:
+                entry.check = _compiled_here(check)
+            else:
+                goal = self.home(entry.team) / _BOARDS
+                sketches = sketches_to_compile(check.sketches.wiring, check.folder, files)
+                asked.append((entry, (files.resolve(), goal, sketches)))
+        # A grading that is resumed has them, and needs no compiler.
+        builds = [kept_build(goal) for _, (_, goal, _) in asked]
+        if None in builds:
+            builds = [*BoardCompiler(self.course.read_only).build_all([each for _, each in asked])]
+        for (entry, _), build in zip(asked, builds, strict=True):
+            assert build is not None, "all are compiled"
+            entry.check = _with_build(entry.check, build)
+
+
+def _compiled_here(check: SubmissionCheck) -> SubmissionCheck:
+    """A team's boards compiled with the access of this process, for `--isolation none`."""
+    assert check.sketches is not None, "it has boards"
+    try:
+        made = compile_set(check.sketches.wiring, check.folder)
+    except ConfigurationError as error:
+        return SubmissionCheck(None, error.problems)
+    return replace(check, sketches=made)
+
+
+def _with_build(check: SubmissionCheck, build: BoardBuild) -> SubmissionCheck:
+    """A team's boards with their compiled sketches."""
+    assert check.sketches is not None, "it has boards"
+    if build.problems:
+        return SubmissionCheck(None, build.problems)
+    return replace(check, sketches=structs.replace(check.sketches, built=build.built))
 
 
 def _changes_of(plan: GradePlan) -> tuple[bool, list[int]]:
@@ -362,7 +414,9 @@ def _kept(planned: PlannedTeam, path: Path, command: str, reader: SubmissionRead
             team = reader.call(submitted_team, team, files, command)
         else:
             team = submitted_team(team, files, command)
-        refused = _refusal(team, left_out) or unpacking_advice(files, team.command)
+        refused = _refusal(team, left_out)
+        if not refused and team.command:
+            refused = unpacking_advice(files, team.command)
     except GradeError as error:
         refused = str(error)
     not_copied = [f"{path} {reason}" for path, reason in islice(left_out.items(), _MOST_NAMED)]

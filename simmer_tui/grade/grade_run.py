@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +16,8 @@ from simmer_tui.grade.container import Container
 from simmer_tui.grade.limits import Limits
 from simmer_tui.grade.sandbox import Isolation
 from simmer_tui.program import Keeper
+from simmer_tui.sketch.board_process import BoardProcess
+from simmer_tui.sketch.checked_board import CheckedBoard
 from simmer_tui.trials.run import Sandbox, TrialRun, Unconfined, fault_result
 from simmer_tui.trials.trial import Ending, Trial, TrialResult
 from simmer_tui.whole_file import write_whole
@@ -94,6 +97,9 @@ class OpenCopy(Unconfined):
         home = Path(self._place.name, "robot")
         shutil.copytree(files, home)
         super().__init__(home, keeper)
+
+    def board(self, name: str, program: Path, options: Sequence[str]) -> BoardProcess:
+        return CheckedBoard(name, program, options)
 
     def close(self) -> None:
         self._place.cleanup()

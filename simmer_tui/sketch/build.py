@@ -425,7 +425,9 @@ def _errors(output: str, compiler: Compiler, files: Sequence[Path]) -> Iterator[
     if not seen:
         undefined = re.search(r"undefined (?:reference to|symbol:?) [`'\"]?([^'\"\n]+)", output)
         twice = re.search(r"(?:multiple definition of|duplicate symbol:?) [`'\"]?([^'\"\n]+)", output)
-        what = (output.strip().splitlines() or ["it printed nothing"])[-1]
+        # gcc ends with advice about reports where a part of it was killed.
+        lines = [each for each in output.strip().splitlines() if not each.startswith(("Please ", "See "))]
+        what = (lines or ["it printed nothing"])[-1]
         if undefined is not None:
             what = f"{undefined[1]} is used, and defined nowhere"
         elif twice is not None:
