@@ -16,7 +16,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from simmer_tui import platform_has
-from simmer_tui.errors import SimmerError
+from simmer_tui.errors import GradeError, SimmerError
 from simmer_tui.grade.sandbox import SANDBOXED_FILES, LaunchedSandbox
 from simmer_tui.links.processes import children
 from simmer_tui.sketch.board_host import last_words
@@ -34,6 +34,8 @@ _LONGEST_ANSWER = 65536
 _END = b"0x0000000000000000\n"
 _SIGNALS = 128
 """Exit codes above are signals, as in shells."""
+_LIMITS = {9: "it was killed", 24: "it took more processor time than it may", 25: "it wrote more than it may"}
+"""Words for the signals of limits: SIGKILL, SIGXCPU, SIGXFSZ of Linux."""
 
 
 class BoardSandboxes:
@@ -43,6 +45,8 @@ class BoardSandboxes:
         self._make = make
         self._hosts: list[SandboxedBoard] = []
         self._lines: dict[Path, SandboxedLines] = {}
+        self.fault = ""
+        """The reason why this machine could make no sandbox for a board; empty if it could."""
 
     def board(self, name: str, program: Path, options: Sequence[str]) -> BoardProcess:
         """Start a board in a sandbox. A failure is told when it is received from."""
@@ -52,7 +56,12 @@ class BoardSandboxes:
         return CheckedBoard(name, program, options, self._start, lines)
 
     def _start(self, program: Path, options: Sequence[str]) -> SandboxedBoard:
-        host = SandboxedBoard(self._make(program.parent), [f"{SANDBOXED_FILES}/{program.name}", *options])
+        words = [f"{SANDBOXED_FILES}/{program.name}", *options]
+        try:
+            host = SandboxedBoard(self._make(program.parent), words)
+        except GradeError as error:
+            self.fault = f"a board has no sandbox: {error}"
+            raise
         self._hosts.append(host)
         return host
 
@@ -95,7 +104,8 @@ class SandboxedBoard:
 
     def end(self) -> tuple[str, str]:
         words, code = last_words(self._process), self._process.wait()
-        ended = f"signal {code - _SIGNALS}" if code > _SIGNALS else f"exit code {code}"
+        number = code - _SIGNALS
+        ended = _LIMITS.get(number, f"signal {number}") if number > 0 else f"exit code {code}"
         return words, self._limit or ended
 
     def close(self) -> None:

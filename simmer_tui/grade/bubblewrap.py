@@ -59,11 +59,12 @@ class Bubblewrap(LaunchedSandbox):
 
     def __init__(self, files: Path, limits: Limits, extra: Sequence[str] = ()) -> None:
         super().__init__(files, limits, extra)
-        self._boards = BoardSandboxes(lambda folder: Bubblewrap(folder, limits))
-        self.board = self._boards.board
+        self.boards = BoardSandboxes(lambda folder: Bubblewrap(folder, limits))
+        """The boards of the run, beside its program."""
+        self.board = self.boards.board
 
     def close(self) -> None:
-        self._boards.close()
+        self.boards.close()
         super().close()
 
     @property

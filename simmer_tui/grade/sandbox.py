@@ -223,7 +223,9 @@ class LaunchedSandbox(ABC):
             if "run" in order or isinstance(error, TimeoutError):
                 raise GradeError(f"the sandbox did not answer: {error}{self._last_output()}") from None
         sockets = [socket.socket(fileno=number) for number in numbers]
-        if not data and "run" not in order:
+        # The first order: of a program that is piped no port was taken before.
+        is_first = "listen" in order or ("meter" in order and self._stdin == subprocess.PIPE)
+        if not data and is_first:
             raise GradeError(f"the sandbox could not be made{self._last_output()}")
         return (json.loads(data) if data else {}), sockets
 

@@ -83,19 +83,20 @@ def last_words(process: subprocess.Popen[bytes]) -> str:
         process.wait(_LAST)
     process.kill()
     process.wait()
-    # Nobody writes to the pipe any more but what the board has started, so one look is enough.
-    os.set_blocking(process.stderr.fileno(), False)
+    # What the board has started may still have the pipe, so one look must be enough.
     try:
+        if platform_has.POSIX:
+            os.set_blocking(process.stderr.fileno(), False)
         return os.read(process.stderr.fileno(), _MOST_WORDS).decode("utf-8", "replace")
-    except OSError:
+    except (OSError, ValueError):  # nothing is there, or another thread has closed it
         return ""
 
 
 def close_process(process: subprocess.Popen[bytes]) -> None:
-    """End a process, and close its pipes."""
+    """End a process, and close its pipes: a thread that reads them finds their end before."""
     process.kill()
+    process.wait()
     for pipe in (process.stdin, process.stdout, process.stderr):
         if pipe is not None:
             with contextlib.suppress(OSError):
                 pipe.close()
-    process.wait()

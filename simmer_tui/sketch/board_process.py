@@ -30,11 +30,12 @@ SILENT = 5.0
 _LOOKS = 10
 """Looks at a board in this time. They do not happen while the simulator itself is suspended."""
 _CAUSES: dict[int, str] = {
+    0: "its sketch called exit()",
     signal.SIGSEGV: "it used memory that is not its own, or its stack is full",
     signal.SIGFPE: "it divided by zero",
     signal.SIGABRT: "it gave up",
 }
-"""Causes of a board's death by its signal."""
+"""Causes of a board's death by its signal; 0 is none."""
 if sys.platform != "win32":
     _CAUSES[signal.SIGBUS] = _CAUSES[signal.SIGSEGV]  # bad memory on macOS
 NEVER = 1 << 62
@@ -238,6 +239,8 @@ class BoardProcess:
     def _end(self, host: BoardHost) -> str:
         """The sentence about the end of the process."""
         told, ended = host.end()
+        if not self.exchanges and not told and not self._is_hung:
+            return f"board {self.name} could not be started: {ended}"
         died = re.search(r"simmer-board died (\d{1,3}) (\d{1,10}) (\d{1,10}) (\d{1,10})\n", told)
         # Where it died may be a function of C; the last block is the sketch's own.
         places = (int(died[2]) + 1, int(died[3])) if died else (self.place,)
