@@ -35,6 +35,7 @@ from simmer_tui.grade.course import (
     TEAMS_FOLDER,
     USUAL_CONFIGS,
     Course,
+    Rules,
     Team,
     shown_name,
     submitted_team,
@@ -45,6 +46,7 @@ from simmer_tui.grade.submission import PROGRAM, SubmissionCheck, check_submissi
 from simmer_tui.grade.submission_copy import LARGEST_SUBMISSION, copy_submission
 from simmer_tui.grade.submission_folder import folder_of_program, take_folder, unpacking_advice
 from simmer_tui.grade.submission_reader import SubmissionReader
+from simmer_tui.grade.wiring_rules import missing_for_boards
 from simmer_tui.program.program_command import words_of
 from simmer_tui.sim.noise import SEED_BITS
 from simmer_tui.sketch.sketch_robot import compile_set
@@ -159,7 +161,7 @@ class GradeFolder:
         if base.settings.sensors.devices:
             names = ", ".join(base.settings.sensors.devices)
             raise GradeError(f"a grading runs no devices of a set's own: take {names} out of sensors.devices")
-        _check(base, reference(base, course.rules))
+        _check(base, reference(base, course.rules), course.rules)
         store = RunStore(path, _KIND)
         with store.made(), closing(SubmissionReader()) as reader:
             for name in (TEAMS_FOLDER, _RUNS):
@@ -382,13 +384,15 @@ def _run_seed(seed: int, number: int) -> int:
     return int.from_bytes(drawn[-(SEED_BITS // 8) :])
 
 
-def _check(base: Configuration, largest: Configuration) -> None:
+def _check(base: Configuration, largest: Configuration, rules: Rules) -> None:
     """Raises ConfigurationError if the course's set cannot be used for grading."""
     problems = []
     if base.mission is None:  # without a mission, success would be exit code 0, which needs no action
         problems.append(Problem(mission_toml.FILE, "is missing: success in a grading is to do its mission"))
     if not base.settings.sim:
         problems.append(Problem("sim", "grading is for the simulated robot"))
+    if rules.boards:
+        problems += [Problem("boards", what) for what in missing_for_boards(base, rules)]
     problems += [
         Problem("rules.size", f"with a robot as large as allowed: {what}") for what in maze_faults(largest)
     ]
@@ -438,7 +442,8 @@ def _refusal(team: Team, left_out: Mapping[str, str]) -> str:
     with suppress(ProgramError):  # its runs say so
         words = words_of(team.command)
     robots = (team.config,) if team.config else USUAL_CONFIGS
-    for name in map(PurePosixPath, (*words, TEAM_FILE, *robots)):
+    wirings = [str(PurePosixPath(each, WIRING_FILE)) for each in (".", *robots)]
+    for name in map(PurePosixPath, (*words, TEAM_FILE, *robots, *wirings)):
         for path in map(str, (name, *name.parents)):
             if path in left_out:
                 what = "which is not copied: submit a plain file or folder"

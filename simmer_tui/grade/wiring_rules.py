@@ -7,10 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from simmer_tui.config import drive_csv
+from simmer_tui.config import drive_csv, settings_file
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.set_sketches import WIRING_FILE
 from simmer_tui.errors import Problem
+from simmer_tui.grade.course import Rules
 from simmer_tui.sim.specs import VelocityKind
 from simmer_tui.sketch.wiring import WiredAnalog, WiredEncoder, WiredMotor, Wiring, WiringParts, read_wiring
 
@@ -24,11 +25,24 @@ def parts_of(configuration: Configuration) -> WiringParts:
     return WiringParts(spec.sensors, spec.wheels)
 
 
+def missing_for_boards(course: Configuration, rules: Rules) -> Iterator[str]:
+    """What a course's set lacks for boards to drive its robot."""
+    if course.simulation.wheels is None and not rules.wheels:
+        yield f"the set needs [wheels] in {settings_file.FILE}, or the course wheels = true"
+    if not _turns_wheels(course):
+        yield f"the set needs an enabled row wheels in {drive_csv.FILE}, by which boards turn the wheels"
+
+
+def _turns_wheels(configuration: Configuration) -> bool:
+    return any(
+        each.kind is VelocityKind.WHEELS and each.enabled for each in configuration.simulation.velocities
+    )
+
+
 def wiring_problems(wiring: Wiring, team: Configuration, course: Configuration) -> Iterator[Problem]:
     """All that makes the robot of a team's wiring another than the course's."""
-    drives = (each.kind is VelocityKind.WHEELS and each.enabled for each in team.simulation.velocities)
-    if wiring.motors and not any(drives):
-        what = "boards turn the wheels by its row wheels, which the course's robot must have, and enabled"
+    if wiring.motors and not _turns_wheels(team):
+        what = "boards turn the wheels by its row wheels, which must be there, and enabled"
         yield Problem(drive_csv.FILE, what)
     model = _reference(course)
     fastest = course.settings.wheels.top_speed

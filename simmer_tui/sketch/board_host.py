@@ -6,6 +6,7 @@ import contextlib
 import os
 import signal
 import subprocess
+import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Protocol
@@ -85,7 +86,7 @@ def last_words(process: subprocess.Popen[bytes]) -> str:
     process.wait()
     # What the board has started may still have the pipe, so one look must be enough.
     try:
-        if platform_has.POSIX:
+        if sys.platform != "win32":
             os.set_blocking(process.stderr.fileno(), False)
         return os.read(process.stderr.fileno(), _MOST_WORDS).decode("utf-8", "replace")
     except (OSError, ValueError):  # nothing is there, or another thread has closed it
