@@ -87,21 +87,25 @@ class Bubblewrap(LaunchedSandbox):
             options.write(b"".join(os.fsencode(word) + b"\0" for word in words))
             options.seek(0)
             inside = (sys.executable, "-I", "-S", f"{SANDBOXED_PACKAGE}/launcher.py", str(theirs.fileno()))
-            process = subprocess.Popen(
-                # The program can read this command line and environment in /proc, so neither has anything
-                # secret.
-                [
-                    *([] if group is None else group.entry),
-                    *(COMMAND, "--args", str(options.fileno()), "--", *inside),
-                ],
-                env={"PATH": os.defpath},
-                cwd="/",
-                stdin=self._stdin,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.PIPE,
-                pass_fds=(theirs.fileno(), rules.fileno(), options.fileno()),
-                start_new_session=True,
-            )
+            try:
+                process = subprocess.Popen(
+                    # The program can read this command line and environment in /proc, so neither has anything
+                    # secret.
+                    [
+                        *([] if group is None else group.entry),
+                        *(COMMAND, "--args", str(options.fileno()), "--", *inside),
+                    ],
+                    env={"PATH": os.defpath},
+                    cwd="/",
+                    stdin=self._stdin,
+                    stdout=subprocess.PIPE,
+                    stderr=subprocess.PIPE,
+                    pass_fds=(theirs.fileno(), rules.fileno(), options.fileno()),
+                    start_new_session=True,
+                )
+            except OSError:
+                link.close()
+                raise
         return process, link
 
 

@@ -71,6 +71,8 @@ _BAUDS = frozenset(
     )
 )
 _USUAL_BAUD = 9600
+_NO_REASONS = ("Please ", "See ", "compilation terminated")
+"""Beginnings of lines of gcc that follow the reason."""
 _WARNINGS = {
     "-Woverflow": "this number does not fit",
     "-Wconstant-conversion": "this number does not fit",
@@ -425,8 +427,7 @@ def _errors(output: str, compiler: Compiler, files: Sequence[Path]) -> Iterator[
     if not seen:
         undefined = re.search(r"undefined (?:reference to|symbol:?) [`'\"]?([^'\"\n]+)", output)
         twice = re.search(r"(?:multiple definition of|duplicate symbol:?) [`'\"]?([^'\"\n]+)", output)
-        # gcc ends with advice about reports where a part of it was killed.
-        lines = [each for each in output.strip().splitlines() if not each.startswith(("Please ", "See "))]
+        lines = [each for each in output.strip().splitlines() if not each.startswith(_NO_REASONS)]
         what = (lines or ["it printed nothing"])[-1]
         if undefined is not None:
             what = f"{undefined[1]} is used, and defined nowhere"

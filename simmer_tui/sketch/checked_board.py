@@ -58,7 +58,7 @@ class CheckedBoard(BoardProcess):
         self._since = self._stops = 0
 
     def receive(self) -> list[BoardRecord]:
-        before = self.now
+        before, place = self.now, self.place
         records = super().receive()
         now, wait = self.now, self.wait
         wrong = ""
@@ -73,7 +73,8 @@ class CheckedBoard(BoardProcess):
             wrong = wrong or self._stands()
         if wrong:
             self.wait = None
-            line = self.line_of(self.place)
+            # What was told last may be no address at all.
+            line = self.line_of(self.place) or self.line_of(place)
             where = f" at {line}" if line else ""
             after = f"after {self.now / 1e9:.6g} s"
             what = f"{wrong}; only the runtime may use the channel of the board, and set its clock"

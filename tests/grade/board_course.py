@@ -17,7 +17,8 @@ WIRING = ROVER + MOTORS + JAWS
 _PARTS = f"#include <Servo.h>\n{DRIVE}\nServo jaws;\n"
 # 12 in/s at full duty: 5 in to the block, and back.
 SOLVES = (
-    _PARTS + "void setup() {\n  jaws.write(20); jaws.attach(3);\n  drive(255, 255); delay(416); drive(0, 0);\n"
+    _PARTS + "void setup() {\n  jaws.write(20); jaws.attach(3);\n"
+    "  drive(255, 255); delay(416); drive(0, 0);\n"
     "  jaws.write(95); delay(1000);\n  drive(-255, -255); delay(416); drive(0, 0);\n"
     "  jaws.write(20);\n}\nvoid loop() { delay(100); }\n"
 )
