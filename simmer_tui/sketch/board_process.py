@@ -15,6 +15,7 @@ from enum import IntEnum
 from pathlib import Path
 from typing import NamedTuple
 
+from simmer_tui import platform_has
 from simmer_tui.errors import BoardError, SimmerError, reason_of
 from simmer_tui.sketch.board_host import BoardHost, BoardStart, LocalBoard
 from simmer_tui.sketch.sketch_lines import SketchLines
@@ -36,7 +37,7 @@ _CAUSES: dict[int, str] = {
     signal.SIGABRT: "it gave up",
 }
 """Causes of a board's death by its signal; 0 is none."""
-if sys.platform != "win32":
+if sys.platform != "win32" and platform_has.POSIX:
     _CAUSES[signal.SIGBUS] = _CAUSES[signal.SIGSEGV]  # bad memory on macOS
 NEVER = 1 << 62
 """A time that no board reaches."""
