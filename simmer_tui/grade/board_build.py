@@ -26,9 +26,9 @@ from simmer_tui.grade.limits import Limits
 from simmer_tui.grade.sandbox import SANDBOXED_FILES
 from simmer_tui.sim.command import cut
 from simmer_tui.sketch.boards import BoardKind
-from simmer_tui.sketch.build import MOST_ERRORS, PROGRAM, BuiltSketch, runtime_object
+from simmer_tui.sketch.build import BOARD_PROGRAM, MOST_ERRORS, BuiltSketch, runtime_object
 from simmer_tui.sketch.build_order import BuildAnswer, BuildOrder
-from simmer_tui.sketch.compiler import NO_COMPILER, Compiler, find_compiler
+from simmer_tui.sketch.compiler import Compiler, find_compiler
 from simmer_tui.whole_file import write_whole
 
 # A sketch of 3,000 lines with libraries takes g++ 10 s and 300 MB. The real time is for a busy machine.
@@ -78,11 +78,11 @@ class BoardCompiler:
         """`read_only` are the course's folders that programs may read. Raises GradeError without a compiler
         here."""
         found = find_compiler()
-        if found is None:
-            raise GradeError(f"teams hand in sketches, and {NO_COMPILER}")
-        if len(found.command) > 1:
-            # Its cache fills for minutes at first, and a sandbox begins without it.
-            raise GradeError("teams hand in sketches, which need g++ or clang++ here: ziglang is too slow")
+        # The cache of ziglang fills for minutes at first, and a sandbox begins without it.
+        if found is None or len(found.command) > 1:
+            raise GradeError(
+                "teams hand in sketches, which need g++ or clang++ on this machine: apt install g++"
+            )
         self._compiler: Compiler = found
         self._limits = limits
         # A compiler elsewhere than in the system's folders is visible if the course says so.
@@ -122,8 +122,8 @@ class BoardCompiler:
                 folder = goal / name
                 folder.mkdir(parents=True, exist_ok=True)
                 folder.chmod(0o755)  # the board reads it with a user ID that nobody has
-                (folder / PROGRAM).write_bytes(answer.program)
-                (folder / PROGRAM).chmod(0o755)
+                (folder / BOARD_PROGRAM).write_bytes(answer.program)
+                (folder / BOARD_PROGRAM).chmod(0o755)
                 warnings = tuple(cut(each, _LONGEST_TEXT) for each in answer.warnings[:_MOST_WARNINGS])
                 boards[name] = cut(answer.digest, 16), warnings
             goal.mkdir(exist_ok=True)
@@ -198,7 +198,7 @@ def kept_build(goal: Path) -> BoardBuild | None:
     except (OSError, msgspec.MsgspecError):
         return None
     built = {
-        name: BuiltSketch((goal / name / PROGRAM).resolve(), digest, warnings)
+        name: BuiltSketch((goal / name / BOARD_PROGRAM).resolve(), digest, warnings)
         for name, (digest, warnings) in kept.boards.items()
     }
     problems = tuple(Problem(where, what) for where, what in kept.problems)

@@ -26,7 +26,7 @@ def parts_of(configuration: Configuration) -> WiringParts:
 
 
 def missing_for_boards(course: Configuration, rules: Rules) -> Iterator[str]:
-    """What a course's set lacks for boards to drive its robot."""
+    """Reasons why boards cannot drive the robot of a course's set, with the remedy."""
     if course.simulation.wheels is None and not rules.wheels:
         yield f"the set needs [wheels] in {settings_file.FILE}, or the course wheels = true"
     if not _turns_wheels(course):

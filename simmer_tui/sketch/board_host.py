@@ -78,7 +78,7 @@ class LocalBoard:
 
 
 def last_words(process: subprocess.Popen[bytes]) -> str:
-    """What a board has written for people before its end. One that does not end is killed."""
+    """The output of a board for people before its end. One that does not end is killed."""
     assert process.stderr is not None
     with contextlib.suppress(subprocess.TimeoutExpired):
         process.wait(_LAST)

@@ -31,7 +31,7 @@ RUNTIME = Path(__file__).parent / "arduino"
 RUNTIME_NAME = "<runtime>"
 """Folder of the runtime in a build's debugging information, which may have been made by another
 installation."""
-PROGRAM, _WARNINGS_FILE = "board.exe", "warnings.txt"
+BOARD_PROGRAM, _WARNINGS_FILE = "board.exe", "warnings.txt"
 """In the folder of a build: the compiled sketch, and what its compiler told."""
 MOST_ERRORS = 3
 """Errors of the compiler that are shown: later ones mostly follow from the first."""
@@ -124,7 +124,7 @@ def build_sketch(sketch: Path, kind: BoardKind, place: str = "") -> BuiltSketch:
     ).hexdigest()
     folder = build_folder() / f"{files[0].stem}-{key[:20]}"
     try:
-        if not (folder / PROGRAM).exists():
+        if not (folder / BOARD_PROGRAM).exists():
             _compile_to_cache(compiler, kind, files, sources, folder)
         return _built(folder, digest)
     except OSError as error:
@@ -154,7 +154,7 @@ def _read(sketch: Path, where: str) -> tuple[list[Path], list[_Source], str]:
 
 def _built(folder: Path, digest: str) -> BuiltSketch:
     told = (folder / _WARNINGS_FILE).read_text(encoding="utf-8").splitlines()
-    return BuiltSketch(folder / PROGRAM, digest[:16], tuple(told))
+    return BuiltSketch(folder / BOARD_PROGRAM, digest[:16], tuple(told))
 
 
 def fastest_baud(sketch: Path) -> int:
@@ -302,7 +302,7 @@ def _compile(
         told += _run(compiler, [*flags, "-x", "c++", "-c", unit, "-o", made], work, files)
         objects.append(made)
     fixed = ["-no-pie"] if links_at_fixed_addresses() else []
-    _run(compiler, [*fixed, *objects, str(runtime), "-o", PROGRAM], work, files)
+    _run(compiler, [*fixed, *objects, str(runtime), "-o", BOARD_PROGRAM], work, files)
     (work / _WARNINGS_FILE).write_text("\n".join(told), encoding="utf-8")
     for made in objects:
         (work / made).unlink()
@@ -315,7 +315,7 @@ def _move(made: Path, target: Path) -> None:
         Path(f"{target}.{os.getpid()}").rename(target)
     except OSError:
         shutil.rmtree(f"{target}.{os.getpid()}", ignore_errors=True)
-        if not (target / PROGRAM).exists():
+        if not (target / BOARD_PROGRAM).exists():
             raise
 
 

@@ -82,7 +82,7 @@ class CheckedBoard(BoardProcess):
         return records
 
     def _wrong(self, record: BoardRecord, before: int) -> str:
-        """What is wrong with a record; empty if nothing is."""
+        """The fault of a record; empty without one."""
         time, kind, pin, _, value = record
         low, high = _HIGHEST.get(kind, (-(1 << 31), NEVER))
         if kind not in _KINDS or not low <= value <= high:

@@ -1,4 +1,4 @@
-"""What a board tells that no runtime could tell: it ends, and nothing of it reaches the robot."""
+"""Messages of a board that no runtime could send: it ends, and nothing of them reaches the robot."""
 
 from __future__ import annotations
 
