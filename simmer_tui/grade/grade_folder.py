@@ -314,7 +314,8 @@ class GradeFolder:
                     continue
                 home = self.home(entry.team)
                 asked = (entry.team, home, self._base, self.course.rules)
-                needs_reader = bool(entry.team.config)
+                # A sketch alone is read too, where the course has boards.
+                needs_reader = bool(entry.team.config) or WIRING_FILE in self._base.files
                 try:
                     check = (
                         reader.call(check_submission, *asked) if needs_reader else check_submission(*asked)

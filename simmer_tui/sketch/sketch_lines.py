@@ -7,11 +7,14 @@ import shutil
 import subprocess
 from pathlib import Path
 
+from simmer_tui.sim.command import cut
 from simmer_tui.sketch.build import RUNTIME_NAME
 from simmer_tui.sketch.compiler import links_at_fixed_addresses
 
 ADDRESS_TOOL = "addr2line"
 """The command of binutils that knows lines."""
+_LONGEST_NAME = 100
+"""Characters of a file's name that are shown: a sketch can say any."""
 _LONGEST_LOOK = 5.0
 """Real seconds for a look; it takes milliseconds."""
 
@@ -54,5 +57,5 @@ class SketchLines:
 def _own_line(told: str) -> str:
     # A function of the runtime that was inlined comes before the line that calls it.
     own = [each for each in told.splitlines() if RUNTIME_NAME not in each and "?" not in each]
-    found = re.match(r"(?:.*/)?([^/:]+?)(?:(?<=\.ino)\.cpp)?:(\d+)", own[0]) if own else None
-    return f"{found[1]}:{found[2]}" if found else ""
+    found = re.match(r"(?:.*/)?([^/:]+?)(?:(?<=\.ino)\.cpp)?:(\d{1,7})\b", own[0]) if own else None
+    return f"{cut(found[1], _LONGEST_NAME)}:{found[2]}" if found else ""

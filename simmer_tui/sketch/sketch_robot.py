@@ -214,6 +214,7 @@ class SketchRobot(LockstepWorld):
 
     def _start(self) -> None:
         """Start the boards at time 0."""
+        self._is_over = False
         wheels = self.engine.simulator.spec.wheels
         self._wrong = list(wrong_functions(self._set.wiring, wheels, self._set.facts))
         """Functions that move the robot otherwise than they are named, until that is told."""
@@ -294,7 +295,8 @@ class SketchRobot(LockstepWorld):
             self.changed(board, board.driving)
 
     def close(self) -> None:
-        """End the boards."""
+        """End the boards. By the real clock they may still be asked for the present time."""
+        self._is_over = True
         self._watchdog.close()
         for each in self.boards.values():
             each.process.close()
@@ -315,7 +317,7 @@ class SketchRobot(LockstepWorld):
     def run_to(self, until: float) -> float:
         """Let the boards run to a simulated time, seconds. Returns the time that they have reached."""
         # A restart has set the simulator back already; the boards follow once it is told.
-        if self._running or round(until * SECOND) < self._world.time:
+        if self._running or self._is_over or round(until * SECOND) < self._world.time:
             return until
         if self.failed:
             self._world.advance(round(until * SECOND))

@@ -18,6 +18,7 @@ from simmer_tui.grade.grading import on_cluster
 from simmer_tui.grade.sandbox import Isolation
 from simmer_tui.grade.submission import SubmissionCheck, check_submission
 from simmer_tui.grade.submission_copy import copy_submission
+from simmer_tui.grade.submission_reader import SubmissionReader
 from simmer_tui.sketch.compiler import Compiler
 from tests.grade.board_course import SOLVES, WIRING, board_course, boards
 from tests.sketch.rovers import ENCODERS, MOTORS, ROVER
@@ -196,6 +197,26 @@ def test_boards_have_no_sandbox_of_an_engine(tmp_path: Path, engine: str) -> Non
     (said,) = map(str, ada.problems)
     assert said == f"wiring.toml: boards have no sandbox of {engine} yet: grade with --isolation bwrap"
     assert folder.is_open(bo)
+
+
+@pytest.mark.usefixtures("reads_here")
+def test_sketches_are_read_within_limits(
+    tmp_path: Path, exact_mission: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """That of a team without a set too: it runs on the course's board."""
+    read: list[object] = []
+    call = SubmissionReader.call
+
+    def noted(self: SubmissionReader, function: Callable[..., object], *given: object) -> object:
+        read.append(function)
+        return call(self, function, *given)
+
+    monkeypatch.setattr(SubmissionReader, "call", noted)
+    file = board_course(tmp_path, {"ada": {"rover.ino": SOLVES}})
+    (exact_mission / "wiring.toml").write_text(WIRING, "utf-8")
+    folder = GradeFolder.create(tmp_path / "out", read_course(file), 1, Isolation.DOCKER)
+    assert read == [check_submission]
+    assert "no sandbox of docker" in str(folder.entries[0].problems[0])
 
 
 @pytest.mark.usefixtures("reads_here", "exact_mission")
