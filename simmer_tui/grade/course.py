@@ -15,7 +15,7 @@ from typing import Any
 from simmer_tui.config import drive_csv, robot_csv, sensors_csv
 from simmer_tui.config.given_path import given_path
 from simmer_tui.config.leftovers import has_environment_name, is_leftover, is_leftover_folder
-from simmer_tui.config.set_sketches import WIRING_FILE
+from simmer_tui.config.set_sketches import SKETCH_ENDINGS, WIRING_FILE
 from simmer_tui.config.sets import MISSION_SET, find_set
 from simmer_tui.config.toml_file import TomlFile
 from simmer_tui.errors import ConfigurationError, Problem
@@ -319,7 +319,7 @@ def submitted_team(team: Team, files: Path, command: str) -> Team:
     """A team by the copy of its `files`. The course's values for it (`given`) take precedence over its
     team.toml, and that over the course's `command`. Mistakes in team.toml are the team's own.
 
-    The command is empty for a team with boards and no program: no command of its own, and nothing that the
+    The command is empty for a team with sketches and no program: no command of its own, and nothing that the
     course's command names.
     """
     own, problems = dict[str, str](), list[Problem]()
@@ -330,8 +330,8 @@ def submitted_team(team: Team, files: Path, command: str) -> Team:
         else:
             own = TomlFile.read(path, problems).values((_COMMAND, _CONFIG))
     said = {"command": command, "config": _usual_config(files), **own, **team.given}
-    has_boards = any((files / each / WIRING_FILE).is_file() for each in (".", said["config"]))
-    if has_boards and _COMMAND.name not in {**own, **team.given} and not has_program(files, command):
+    has_sketches = any(each.suffix.lower() in SKETCH_ENDINGS for each in files.rglob("*"))
+    if has_sketches and _COMMAND.name not in {**own, **team.given} and not has_program(files, command):
         said["command"] = ""
     return replace(team, command=said["command"], config=said["config"], problems=tuple(problems))
 

@@ -221,7 +221,8 @@ class GradeFolder:
             seed=_run_seed(self.plan.seed, number),
             configuration=configuration,
             maze="",
-            command=entry.team.command,
+            # Sketches that no board of the course runs are no reason to run nothing.
+            command=entry.team.command or ("" if entry.check.sketches is not None else course.command),
             fixed_ports=isolation is not Isolation.NONE,
             time_limit=course.limits.time + timed_seconds(configuration),
             drawn_for=self._drawn_for,

@@ -185,18 +185,20 @@ def test_a_team_without_a_program_has_no_command(tmp_path: Path) -> None:
     assert command({**alone, "laptop/main.py": "pass"}) == "python main.py"
     assert command({**alone, "team.toml": 'command = "python other.py"\n'}) == "python other.py"
     assert command(alone, {"command": "python own.py"}) == "python own.py"
+    assert command({"rover/rover.ino": SOLVES}) == ""  # on the course's board
     assert command({"notes.txt": ""}) == "python main.py"
 
 
 @pytest.mark.usefixtures("reads_here", "exact_mission")
 @pytest.mark.parametrize("engine", ["docker", "podman"])
 def test_boards_have_no_sandbox_of_an_engine(tmp_path: Path, engine: str) -> None:
-    file = board_course(tmp_path, {"ada": boards(SOLVES), "bo": {"main.py": "pass"}})
+    file = board_course(tmp_path, {"ada": boards(SOLVES), "bo": {"old.ino": ""}})
     folder = GradeFolder.create(tmp_path / "out", read_course(file), 1, Isolation(engine))
     ada, bo = folder.entries
     (said,) = map(str, ada.problems)
     assert said == f"wiring.toml: boards have no sandbox of {engine} yet: grade with --isolation bwrap"
     assert folder.is_open(bo)
+    assert folder.trial(bo, 1).command == "python main.py"
 
 
 @pytest.mark.usefixtures("reads_here")

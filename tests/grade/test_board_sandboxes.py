@@ -22,7 +22,7 @@ from simmer_tui.grade.limits import Limits
 from simmer_tui.grade.sandbox import Isolation
 from simmer_tui.sketch.boards import UNO
 from simmer_tui.trials.trial import Ending
-from tests.grade.board_course import LAPTOP, OBEYS, SOLVES, board_course, boards, with_compiler
+from tests.grade.board_course import LAPTOP, OBEYS, SOLVES, WIRING, board_course, boards, with_compiler
 from tests.grade.conftest import read_grades
 from tests.sketch.rovers import DRIVE
 
@@ -87,14 +87,19 @@ def graded(course: Path, out: Path, *options: str) -> dict[str, dict[str, str]]:
 
 @pytest.mark.usefixtures("isolation", "exact_mission")
 def test_boards_do_a_mission_alone_and_with_a_program(tmp_path: Path) -> None:
-    teams = {"alone": boards(SOLVES), "both": {**boards(OBEYS), "main.py": LAPTOP}}
+    teams = {
+        "alone": boards(SOLVES),
+        "both": {**boards(OBEYS), "main.py": LAPTOP},
+        "on the course's board": {"rover.ino": SOLVES},
+    }
     course = board_course(tmp_path, teams)
+    (tmp_path / "set" / "wiring.toml").write_text(WIRING, "utf-8")
     rows = graded(course, tmp_path / "out")
     assert {name: row["status"] for name, row in rows.items()} == dict.fromkeys(teams, "passed"), rows
     assert {row["clock"] for row in rows.values()} == {"program"}
     # A grading that is resumed needs no compiler, and one with the same seed gives the same.
     folder = GradeFolder.read(tmp_path / "out")
-    assert [each.check.problems for each in folder.entries] == [(), ()]
+    assert [each.check.problems for each in folder.entries] == [(), (), ()]
     again = graded(course, tmp_path / "again")
     assert again == rows
     # The command python is another one without a sandbox, so the board alone is asked.
