@@ -88,8 +88,8 @@ def _options(parser: OneLineParser) -> None:
 @subcommand("grade", _options, usage="simmer-tui grade COURSE [options]")
 def run_grade(options: argparse.Namespace) -> int:
     """Grade the programs of a course. All get the same missions from a secret seed. Each runs in its own
-    sandbox, with as few runs as a sequential test needs to decide. COURSE is a teams.toml, or a folder with
-    one folder a team."""
+    sandbox, and so does each board where teams hand in sketches, with as few runs as a sequential test needs
+    to decide. COURSE is a teams.toml, or a folder with one folder a team."""
     if options.dask is not None:
         check_package()
     folder = _resumed(options) if options.resume or options.regrade else _begun(options)

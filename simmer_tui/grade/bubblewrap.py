@@ -25,6 +25,7 @@ from pathlib import Path
 from simmer_tui import platform_has
 from simmer_tui.errors import GradeError, PortError, ProgramError, reason_of
 from simmer_tui.grade import launcher
+from simmer_tui.grade.board_sandbox import BoardSandboxes
 from simmer_tui.grade.call_filter import call_filter
 from simmer_tui.grade.cgroup import made_group
 from simmer_tui.grade.limits import Limits
@@ -56,6 +57,16 @@ class Bubblewrap(LaunchedSandbox):
     _python = sys.executable
     _meters = True
 
+    def __init__(self, files: Path, limits: Limits, extra: Sequence[str] = ()) -> None:
+        super().__init__(files, limits, extra)
+        self.boards = BoardSandboxes(lambda folder: Bubblewrap(folder, limits))
+        """The boards of the run, beside its program."""
+        self.board = self.boards.board
+
+    def close(self) -> None:
+        self.boards.close()
+        super().close()
+
     @property
     def _uid(self) -> int | None:
         return _FIRST_UID + threading.get_native_id() if platform_has.user_id() == 0 else None
@@ -76,21 +87,25 @@ class Bubblewrap(LaunchedSandbox):
             options.write(b"".join(os.fsencode(word) + b"\0" for word in words))
             options.seek(0)
             inside = (sys.executable, "-I", "-S", f"{SANDBOXED_PACKAGE}/launcher.py", str(theirs.fileno()))
-            process = subprocess.Popen(
-                # The program can read this command line and environment in /proc, so neither has anything
-                # secret.
-                [
-                    *([] if group is None else group.entry),
-                    *(COMMAND, "--args", str(options.fileno()), "--", *inside),
-                ],
-                env={"PATH": os.defpath},
-                cwd="/",
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.PIPE,
-                pass_fds=(theirs.fileno(), rules.fileno(), options.fileno()),
-                start_new_session=True,
-            )
+            try:
+                process = subprocess.Popen(
+                    # The program can read this command line and environment in /proc, so neither has anything
+                    # secret.
+                    [
+                        *([] if group is None else group.entry),
+                        *(COMMAND, "--args", str(options.fileno()), "--", *inside),
+                    ],
+                    env={"PATH": os.defpath},
+                    cwd="/",
+                    stdin=self._stdin,
+                    stdout=subprocess.PIPE,
+                    stderr=subprocess.PIPE,
+                    pass_fds=(theirs.fileno(), rules.fileno(), options.fileno()),
+                    start_new_session=True,
+                )
+            except OSError:
+                link.close()
+                raise
         return process, link
 
 

@@ -31,6 +31,7 @@ from simmer_tui.grade.sandbox import (
     LaunchedSandbox,
     package_folders,
 )
+from simmer_tui.sketch.board_process import BoardProcess
 
 DEFAULT_IMAGE = "python:3.12-slim"
 _DOOR, _KNOCKER = "/door", "launcher"
@@ -113,6 +114,9 @@ class Container(LaunchedSandbox):
         longest = str(math.ceil(self._limits.time + ANSWER_TIMEOUT))
         words += ["--entrypoint", "timeout", self._image, "-s", "KILL", longest]
         return [*words, "python3", "-I", "-S", LAUNCHER, f"{_DOOR}/{_KNOCKER}"]
+
+    def board(self, name: str, program: Path, options: Sequence[str]) -> BoardProcess:
+        raise NotImplementedError  # teams with boards are refused before they are run
 
     def _kill(self) -> None:
         with contextlib.suppress(OSError, subprocess.TimeoutExpired):

@@ -15,11 +15,13 @@ from typing import Any
 from simmer_tui.config import drive_csv, robot_csv, sensors_csv
 from simmer_tui.config.given_path import given_path
 from simmer_tui.config.leftovers import has_environment_name, is_leftover, is_leftover_folder
+from simmer_tui.config.set_sketches import SKETCH_ENDINGS, WIRING_FILE
 from simmer_tui.config.sets import MISSION_SET, find_set
 from simmer_tui.config.toml_file import TomlFile
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.grade.archives import is_archive
 from simmer_tui.grade.limits import LIMITS, Limits
+from simmer_tui.grade.submission_folder import has_program
 from simmer_tui.program.shell_syntax import shell_command, shell_syntax
 from simmer_tui.sim.rules import FlagRule, IntegerRule, NamesRule, NumberRule, Rule, TextRule
 from simmer_tui.sim.values import Value
@@ -57,6 +59,8 @@ class Rules:
     """True if a team's dialect.toml is accepted."""
     wheels: bool = False
     """True if a team's [wheels] are accepted, which must be no faster than the course's."""
+    boards: bool | None = None
+    """True if a team's wiring.toml and sketches are accepted; None: if the course's set has a wiring.toml."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,6 +140,7 @@ KEYS: dict[str, tuple[Value, ...]] = {
         _key("read_only", NamesRule(), "more folders that programs may read"),
         _key("dialects", FlagRule(), "a team may have a dialect.toml", False),
         _key("wheels", FlagRule(), "a team may have [wheels] in its settings.toml", False),
+        _key("boards", FlagRule(), "a team may have a wiring.toml and sketches; by default if the set has"),
     ),
     "decide": (
         _key("require", RATE_RULE, "the success rate that passes", REQUIRED_RATE),
@@ -270,6 +275,7 @@ def _rules(file: TomlFile, top: Mapping[str, Any]) -> Rules:
         cells=file.values(KEYS["rules.cells"], file.table("rules.cells"), "rules.cells."),
         dialects=top["dialects"],
         wheels=top["wheels"],
+        boards=top["boards"],
     )
 
 
@@ -311,7 +317,11 @@ def _is_grading(path: Path) -> bool:
 
 def submitted_team(team: Team, files: Path, command: str) -> Team:
     """A team by the copy of its `files`. The course's values for it (`given`) take precedence over its
-    team.toml, and that over the course's `command`. Mistakes in team.toml are the team's own."""
+    team.toml, and that over the course's `command`. Mistakes in team.toml are the team's own.
+
+    The command is empty for a team with sketches and no program: no command of its own, and nothing that the
+    course's command names.
+    """
     own, problems = dict[str, str](), list[Problem]()
     path = files / TEAM_FILE
     if path.is_file():
@@ -320,11 +330,17 @@ def submitted_team(team: Team, files: Path, command: str) -> Team:
         else:
             own = TomlFile.read(path, problems).values((_COMMAND, _CONFIG))
     said = {"command": command, "config": _usual_config(files), **own, **team.given}
+    has_sketches = any(each.suffix.lower() in SKETCH_ENDINGS for each in files.rglob("*"))
+    if has_sketches and _COMMAND.name not in {**own, **team.given} and not has_program(files, command):
+        said["command"] = ""
     return replace(team, command=said["command"], config=said["config"], problems=tuple(problems))
 
 
 def _usual_config(folder: Path) -> str:
-    """The usual place of a team's robot set; empty if it has none."""
+    """The usual place of a team's robot set; empty if it has none. With a wiring.toml in it the folder is
+    the set, as for --sketch."""
+    if (folder / WIRING_FILE).is_file():
+        return "."
     return next((name for name in USUAL_CONFIGS if (folder / name).exists()), "")
 
 

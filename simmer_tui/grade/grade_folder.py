@@ -24,7 +24,10 @@ from msgspec import Meta, Struct, structs
 from simmer_tui.config import mission_toml
 from simmer_tui.config.device_trust import DeviceUse
 from simmer_tui.config.loader import Configuration, load
+from simmer_tui.config.set_sketches import WIRING_FILE
 from simmer_tui.errors import ConfigurationError, GradeError, Problem, ProgramError
+from simmer_tui.grade.board_build import BoardBuild, BoardCompiler, kept_build
+from simmer_tui.grade.board_submission import sketches_to_compile
 from simmer_tui.grade.course import (
     LONG,
     PLAN_FILE,
@@ -32,6 +35,7 @@ from simmer_tui.grade.course import (
     TEAMS_FOLDER,
     USUAL_CONFIGS,
     Course,
+    Rules,
     Team,
     shown_name,
     submitted_team,
@@ -42,14 +46,18 @@ from simmer_tui.grade.submission import PROGRAM, SubmissionCheck, check_submissi
 from simmer_tui.grade.submission_copy import LARGEST_SUBMISSION, copy_submission
 from simmer_tui.grade.submission_folder import folder_of_program, take_folder, unpacking_advice
 from simmer_tui.grade.submission_reader import SubmissionReader
+from simmer_tui.grade.wiring_rules import missing_for_boards
 from simmer_tui.program.program_command import words_of
 from simmer_tui.sim.noise import SEED_BITS
+from simmer_tui.sketch.sketch_robot import compile_set
 from simmer_tui.trials.run import OUTPUT, PACKED_LOG
 from simmer_tui.trials.sequential import Decision, SequentialTest, sequential_test
 from simmer_tui.trials.store import RunStore, StoreKind, unbroken
 from simmer_tui.trials.trial import TrialResult, maze_faults, timed_seconds, with_clock
 
 COURSE, _RUNS = "course", "runs"
+_BOARDS = "boards"
+"""In a team's folder: its compiled sketches."""
 _MOST_NAMED = 5
 """Files of a team that are named as not copied; judged: a linked environment has thousands."""
 _CUT_OFF = "were not copied to the end: grade this team again with --regrade"
@@ -153,7 +161,7 @@ class GradeFolder:
         if base.settings.sensors.devices:
             names = ", ".join(base.settings.sensors.devices)
             raise GradeError(f"a grading runs no devices of a set's own: take {names} out of sensors.devices")
-        _check(base, reference(base, course.rules))
+        _check(base, reference(base, course.rules), course.rules)
         store = RunStore(path, _KIND)
         with store.made(), closing(SubmissionReader()) as reader:
             for name in (TEAMS_FOLDER, _RUNS):
@@ -213,7 +221,8 @@ class GradeFolder:
             seed=_run_seed(self.plan.seed, number),
             configuration=configuration,
             maze="",
-            command=entry.team.command,
+            # Sketches that no board of the course runs are no reason to run nothing.
+            command=entry.team.command or ("" if entry.check.sketches is not None else course.command),
             fixed_ports=isolation is not Isolation.NONE,
             time_limit=course.limits.time + timed_seconds(configuration),
             drawn_for=self._drawn_for,
@@ -223,6 +232,7 @@ class GradeFolder:
             limits=course.limits,
             read_only=course.read_only,
             image=course.image,
+            sketches=entry.check.sketches,
         )
 
     def home(self, team: Team) -> Path:
@@ -305,7 +315,8 @@ class GradeFolder:
                     continue
                 home = self.home(entry.team)
                 asked = (entry.team, home, self._base, self.course.rules)
-                needs_reader = bool(entry.team.config)
+                # A sketch alone is read too, where the course has boards.
+                needs_reader = bool(entry.team.config) or WIRING_FILE in self._base.files
                 try:
                     check = (
                         reader.call(check_submission, *asked) if needs_reader else check_submission(*asked)
@@ -316,6 +327,51 @@ class GradeFolder:
                     configuration = with_clock(check.configuration, self.course.clock)
                     check = replace(check, configuration=configuration)
                 entry.check = check
+        self._compile(entries)
+
+    def _compile(self, entries: Iterable[Entry]) -> None:
+        """Compile the sketches of teams with boards, in sandboxes. Raises GradeError if there can be none, or
+        without a compiler."""
+        asked = []
+        for entry in entries:
+            check, files = entry.check, self.home(entry.team) / PROGRAM
+            if check.sketches is None:
+                continue
+            if self.plan.isolation in (Isolation.DOCKER, Isolation.PODMAN):
+                engine = self.plan.isolation.value
+                what = f"boards have no sandbox of {engine} yet: grade with --isolation {Isolation.BWRAP}"
+                entry.check = SubmissionCheck(None, (Problem(WIRING_FILE, what),))
+            elif self.plan.isolation is Isolation.NONE:
+                entry.check = _compiled_here(check)
+            else:
+                goal = self.home(entry.team) / _BOARDS
+                sketches = sketches_to_compile(check.sketches.wiring, check.folder, files)
+                asked.append((entry, (files.resolve(), goal, sketches)))
+        # A grading that is resumed has them, and needs no compiler.
+        builds = [kept_build(goal) for _, (_, goal, _) in asked]
+        if None in builds:
+            builds = [*BoardCompiler(self.course.read_only).build_all([each for _, each in asked])]
+        for (entry, _), build in zip(asked, builds, strict=True):
+            assert build is not None, "all are compiled"
+            entry.check = _with_build(entry.check, build)
+
+
+def _compiled_here(check: SubmissionCheck) -> SubmissionCheck:
+    """A team's boards compiled with the access of this process, for `--isolation none`."""
+    assert check.sketches is not None, "it has boards"
+    try:
+        made = compile_set(check.sketches.wiring, check.folder)
+    except ConfigurationError as error:
+        return SubmissionCheck(None, error.problems)
+    return replace(check, sketches=made)
+
+
+def _with_build(check: SubmissionCheck, build: BoardBuild) -> SubmissionCheck:
+    """A team's boards with their compiled sketches."""
+    assert check.sketches is not None, "it has boards"
+    if build.problems:
+        return SubmissionCheck(None, build.problems)
+    return replace(check, sketches=structs.replace(check.sketches, built=build.built))
 
 
 def _changes_of(plan: GradePlan) -> tuple[bool, list[int]]:
@@ -330,13 +386,15 @@ def _run_seed(seed: int, number: int) -> int:
     return int.from_bytes(drawn[-(SEED_BITS // 8) :])
 
 
-def _check(base: Configuration, largest: Configuration) -> None:
+def _check(base: Configuration, largest: Configuration, rules: Rules) -> None:
     """Raises ConfigurationError if the course's set cannot be used for grading."""
     problems = []
     if base.mission is None:  # without a mission, success would be exit code 0, which needs no action
         problems.append(Problem(mission_toml.FILE, "is missing: success in a grading is to do its mission"))
     if not base.settings.sim:
         problems.append(Problem("sim", "grading is for the simulated robot"))
+    if rules.boards:
+        problems += [Problem("boards", what) for what in missing_for_boards(base, rules)]
     problems += [
         Problem("rules.size", f"with a robot as large as allowed: {what}") for what in maze_faults(largest)
     ]
@@ -362,7 +420,9 @@ def _kept(planned: PlannedTeam, path: Path, command: str, reader: SubmissionRead
             team = reader.call(submitted_team, team, files, command)
         else:
             team = submitted_team(team, files, command)
-        refused = _refusal(team, left_out) or unpacking_advice(files, team.command)
+        refused = _refusal(team, left_out)
+        if not refused and team.command:
+            refused = unpacking_advice(files, team.command)
     except GradeError as error:
         refused = str(error)
     not_copied = [f"{path} {reason}" for path, reason in islice(left_out.items(), _MOST_NAMED)]
@@ -384,7 +444,8 @@ def _refusal(team: Team, left_out: Mapping[str, str]) -> str:
     with suppress(ProgramError):  # its runs say so
         words = words_of(team.command)
     robots = (team.config,) if team.config else USUAL_CONFIGS
-    for name in map(PurePosixPath, (*words, TEAM_FILE, *robots)):
+    wirings = [str(PurePosixPath(each, WIRING_FILE)) for each in (".", *robots)]
+    for name in map(PurePosixPath, (*words, TEAM_FILE, *robots, *wirings)):
         for path in map(str, (name, *name.parents)):
             if path in left_out:
                 what = "which is not copied: submit a plain file or folder"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +16,8 @@ from simmer_tui.grade.container import Container
 from simmer_tui.grade.limits import Limits
 from simmer_tui.grade.sandbox import Isolation
 from simmer_tui.program import Keeper
+from simmer_tui.sketch.board_process import BoardProcess
+from simmer_tui.sketch.checked_board import CheckedBoard
 from simmer_tui.trials.run import Sandbox, TrialRun, Unconfined, fault_result
 from simmer_tui.trials.trial import Ending, Trial, TrialResult
 from simmer_tui.whole_file import write_whole
@@ -53,7 +56,13 @@ class GradeRun(TrialRun):
         """`folder` gets the log and the output of a run that fails, in a folder of the team, and the log of
         run `SHOWN_SUCCESS`."""
         (folder / trial.slug).mkdir(exist_ok=True)
-        super().__init__(trial, folder, sandbox=lambda: sandbox_of(trial, keeper), most_log=_LARGEST_LOG)
+        self._sandboxes: list[Sandbox] = []
+
+        def made() -> Sandbox:
+            self._sandboxes.append(sandbox_of(trial, keeper))
+            return self._sandboxes[-1]
+
+        super().__init__(trial, folder, sandbox=made, most_log=_LARGEST_LOG)
         self._most_output = int(trial.limits.output * 1000)
 
     def run(self) -> TrialResult:
@@ -64,6 +73,9 @@ class GradeRun(TrialRun):
         except (ConfigurationError, PlacementError, PortError) as error:
             failed = fault_result(self._trial, str(error))
             result = structs.replace(failed, ending=Ending.EXIT)
+        for each in self._sandboxes:
+            if isinstance(each, Bubblewrap) and each.boards.fault:
+                result = fault_result(self._trial, each.boards.fault)  # this machine's, not the team's
         if result.success:
             self._output_file.unlink(missing_ok=True)
             # The same mission for all teams: a page plays it for a team that passes, too.
@@ -94,6 +106,9 @@ class OpenCopy(Unconfined):
         home = Path(self._place.name, "robot")
         shutil.copytree(files, home)
         super().__init__(home, keeper)
+
+    def board(self, name: str, program: Path, options: Sequence[str]) -> BoardProcess:
+        return CheckedBoard(name, program, options)
 
     def close(self) -> None:
         self._place.cleanup()

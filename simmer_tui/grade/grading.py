@@ -18,6 +18,7 @@ from simmer_tui.grade.course import LONG, Course, absent, shown_name
 from simmer_tui.grade.grade_folder import Entry, GradeFolder
 from simmer_tui.grade.grade_run import GradeRun, GradeTrial
 from simmer_tui.grade.sandbox import Isolation
+from simmer_tui.sim.command import first_of
 from simmer_tui.trials.cluster import Files, PackedFile, itself, results_of, run_in_folders, unpack_files
 from simmer_tui.trials.local import run_locally
 from simmer_tui.trials.trial import Ending, TrialResult
@@ -29,6 +30,8 @@ if TYPE_CHECKING:
 _TRIES = 3
 """Attempts at a run in which the simulator, not the program, fails."""
 
+_MOST_NAMED = 5
+"""Teams that are named in a message."""
 RunSource = Callable[[Iterable[GradeTrial]], Generator[TrialResult, None, None]]
 """A function that does runs, and gives the result of each as soon as it is there."""
 
@@ -129,7 +132,12 @@ def missing_there(isolation: Isolation, image: str, read_only: Sequence[str]) ->
 
 
 def on_cluster(folder: GradeFolder, client: Client) -> RunSource:
-    """Runs on the workers of a cluster. Raises GradeError if one of them cannot sandbox programs."""
+    """Runs on the workers of a cluster. Raises GradeError if one of them cannot sandbox programs, or a team
+    has boards."""
+    boards = [shown_name(each.team.name) for each in folder.entries if each.check.sketches is not None]
+    if boards:
+        names = first_of(boards, _MOST_NAMED)
+        raise GradeError(f"boards run on this machine alone ({names}): resume without --dask")
     course = folder.course
     answers = client.run(missing_there, folder.plan.isolation, course.image, course.read_only)
     missing = {where: why for where, why in answers.items() if why}

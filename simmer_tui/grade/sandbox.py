@@ -22,9 +22,12 @@ from simmer_tui.links.ports import Listener, PortRequest
 from simmer_tui.program.control_program import RunningProgram
 from simmer_tui.program.program_command import with_hook, words_of
 from simmer_tui.program.program_output import ProgramOutput, reading
+from simmer_tui.sketch.board_host import close_process
 
 HOME, SANDBOXED_FILES, SANDBOXED_PACKAGE = "/robot/home", "/program", "/simmer"
 """In a sandbox: the program's own copy of its files, the original files, and our package."""
+ROOM = str(PurePosixPath(HOME).parent)
+"""In a sandbox: the folder that is as large as the limit of the disk."""
 HOOK = f"{SANDBOXED_PACKAGE}/simmer_tui/program/hook"
 """In a sandbox: the folder that is first on the path of a Python program with a clock of its own."""
 LAUNCHER = f"{SANDBOXED_PACKAGE}/simmer_tui/grade/launcher.py"
@@ -32,7 +35,7 @@ LAUNCHER = f"{SANDBOXED_PACKAGE}/simmer_tui/grade/launcher.py"
 # Both are in memory, and count towards the limits of memory and disk.
 SCRATCH = 16_000_000
 """Bytes of /tmp and of /dev/shm."""
-WRITABLE = ("/dev/shm", "/tmp", str(PurePosixPath(HOME).parent))
+WRITABLE = ("/dev/shm", "/tmp", ROOM)
 """In a sandbox of bubblewrap: the folders that are in memory."""
 # Bubblewrap takes milliseconds, a container a second; many at once take longer.
 ANSWER_TIMEOUT = 20.0
@@ -62,6 +65,8 @@ class LaunchedSandbox(ABC):
         self._program: RunningProgram | None = None
         self._supervisor: Supervisor | None = None
         self._group: ControlGroup | None = None
+        self._stdin = subprocess.DEVNULL
+        """Standard input of the program."""
 
     @abstractmethod
     def _launch(self) -> tuple[subprocess.Popen[bytes], socket.socket]:
@@ -109,12 +114,55 @@ class LaunchedSandbox(ABC):
     ) -> RunningProgram:
         """Start the program. Raises ProgramError."""
         process = self._open()
+        environment = with_hook(sandbox_environment(self._python) | dict(variables), HOOK)
+        meter = self._begin(command, words_of(command), environment, SANDBOXED_FILES, HOME)
+        assert process.stdout is not None, "its output is taken"
+        assert process.stderr is not None, "its output is taken"
+        with process.stdout as stdout, process.stderr as stderr:
+            reader = reading(output, os.dup(stdout.fileno()), os.dup(stderr.fileno()), on_line)
+        self._program = RunningProgram(process.wait, self._end, reader, on_end, _LAST)
+
+        def end(reason: str) -> None:
+            output.stderr.add(f"{reason}\n".encode())
+            on_line(reason)
+            self._kill()
+
+        self._supervise(process, meter, end)
+        return self._program
+
+    def start_piped(
+        self, words: Sequence[str], on_limit: Callable[[str], None], python_path: Sequence[str] = ()
+    ) -> subprocess.Popen[bytes]:
+        """Start a program whose standard input, output and errors are the pipes of the process returned.
+
+        It reads its files at `SANDBOXED_FILES`, and has no copy of them. `on_limit` is called with the limit
+        that it has exceeded before it is ended, in a thread of its own. `python_path` are more folders of
+        Python packages. Raises GradeError, ProgramError.
+        """
+        self._stdin = subprocess.PIPE
+        process = self._open()
+        environment = sandbox_environment(self._python) | {"HOME": ROOM, "TMPDIR": ROOM}
+        environment["PYTHONPATH"] = ":".join((SANDBOXED_PACKAGE, *python_path))
+        meter = self._begin(words[0], words, environment, "", ROOM)
+
+        def end(reason: str) -> None:
+            on_limit(reason)
+            self._kill()
+
+        self._supervise(process, meter, end)
+        return process
+
+    def _begin(
+        self, name: str, words: Sequence[str], environment: Mapping[str, str], files: str, home: str
+    ) -> list[socket.socket]:
+        """Order the launcher to start a program; returns the meter of its sockets, if there is one. Raises
+        GradeError, ProgramError."""
         order = {
-            "run": words_of(command),
-            "environment": with_hook(sandbox_environment(self._python) | dict(variables), HOOK),
+            "run": [*words],
+            "environment": environment,
             "uid": self._uid,
-            "files": SANDBOXED_FILES,
-            "home": HOME,
+            "files": files,
+            "home": home,
             "limits": self._resources,
         }
         meter = self._ask({"meter": 1})[1] if self._meters else []
@@ -122,27 +170,23 @@ class LaunchedSandbox(ABC):
         if "error" in answer:
             for each in meter:
                 each.close()
-            raise ProgramError(f"{command}: {answer['error']}")
-        assert process.stdout is not None, "its output is taken"
-        assert process.stderr is not None, "its output is taken"
-        with process.stdout as stdout, process.stderr as stderr:
-            reader = reading(output, os.dup(stdout.fileno()), os.dup(stderr.fileno()), on_line)
-        self._program = RunningProgram(process.wait, self._end, reader, on_end, _LAST)
+            raise ProgramError(f"{name}: {answer['error']}")
+        return meter
+
+    def _supervise(
+        self, process: subprocess.Popen[bytes], meter: list[socket.socket], end: Callable[[str], None]
+    ) -> None:
         if self._meters:
-
-            def end(reason: str) -> None:
-                output.stderr.add(f"{reason}\n".encode())
-                on_line(reason)
-                self._kill()
-
             limits, usage = self._limits, SandboxUsage(process.pid, meter[0] if meter else None, WRITABLE)
             self._supervisor = Supervisor(usage, self._group, limits.memory_bytes, limits.cpu, end)
-        return self._program
 
     def close(self) -> None:
         """Kill the processes in the sandbox, and wait until they have ended."""
         if self._program is not None:
             self._program.end()
+        elif self._process is not None and self._stdin == subprocess.PIPE:
+            self._end()
+            close_process(self._process)
         elif self._process is not None and self._process.returncode is None:
             self._kill()
             if self._link is not None:
@@ -179,7 +223,9 @@ class LaunchedSandbox(ABC):
             if "run" in order or isinstance(error, TimeoutError):
                 raise GradeError(f"the sandbox did not answer: {error}{self._last_output()}") from None
         sockets = [socket.socket(fileno=number) for number in numbers]
-        if not data and "listen" in order:
+        # The first order: of a program that is piped no port was taken before.
+        is_first = "listen" in order or ("meter" in order and self._stdin == subprocess.PIPE)
+        if not data and is_first:
             raise GradeError(f"the sandbox could not be made{self._last_output()}")
         return (json.loads(data) if data else {}), sockets
 

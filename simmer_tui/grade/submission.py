@@ -20,50 +20,75 @@ from simmer_tui.config.settings import ServerSettings, all_settings, settings_fr
 from simmer_tui.config.settings_file import Override, load_settings
 from simmer_tui.config.toml_file import TomlFile
 from simmer_tui.errors import ConfigurationError, Problem
+from simmer_tui.grade.board_submission import submitted_boards, takes_boards, wiring_source
 from simmer_tui.grade.course import ROBOT_FILES, Rules, Team
 from simmer_tui.grade.robot_rules import rule_problems
 from simmer_tui.sim.command import cut
 from simmer_tui.sim.specs import RobotSpec
 from simmer_tui.sim.values import CourseRule
+from simmer_tui.sketch.sketch_robot import SketchSet
+from simmer_tui.trials.trial import driven_by_boards
 
 PROGRAM, OWN_SET, _SET = "program", "own-set", "set"
 """In a team's folder: its files, the robot imported from them, and the set it is graded with."""
 _NAME = "the course's"
+_NO_BOARDS = (
+    "the course takes no boards: leave it out, and let the program drive the set's robot (boards = true in "
+    "course.toml would allow it)"
+)
 
 
 @dataclass(frozen=True, slots=True)
 class SubmissionCheck:
-    """A team's configuration, or the reasons why it has none."""
+    """A team's configuration, or the reasons why it has none. Boards have their `sketches`, which are not
+    compiled yet, and the `folder` from which their wiring names them."""
 
     configuration: Configuration | None
     problems: tuple[Problem, ...] = ()
+    sketches: SketchSet | None = None
+    folder: Path = Path()
 
 
 def check_submission(team: Team, home: Path, course: Configuration, rules: Rules) -> SubmissionCheck:
     """The configuration of a team whose files are kept in `home`: the course's, with its robot."""
+    files = home / PROGRAM
     try:
         own = _own_set(team, home)
+        source = wiring_source(own, files, course)
+        if source is not None and not takes_boards(rules, course):
+            return SubmissionCheck(None, (Problem(WIRING_FILE, _NO_BOARDS),))
         if own is None:
-            return SubmissionCheck(_without_a_name(course))
-        composed = _composed(home, own, course.directory, dialects=rules.dialects)
-        problems: list[Problem] = []
-        has_settings = (own / settings_file.FILE).is_file()
-        mine = load_settings(own, {}, problems).settings if has_settings else course.settings
-        if mine.sensors.devices:
-            names = ", ".join(mine.sensors.devices)
-            what = f"{names}: a grading runs no devices of a team's own; take them and their rows out"
-            return SubmissionCheck(None, (Problem(f"{settings_file.FILE}:{SETTING}", what),))
-        found = load(composed, _wheels(own) if rules.wheels and has_settings and not problems else {})
+            configuration = course
+        else:
+            configuration = _checked(own, _composed(home, own, course.directory, rules), course, rules)
+        configuration = _without_a_name(configuration)
+        if source is None:
+            return SubmissionCheck(configuration)
+        sketches = submitted_boards(source, files, configuration, course)
+        configuration = replace(configuration, files={**configuration.files, WIRING_FILE: source.text})
+        return SubmissionCheck(driven_by_boards(configuration), (), sketches, source.folder)
     except ConfigurationError as error:
         return SubmissionCheck(None, error.problems)
+
+
+def _checked(own: Path, composed: Path, course: Configuration, rules: Rules) -> Configuration:
+    """The course's configuration with a team's robot. Raises ConfigurationError if that breaks a rule."""
+    problems: list[Problem] = []
+    has_settings = (own / settings_file.FILE).is_file()
+    mine = load_settings(own, {}, problems).settings if has_settings else course.settings
+    if mine.sensors.devices:
+        names = ", ".join(mine.sensors.devices)
+        what = f"{names}: a grading runs no devices of a team's own; take them and their rows out"
+        raise ConfigurationError([Problem(f"{settings_file.FILE}:{SETTING}", what)])
+    found = load(composed, _wheels(own) if rules.wheels and has_settings and not problems else {})
     problems = [*rule_problems(rules, course, found), *problems]
     if problems:
-        return SubmissionCheck(None, tuple(problems))
+        raise ConfigurationError(problems)
     own_names = [item.name for item in all_settings() if item.course is CourseRule.FREE]
     if found.dialect is not None and TEAM not in mine.server.listeners:
         own_names.remove("server.listeners")  # as of any set with a dialect
     settings = settings_from({name: value_of(mine, name) for name in own_names}, found.settings)
-    return SubmissionCheck(_without_a_name(replace(found, settings=settings)))
+    return replace(found, settings=settings)
 
 
 def _wheels(own: Path) -> dict[str, Override]:
@@ -91,7 +116,7 @@ def _own_set(team: Team, home: Path) -> Path | None:
         raise ConfigurationError([Problem("config", "must lie in the team's folder")])
     if not given.exists():
         raise ConfigurationError([Problem("config", f'there is no "{cut(team.config)}"')])
-    if given.is_dir() and any((given / name).is_file() for name in (*ROBOT_FILES, DIALECT_FILE)):
+    if given.is_dir() and any((given / name).is_file() for name in (*ROBOT_FILES, DIALECT_FILE, WIRING_FILE)):
         return given
     goal = home / OWN_SET
     if goal.exists():
@@ -100,22 +125,16 @@ def _own_set(team: Team, home: Path) -> Path | None:
     return goal
 
 
-def _composed(home: Path, own: Path, course: Path, *, dialects: bool) -> Path:
-    """The course's set with the team's robot and, if the course accepts `dialects`, its dialect. Raises
+def _composed(home: Path, own: Path, course: Path, rules: Rules) -> Path:
+    """The course's set with the team's robot and, if the course accepts it, its dialect. Raises
     ConfigurationError."""
     has_dialect = (own / DIALECT_FILE).is_file()
-    if has_dialect and not dialects:
+    if has_dialect and not rules.dialects:
         what = (
             "the course takes no team's own language: let the program speak one of the course's protocols "
             "(dialects = true in course.toml would allow it)"
         )
         raise ConfigurationError([Problem(DIALECT_FILE, what)])
-    if (own / WIRING_FILE).is_file():
-        what = (
-            "a grading runs programs and no boards: leave it out, and let the program drive the set's robot "
-            "(a dialect.toml describes its language)"
-        )
-        raise ConfigurationError([Problem(WIRING_FILE, what)])
     goal = home / _SET
     if goal.exists():
         shutil.rmtree(goal)

@@ -79,6 +79,11 @@ def unpacking_advice(files: Path, command: str) -> str:
     return f"{word} is not there, but {f'{folder}/{word}'} is: submit what is in the folder {folder}"
 
 
+def has_program(files: Path, command: str) -> bool:
+    """True if a command names something in the folder, or something that is in another place than it says."""
+    return any(_has(files, word) for word in _words(command)) or bool(unpacking_advice(files, command))
+
+
 def _words(command: str) -> list[str]:
     """The words of a command that may name a file of the submission."""
     words: list[str] = []

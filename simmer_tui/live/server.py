@@ -56,7 +56,7 @@ if TYPE_CHECKING:  # Modules that only some runs need are imported in those.
     from simmer_tui.runlog.saved_runs import SavedRun
     from simmer_tui.runlog.writer import LineFile, ReplayedPrefix, RunLog
     from simmer_tui.sketch.board_link import BoardLink
-    from simmer_tui.sketch.sketch_robot import SketchRobot, SketchSet
+    from simmer_tui.sketch.sketch_robot import SketchRobot, SketchSet, StartBoard
 
 _T = TypeVar("_T")
 # An environment variable, since other users can read the arguments of a process.
@@ -97,6 +97,7 @@ class Server:
         simulator: Simulator | None = None,
         prefix: ReplayedPrefix | None = None,
         sketches: SketchSet | None = None,
+        start_board: StartBoard | None = None,
     ) -> None:
         """Take the ports and put the robot at its start. Raises PortError.
 
@@ -106,7 +107,8 @@ class Server:
         `robot_link` opens the connection to a real robot, by default its serial port. With a `plan` the run
         is a mission; configuration and plan come from `plan_run`. With a `prefix` the robot is `simulator`,
         and the events of the prefix are passed to watchers before `start`. With `sketches` the team's boards
-        drive it; the configuration is that of `with_boards`.
+        drive it; the configuration is that of `with_boards`. `start_board` starts them, by default with the
+        access of this process.
         """
         settings = configuration.settings
         self.configuration = configuration
@@ -145,6 +147,7 @@ class Server:
         self._listeners: dict[str, Listener] = {}
         self.sketches = sketches
         """The compiled sketches of the boards, if the robot is driven by them."""
+        self._start_board = start_board
         self.boards: SketchRobot | None = None
         """The boards, once they run."""
         self.boards_ended: Callable[[], None] = lambda: None
@@ -719,7 +722,7 @@ class Server:
         """Start the boards: from now on simulated time passes with them."""
         from simmer_tui.sketch.sketch_robot import TICK, SketchRobot
 
-        boards = self.boards = SketchRobot(sketches, self.engine)
+        boards = self.boards = SketchRobot(sketches, self.engine, start_board=self._start_board)
         for name, built in sketches.built.items():
             for warning in built.warnings:
                 self.engine.tell(Notice(NoticeKind.ROBOT, f"board {name}: {warning}"))

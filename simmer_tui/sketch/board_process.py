@@ -5,10 +5,8 @@ from __future__ import annotations
 import contextlib
 import os
 import re
-import shutil
 import signal
 import struct
-import subprocess
 import sys
 import threading
 import time
@@ -18,9 +16,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from simmer_tui import platform_has
-from simmer_tui.errors import BoardError
-from simmer_tui.sketch.build import RUNTIME_NAME
-from simmer_tui.sketch.compiler import links_at_fixed_addresses
+from simmer_tui.errors import BoardError, SimmerError, reason_of
+from simmer_tui.sketch.board_host import BoardHost, BoardStart, LocalBoard
+from simmer_tui.sketch.sketch_lines import SketchLines
 
 _REQUEST = struct.Struct("<QBBHiIIQII")
 _GRANT = struct.Struct("<QdII")
@@ -33,12 +31,13 @@ SILENT = 5.0
 _LOOKS = 10
 """Looks at a board in this time. They do not happen while the simulator itself is suspended."""
 _CAUSES: dict[int, str] = {
+    0: "its sketch called exit()",
     signal.SIGSEGV: "it used memory that is not its own, or its stack is full",
     signal.SIGFPE: "it divided by zero",
     signal.SIGABRT: "it gave up",
 }
-"""Causes of a board's death by its signal."""
-if sys.platform != "win32":
+"""Causes of a board's death by its signal; 0 is none."""
+if sys.platform != "win32" and platform_has.POSIX:
     _CAUSES[signal.SIGBUS] = _CAUSES[signal.SIGSEGV]  # bad memory on macOS
 NEVER = 1 << 62
 """A time that no board reaches."""
@@ -150,28 +149,31 @@ class BoardProcess:
         wait: the call in which it waits, if it does; its end is not known.
     """
 
-    def __init__(self, name: str, program: Path, options: Sequence[str]) -> None:
+    def __init__(
+        self,
+        name: str,
+        program: Path,
+        options: Sequence[str],
+        start: BoardStart = LocalBoard,
+        lines: SketchLines | None = None,
+    ) -> None:
+        """Start the board. A failure is told when it is received from."""
         self.name = name
         self.now = 0
         self.reason = self.query = self.pin = self.waited = self.place = 0
         self.wait: BoardWait | None = None
-        self._program = program
-        self._lines: dict[int, str] = {}
-        self._process = subprocess.Popen(
-            [str(program), *options],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            bufsize=0,
-        )
-        assert self._process.stdin is not None
-        assert self._process.stdout is not None
-        self._input = self._process.stdin.fileno()
-        self._output = self._process.stdout.fileno()
+        self.line_of = (lines or SketchLines(program)).line_of
+        self._horizon = 0
         self._waits_since = 0.0
         self._silence = BoardSilence()
         self._is_hung = False
         self.exchanges = 0
+        self._host: BoardHost | None = None
+        self._not_started = ""
+        try:
+            self._host = start(program, options)
+        except (OSError, SimmerError) as error:
+            self._not_started = f"board {name} could not be started: {reason_of(error)}"
 
     @property
     def pid(self) -> int:
@@ -179,7 +181,8 @@ class BoardProcess:
         return self._process.pid
 
     def receive(self) -> list[BoardRecord]:
-        """Wait until the board stops again. Returns its records. Raises BoardError if it died or hangs."""
+        """Wait until the board stops again. Returns its records. Raises BoardError if it was not started, has
+        died or hangs."""
         self._waits_since = time.monotonic()
         # The board sends one request with its records, mostly in one piece, and waits for a grant.
         data = self._read_more(b"", _REQUEST.size)
@@ -198,56 +201,59 @@ class BoardProcess:
 
     def _read_more(self, data: bytes, size: int) -> bytes:
         """The data with what follows, of this size at least."""
+        host = self._host
+        if host is None:
+            raise BoardError(self._not_started)
         while len(data) < size:
-            more = os.read(self._output, _LARGEST_READ)
+            more = os.read(host.output, _LARGEST_READ)
             if not more:
-                raise BoardError(self._end())
+                raise BoardError(self._end(host))
             data += more
         return data
 
     def grant(self, horizon: int, events: Iterable[BoardEvent], answer: float, flags: int) -> None:
         """Let the board continue to a horizon, nanoseconds. The events replace those of the last grant."""
+        host = self._host
+        assert host is not None, "a board that was not started has asked for nothing"
+        self._horizon = horizon
         pack = _RECORD.pack
         parts = [pack(time, kind, pin, 0, value) for time, kind, pin, value in events]
         data = _GRANT.pack(horizon, answer, len(parts), flags) + b"".join(parts)
+        # A board that reads no grants fills the pipe: that is a silence too.
+        self._waits_since = time.monotonic()
         with contextlib.suppress(OSError):  # it has died, which the next read tells
             while data:
-                data = data[os.write(self._input, data) :]
+                data = data[os.write(host.input, data) :]
 
     def look(self, now: float) -> None:
         """End the board if it has been silent for too long; any thread may call it."""
         since = self._waits_since
-        if self._silence.is_too_long(since, now):
+        if self._host is None or not self._silence.is_too_long(since, now):
+            return
+        if self._is_hung:  # a sketch may have a handler of its own
+            self._host.kill()
+        else:
             self._is_hung = True
-            # Its handler tells where it is. Windows has no such signal for processes.
-            self._waits_since = 0.0
-            if platform_has.POSIX:
-                self._process.send_signal(signal.SIGABRT)
-            else:
-                self._process.kill()
+            self._waits_since = now
+            self._host.interrupt()
 
     def close(self) -> None:
         """End the process."""
-        process = self._process
-        process.kill()
-        for pipe in (process.stdin, process.stdout, process.stderr):
-            if pipe is not None:
-                with contextlib.suppress(OSError):
-                    pipe.close()
-        process.wait()
+        if self._host is not None:
+            self._host.close()
 
-    def _end(self) -> str:
+    def _end(self, host: BoardHost) -> str:
         """The sentence about the end of the process."""
-        process = self._process
-        assert process.stderr is not None
-        told = process.stderr.read().decode("utf-8", "replace")
-        code = process.wait()
-        died = re.search(r"simmer-board died (\d+) (\d+) (\d+) (\d+)", told)
+        told, ended = host.end()
+        if not self.exchanges and not told and not self._is_hung:
+            return f"board {self.name} could not be started: {ended}"
+        died = re.search(r"simmer-board died (\d{1,3}) (\d{1,10}) (\d{1,10}) (\d{1,10})\n", told)
         # Where it died may be a function of C; the last block is the sketch's own.
         places = (int(died[2]) + 1, int(died[3])) if died else (self.place,)
         at = next((line for line in map(self.line_of, places) if line), "")
         if died:
-            self.now = max(self.now, int(died[4]) * 1000)
+            # Up to its last grant: a board cannot have gone farther.
+            self.now = max(self.now, min(int(died[4]) * 1000, self._horizon))
         where = f" at {at}" if at else ""
         clock = f"after {self.now / 1e9:.6g} s"
         if self._is_hung:
@@ -255,35 +261,8 @@ class BoardProcess:
                 f"board {self.name} hangs{where} {clock}: it has done nothing for {SILENT:g} s of real time"
             )
         if died:
-            cause = _CAUSES.get(int(died[1]), f"signal {died[1]}")
-            return f"board {self.name} died{where} {clock}: {cause}"
-        return f"board {self.name} died{where} {clock}: exit code {code}"
-
-    def line_of(self, place: int) -> str:
-        """The line of the sketch, `robot.ino:12`, at the address of a block; empty if it is not known."""
-        found = self._lines.get(place)
-        if found is None:
-            found = self._lines[place] = self._found_line(place)
-        return found
-
-    def _found_line(self, place: int) -> str:
-        tool = shutil.which("addr2line")
-        if tool is None or not place or not links_at_fixed_addresses():
-            return ""
-        try:
-            done = subprocess.run(
-                [tool, "-i", "-e", str(self._program), hex(place - 1)],
-                capture_output=True,
-                text=True,
-                timeout=SILENT,
-                check=False,
-            )
-        except (OSError, subprocess.SubprocessError):
-            return ""
-        # A function of the runtime that was inlined comes before the line that calls it.
-        own = [each for each in done.stdout.splitlines() if RUNTIME_NAME not in each and "?" not in each]
-        found = re.match(r"(?:.*/)?([^/:]+?)(?:(?<=\.ino)\.cpp)?:(\d+)", own[0]) if own else None
-        return f"{found[1]}:{found[2]}" if found else ""
+            ended = _CAUSES.get(int(died[1]), f"signal {died[1]}")
+        return f"board {self.name} died{where} {clock}: {ended}"
 
 
 class Watchdog:

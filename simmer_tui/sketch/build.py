@@ -31,6 +31,8 @@ RUNTIME = Path(__file__).parent / "arduino"
 RUNTIME_NAME = "<runtime>"
 """Folder of the runtime in a build's debugging information, which may have been made by another
 installation."""
+BOARD_PROGRAM, _WARNINGS_FILE = "board.exe", "warnings.txt"
+"""In the folder of a build: the compiled sketch, and what its compiler told."""
 MOST_ERRORS = 3
 """Errors of the compiler that are shown: later ones mostly follow from the first."""
 _COMPILED = frozenset((".c", ".cpp", ".cc", ".cxx"))
@@ -69,6 +71,8 @@ _BAUDS = frozenset(
     )
 )
 _USUAL_BAUD = 9600
+_NO_REASONS = ("Please ", "See ", "compilation terminated")
+"""Beginnings of lines of gcc that follow the reason."""
 _WARNINGS = {
     "-Woverflow": "this number does not fit",
     "-Wconstant-conversion": "this number does not fit",
@@ -114,24 +118,43 @@ def build_sketch(sketch: Path, kind: BoardKind, place: str = "") -> BuiltSketch:
     where = place or str(sketch)
     if compiler is None:
         raise ConfigurationError([Problem(where, NO_COMPILER)])
-    files = main_files(sketch)
-    if not files:
-        raise ConfigurationError([Problem(where, f"{sketch.name} has no .ino file")])
-    sources = list(_sources(sketch, files))
-    digest = _digest_of([*files, *(each.path for each in sources)])
+    files, sources, digest = _read(sketch, where)
     key = hashlib.sha256(
         "\0".join((digest, kind.macro, compiler.identity, _runtime_digest(), *_FLAGS)).encode()
     ).hexdigest()
     folder = build_folder() / f"{files[0].stem}-{key[:20]}"
-    program = folder / "board.exe"
     try:
-        if not program.exists():
-            _compile(compiler, kind, files, sources, folder)
-        told = (folder / "warnings.txt").read_text(encoding="utf-8").splitlines()
+        if not (folder / BOARD_PROGRAM).exists():
+            _compile_to_cache(compiler, kind, files, sources, folder)
+        return _built(folder, digest)
     except OSError as error:
         what = f"the compiled sketch cannot be used: {reason_of(error)}. Delete what is there, or make room"
         raise ConfigurationError([Problem(str(error.filename or folder), what)]) from None
-    return BuiltSketch(program, digest[:16], tuple(told))
+
+
+def compile_sketch(
+    compiler: Compiler, sketch: Path, kind: BoardKind, place: str, runtime: Path, folder: Path
+) -> BuiltSketch:
+    """Compile a sketch in an empty folder, with a `runtime` that is compiled already. Raises
+    ConfigurationError, OSError."""
+    files, sources, digest = _read(sketch, place)
+    _compile(compiler, kind, files, sources, runtime, folder)
+    return _built(folder, digest)
+
+
+def _read(sketch: Path, where: str) -> tuple[list[Path], list[_Source], str]:
+    """The .ino files of a sketch, its other sources, and the hash of all of them. Raises
+    ConfigurationError."""
+    files = main_files(sketch)
+    if not files:
+        raise ConfigurationError([Problem(where, f"{sketch.name} has no .ino file")])
+    sources = list(_sources(sketch, files))
+    return files, sources, _digest_of([*files, *(each.path for each in sources)])
+
+
+def _built(folder: Path, digest: str) -> BuiltSketch:
+    told = (folder / _WARNINGS_FILE).read_text(encoding="utf-8").splitlines()
+    return BuiltSketch(folder / BOARD_PROGRAM, digest[:16], tuple(told))
 
 
 def fastest_baud(sketch: Path) -> int:
@@ -239,40 +262,50 @@ def _runtime_digest() -> str:
 # -- compiling ----------------------------------------------------------------------------------------
 
 
-def _compile(
+def _compile_to_cache(
     compiler: Compiler, kind: BoardKind, files: Sequence[Path], sources: Sequence[_Source], folder: Path
 ) -> None:
     """Compile a sketch into a folder, which appears when all of it is done. Raises ConfigurationError."""
     folder.parent.mkdir(parents=True, exist_ok=True)
-    known = _known_headers(sources)
     with tempfile.TemporaryDirectory(dir=folder.parent, prefix="build-") as name:
-        work = Path(name)
-        # Arduino's build names it so too. Debuggers take the name of the unit for that of its first file.
-        main = f"{files[0].name}.cpp"
-        (work / main).write_text(_with_names(joined_source(files), known, sources), encoding="utf-8")
-        for each in sources:
-            target = work / each.name
-            target.parent.mkdir(parents=True, exist_ok=True)
-            own = None if each.name.startswith("libraries/") else known
-            text = f'#line 1 "{each.name}"\n{_with_names(board_source(sketch_text(each.path)), own, sources)}'
-            if target.suffix in _COMPILED:
-                text = f'#include "Arduino.h"\n{text}'
-            target.write_text(text, encoding="utf-8")
-        units = [main, *(each.name for each in sources if Path(each.name).suffix in _COMPILED)]
-        told: list[str] = []
-        objects = []
-        for number, unit in enumerate(units):
-            made = f"{number}.o"
-            flags = [*_flags(kind), *_instrumented(compiler), *_include_paths(work, sources)]
-            told += _run(compiler, [*flags, "-x", "c++", "-c", unit, "-o", made], work, files)
-            objects.append(made)
-        runtime = _runtime_object(compiler, kind)
-        fixed = ["-no-pie"] if links_at_fixed_addresses() else []
-        _run(compiler, [*fixed, *objects, str(runtime), "-o", "board.exe"], work, files)
-        (work / "warnings.txt").write_text("\n".join(told), encoding="utf-8")
-        for made in objects:
-            (work / made).unlink()
-        _move(work, folder)
+        _compile(compiler, kind, files, sources, runtime_object(compiler, kind), Path(name))
+        _move(Path(name), folder)
+
+
+def _compile(
+    compiler: Compiler,
+    kind: BoardKind,
+    files: Sequence[Path],
+    sources: Sequence[_Source],
+    runtime: Path,
+    work: Path,
+) -> None:
+    """Compile a sketch in a folder. Raises ConfigurationError."""
+    known = _known_headers(sources)
+    # Arduino's build names it so too. Debuggers take the name of the unit for that of its first file.
+    main = f"{files[0].name}.cpp"
+    (work / main).write_text(_with_names(joined_source(files), known, sources), encoding="utf-8")
+    for each in sources:
+        target = work / each.name
+        target.parent.mkdir(parents=True, exist_ok=True)
+        own = None if each.name.startswith("libraries/") else known
+        text = f'#line 1 "{each.name}"\n{_with_names(board_source(sketch_text(each.path)), own, sources)}'
+        if target.suffix in _COMPILED:
+            text = f'#include "Arduino.h"\n{text}'
+        target.write_text(text, encoding="utf-8")
+    units = [main, *(each.name for each in sources if Path(each.name).suffix in _COMPILED)]
+    told: list[str] = []
+    objects = []
+    for number, unit in enumerate(units):
+        made = f"{number}.o"
+        flags = [*_flags(kind), *_instrumented(compiler), *_include_paths(work, sources)]
+        told += _run(compiler, [*flags, "-x", "c++", "-c", unit, "-o", made], work, files)
+        objects.append(made)
+    fixed = ["-no-pie"] if links_at_fixed_addresses() else []
+    _run(compiler, [*fixed, *objects, str(runtime), "-o", BOARD_PROGRAM], work, files)
+    (work / _WARNINGS_FILE).write_text("\n".join(told), encoding="utf-8")
+    for made in objects:
+        (work / made).unlink()
 
 
 def _move(made: Path, target: Path) -> None:
@@ -282,15 +315,16 @@ def _move(made: Path, target: Path) -> None:
         Path(f"{target}.{os.getpid()}").rename(target)
     except OSError:
         shutil.rmtree(f"{target}.{os.getpid()}", ignore_errors=True)
-        if not (target / "board.exe").exists():
+        if not (target / BOARD_PROGRAM).exists():
             raise
 
 
-def _runtime_object(compiler: Compiler, kind: BoardKind) -> Path:
-    """The runtime, compiled for a kind of board."""
+def runtime_object(compiler: Compiler, kind: BoardKind) -> Path:
+    """The runtime, compiled for a kind of board. Raises ConfigurationError, OSError."""
     key = hashlib.sha256(f"{_runtime_digest()}\0{compiler.identity}\0{kind.macro}".encode()).hexdigest()
     made = build_folder() / f"runtime-{key[:20]}.o"
     if not made.exists():
+        made.parent.mkdir(parents=True, exist_ok=True)
         part = made.with_suffix(f".{os.getpid()}.o")
         _run(
             compiler, [*_flags(kind), "-O2", "-c", str(RUNTIME / "runtime.cpp"), "-o", str(part)], RUNTIME, ()
@@ -393,7 +427,8 @@ def _errors(output: str, compiler: Compiler, files: Sequence[Path]) -> Iterator[
     if not seen:
         undefined = re.search(r"undefined (?:reference to|symbol:?) [`'\"]?([^'\"\n]+)", output)
         twice = re.search(r"(?:multiple definition of|duplicate symbol:?) [`'\"]?([^'\"\n]+)", output)
-        what = (output.strip().splitlines() or ["it printed nothing"])[-1]
+        lines = [each for each in output.strip().splitlines() if not each.startswith(_NO_REASONS)]
+        what = (lines or ["it printed nothing"])[-1]
         if undefined is not None:
             what = f"{undefined[1]} is used, and defined nowhere"
         elif twice is not None:

@@ -5,7 +5,7 @@ Only for the robot's thread. Nobody else drives: console and programs over TCP m
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
 from msgspec import Struct
@@ -92,6 +92,10 @@ _MOST_LATE = 0.5
 _ENDED = "the boards have ended: "
 
 
+StartBoard = Callable[[str, Path, Sequence[str]], BoardProcess]
+"""A function that starts a board by its name, its compiled sketch and the sketch's options."""
+
+
 class SketchSet(Struct, frozen=True):
     """A set's wiring with its compiled sketches, by the board's name."""
 
@@ -170,9 +174,17 @@ class SentMessages:
 class SketchRobot(LockstepWorld):
     """The boards of a run, and what is wired to them. A `Backend` for the commands of others."""
 
-    def __init__(self, sketches: SketchSet, engine: Engine, slice_length: int = BOARD_SLICE) -> None:
+    def __init__(
+        self,
+        sketches: SketchSet,
+        engine: Engine,
+        slice_length: int = BOARD_SLICE,
+        start_board: StartBoard | None = None,
+    ) -> None:
+        """`start_board` starts the boards, by default as processes with the access of this one."""
         self.engine = engine
         self._set = sketches
+        self._start_board: StartBoard = start_board or BoardProcess
         self._slice = slice_length
         self._processor = SharedProcessor()
         self._session = engine.session(answer_at_end=False, lane="boards")
@@ -204,6 +216,7 @@ class SketchRobot(LockstepWorld):
 
     def _start(self) -> None:
         """Start the boards at time 0."""
+        self._is_over = False
         wheels = self.engine.simulator.spec.wheels
         self._wrong = list(wrong_functions(self._set.wiring, wheels, self._set.facts))
         """Functions that move the robot otherwise than they are named, until that is told."""
@@ -240,7 +253,7 @@ class SketchRobot(LockstepWorld):
             if pins:
                 options += [option, ",".join(map(str, sorted(pins)))]
         self._options[name] = options
-        process = BoardProcess(name, self._set.built[name].program, options)
+        process = self._start_board(name, self._set.built[name].program, options)
         board = Board(name, process, BITS_OF_A_BYTE * SECOND // self._set.bauds[name])
         board.driving = frozenset(driving)
         board.encoders = [self._encoders[each.label] for each in sensors if isinstance(each, WiredEncoder)]
@@ -269,7 +282,7 @@ class SketchRobot(LockstepWorld):
             return
         board.process.close()
         options = [*self._options[board.name], "--boot", str(now)]
-        process = BoardProcess(board.name, self._set.built[board.name].program, options)
+        process = self._start_board(board.name, self._set.built[board.name].program, options)
         self._watchdog.replace(board.process, process)
         process.now = now
         board.process = process
@@ -284,7 +297,8 @@ class SketchRobot(LockstepWorld):
             self.changed(board, board.driving)
 
     def close(self) -> None:
-        """End the boards."""
+        """End the boards. By the real clock they may still be asked for the present time."""
+        self._is_over = True
         self._watchdog.close()
         for each in self.boards.values():
             each.process.close()
@@ -305,7 +319,7 @@ class SketchRobot(LockstepWorld):
     def run_to(self, until: float) -> float:
         """Let the boards run to a simulated time, seconds. Returns the time that they have reached."""
         # A restart has set the simulator back already; the boards follow once it is told.
-        if self._running or round(until * SECOND) < self._world.time:
+        if self._running or self._is_over or round(until * SECOND) < self._world.time:
             return until
         if self.failed:
             self._world.advance(round(until * SECOND))

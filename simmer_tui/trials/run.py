@@ -7,12 +7,12 @@ import os
 import queue
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import partial
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from msgspec import structs
 
@@ -35,6 +35,9 @@ from simmer_tui.sim.command import cut
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.trials.trial import REAL, Ending, Trial, TrialResult, prepare, run_clock, with_clock
 from simmer_tui.whole_file import write_whole
+
+if TYPE_CHECKING:
+    from simmer_tui.sketch.board_process import BoardProcess
 
 PACKED_LOG, OUTPUT, _MAZE = f"{LOG}{PACKED}", ".txt", ".maze.csv"
 """Name endings of a run's compressed log, of its program's output and of a maze of its own."""
@@ -64,6 +67,9 @@ class Sandbox(Protocol):
     ) -> RunningProgram:
         """Start the program, as `Program` does. Raises ProgramError."""
 
+    def board(self, name: str, program: Path, options: Sequence[str]) -> BoardProcess:
+        """Start a board. A failure is told when it is received from."""
+
     def close(self) -> None:
         """Remove all of it."""
 
@@ -76,6 +82,11 @@ class Unconfined:
     def __init__(self, folder: Path | None, keeper: Keeper | None) -> None:
         # A worker with a keeper does one run after the other; on a cluster the process also does other work.
         self.start = partial(Program, folder=folder, keeper=keeper, adopts=keeper is not None)
+
+    def board(self, name: str, program: Path, options: Sequence[str]) -> BoardProcess:
+        from simmer_tui.sketch.board_process import BoardProcess
+
+        return BoardProcess(name, program, options)
 
     def close(self) -> None:
         pass
@@ -135,7 +146,14 @@ class TrialRun:
         started, used = time.perf_counter(), time.process_time()
         self._sandbox = self._new_sandbox()
         try:
-            server = Server(configuration, plan=plan, take=self._sandbox.take, sketches=self._trial.sketches)
+            sketches = self._trial.sketches
+            server = Server(
+                configuration,
+                plan=plan,
+                take=self._sandbox.take,
+                sketches=sketches,
+                start_board=None if sketches is None else self._sandbox.board,
+            )
             simulator, history = server.simulator, server.keep_history()
             try:
                 end = self._drive(server, configuration)

@@ -65,7 +65,7 @@ def test_a_wiring_is_refused_by_name(check: Callable[..., SubmissionCheck], tmp_
     (tmp_path / "team" / "config").mkdir(parents=True)
     (tmp_path / "team" / "config" / "wiring.toml").write_text("[boards]\n", "utf-8")
     (problem,) = check(DIALECT, dialects=True).problems
-    assert str(problem).startswith("wiring.toml: a grading runs programs and no boards")
+    assert str(problem).startswith("wiring.toml: the course takes no boards: leave it out")
 
 
 def test_without_that_it_is_refused(check: Callable[..., SubmissionCheck]) -> None:

@@ -12,7 +12,7 @@ from simmer_tui.sketch.board_process import SILENT, BoardSilence
 from simmer_tui.sketch.boards import BOARDS, MEGA, BoardKind
 from simmer_tui.sketch.build import RUNTIME
 from simmer_tui.sketch.compiler import find_compiler
-from tests.sketch.rovers import MOTORS, ROVER, made_set
+from tests.sketch.rovers import MOTORS, ROVER, STOPPABLE, Boards, made_set
 from tests.sketch.running import BoardRun, run_boards
 
 SONAR = '[[sensors]]\nboard = "rover"\npart = "hc-sr04"\ncode = "u1"\ntrig = 8\necho = 8\n'
@@ -83,6 +83,19 @@ def test_calls_do_what_the_core_and_its_libraries_do(tmp_path: Path) -> None:
     # The level that was written before the pin was an output drives the motor.
     start = run(tmp_path / "n", "!").pose
     assert run(tmp_path / "h", "h").pose != start
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(find_compiler() is None, reason="there is no C++ compiler")
+def test_boards_that_are_closed_may_be_asked_for_the_present_time(tmp_path: Path) -> None:
+    """By the real clock a run looks at it until its loop has ended."""
+    boards = Boards(made_set(tmp_path / "set", ROVER + MOTORS, {"rover.ino": STOPPABLE}))
+    boards.run_to(0.1)
+    boards.robot.close()
+    assert boards.robot.run_to(9.0) == 9.0
+    assert boards.robot.catch_up(9.5)
+    assert (boards.robot.failed, boards.simulator.time) == ("", 0.1)
+    boards.close()
 
 
 def test_silence_is_counted_while_the_simulator_runs() -> None:

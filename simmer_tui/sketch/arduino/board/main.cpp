@@ -80,6 +80,9 @@ void died(int number) { report_death(number, 0); }
 void listen_for_death(int number) { std::signal(number, died); }
 #endif
 
+// A sketch that calls exit(): the board has no system to go back to.
+void left() { report_death(0, 0); }
+
 // "--drives 5,6,7": the pins of a list, each passed to a function.
 void for_pins(const char* list, void (*mark)(int)) {
   for (const char* at = list; *at;) {
@@ -101,6 +104,7 @@ int main(int count, char** arguments) {
     if (!std::strcmp(arguments[at], "--boot")) board::boot = std::strtoull(arguments[at + 1], nullptr, 10);
     if (!std::strcmp(arguments[at], "--asked")) for_pins(arguments[at + 1], board::mark_asked);
   }
+  std::atexit(left);
   std::signal(SIGINT, SIG_IGN);  // Ctrl-C is for the simulator, which ends its boards
   board::open_channel();
   board::now = board::boot;

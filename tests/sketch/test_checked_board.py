@@ -1,0 +1,203 @@
+"""Messages of a board that no runtime could send: it ends, and nothing of them reaches the robot."""
+
+from __future__ import annotations
+
+import os
+import struct
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import pytest
+
+from simmer_tui.errors import BoardError, ProgramError
+from simmer_tui.sketch.board_host import BoardHost
+from simmer_tui.sketch.board_process import BoardProcess, BoardRecord, Query, Reason, Told
+from simmer_tui.sketch.checked_board import CheckedBoard
+
+_REQUEST = struct.Struct("<QBBHiIIQII")
+_RECORD = struct.Struct("<QBBHi")
+_HORIZON = 20_000_000
+
+
+class Pipes:
+    """A board without a process: what it tells is written by the test (`BoardHost`)."""
+
+    def __init__(self) -> None:
+        self.output, self.told = os.pipe()
+        self.given, self.input = os.pipe()
+        self.words, self.calls = "", list[str]()
+
+    def interrupt(self) -> None:
+        self.calls.append("interrupt")
+
+    def kill(self) -> None:
+        self.calls.append("kill")
+
+    def end(self) -> tuple[str, str]:
+        return self.words, "exit code 7"
+
+    def close(self) -> None:
+        self.hang_up()
+        for each in (self.output, self.given, self.input):
+            os.close(each)
+
+    def hang_up(self) -> None:
+        """End what it tells."""
+        if self.told >= 0:
+            os.close(self.told)
+        self.told = -1
+
+
+@pytest.fixture
+def pipes() -> Iterator[Pipes]:
+    made = Pipes()
+    yield made
+    made.close()
+
+
+def request(
+    now: int,
+    *records: BoardRecord,
+    reason: int = Reason.HORIZON,
+    query: int = 0,
+    wait: tuple[int, int] = (0, 0),
+) -> bytes:
+    begin, kind = wait
+    head = _REQUEST.pack(now, reason, query, len(records), 0, 0, 0, begin, 0, kind)
+    return head + b"".join(_RECORD.pack(*each) for each in records)
+
+
+def record(kind: int, value: int = 0, time: int = 100, pin: int = 5) -> BoardRecord:
+    return BoardRecord(time, kind, pin, 0, value)
+
+
+Begun = Callable[..., BoardProcess]
+
+
+@pytest.fixture
+def begun(pipes: Pipes) -> Begun:
+    def make(kind: type[BoardProcess] = CheckedBoard) -> BoardProcess:
+        def start(program: Path, options: Sequence[str]) -> BoardHost:
+            return pipes
+
+        board = kind("rover", Path("rover.exe"), [], start)
+        os.write(pipes.told, request(0))
+        assert board.receive() == []
+        board.grant(_HORIZON, [], 0.0, 0)
+        return board
+
+    return make
+
+
+@pytest.mark.parametrize(
+    "fine",
+    [
+        request(_HORIZON),
+        request(100, record(Told.LEVEL, 1), record(Told.DUTY, 255), record(Told.MODE, 2)),
+        request(100, record(Told.BYTE, 65, 9_000), record(Told.BYTE, 66, 13_000), reason=Reason.SENT),
+        request(100, record(Told.WAITED, 7, 0, pin=1), record(Told.UNTIL)),
+        request(100, reason=Reason.QUERY, query=Query.ANALOG, wait=(90, 1)),
+    ],
+)
+def test_what_boards_tell_is_taken(begun: Begun, pipes: Pipes, fine: bytes) -> None:
+    board = begun()
+    os.write(pipes.told, fine)
+    assert len(board.receive()) == (len(fine) - _REQUEST.size) // _RECORD.size
+
+
+@pytest.mark.parametrize(
+    ("told", "what"),
+    [
+        (request(_HORIZON + 1), "its clock went where it may not"),
+        (request(1 << 63), "its clock went where it may not"),
+        (request(100, reason=9), "it asked what no board asks"),
+        (request(100, query=9), "it asked what no board asks"),
+        (request(100, wait=(0, 9)), "it waits as no board does"),
+        (request(100, wait=(101, 1)), "it waits as no board does"),
+        # A pin that is high for a thousand times the time would turn its wheel as much faster.
+        (request(100, record(Told.LEVEL, 1000)), "it told 1000 as LEVEL"),
+        (request(100, record(Told.DUTY, 256)), "it told 256 as DUTY"),
+        (request(100, record(Told.DUTY, -1)), "it told -1 as DUTY"),
+        (request(100, record(Told.BYTE, -1)), "it told -1 as BYTE"),
+        (request(100, record(Told.BAUD, 0)), "it told 0 as BAUD"),
+        (request(100, record(99)), "it told 0 as 99"),
+        (request(100, record(Told.LEVEL, 1, pin=70)), "it told of pin 70"),
+        (request(100, record(Told.WAITED, 7, 0, pin=9)), "it waited as no board does"),
+        (request(100, record(Told.LEVEL, 1, time=101)), "it told what was not then"),
+        (request(100, record(Told.BYTE, 65, 1 << 62)), "faster than a line carries them"),
+        (request(100, record(Told.BYTE, 65, 9000), record(Told.BYTE, 65, 9001)), "faster than a line"),
+    ],
+)
+def test_what_no_board_tells_ends_it(begun: Begun, pipes: Pipes, told: bytes, what: str) -> None:
+    board = begun()
+    os.write(pipes.told, told)
+    with pytest.raises(
+        BoardError, match=r"^board rover was ended after .*only the runtime may use"
+    ) as caught:
+        board.receive()
+    assert what in str(caught.value)
+    assert 0 <= board.now <= _HORIZON
+
+
+def test_a_clock_goes_neither_back_nor_stands(begun: Begun, pipes: Pipes) -> None:
+    board = begun()
+    os.write(pipes.told, request(500))
+    board.receive()
+    os.write(pipes.told, request(499))
+    with pytest.raises(BoardError, match="its clock went where it may not"):
+        board.receive()
+    assert board.now == 500
+    board = begun()
+    for _ in range(10_000):
+        os.write(pipes.told, request(0, reason=Reason.OUTPUT))
+        board.receive()
+    os.write(pipes.told, request(0, reason=Reason.OUTPUT))
+    with pytest.raises(BoardError, match="its clock stands, however often it is asked"):
+        board.receive()
+
+
+def test_last_words_may_be_those_of_the_sketch(begun: Begun, pipes: Pipes) -> None:
+    """A sketch that writes the words itself cannot set the world's clock, and no number is too long."""
+    board = begun()
+    pipes.words = "simmer-board died 11 0 0 4000000000\n"
+    pipes.hang_up()
+    with pytest.raises(BoardError, match=r"died after 0\.02 s: it used memory"):
+        board.receive()
+    pipes.words = f"simmer-board died 11 0 0 {'9' * 5000}\n"
+    with pytest.raises(BoardError, match=r"died after 0\.02 s: exit code 7"):
+        board.receive()
+
+
+def test_a_board_that_is_silent_is_asked_where_it_is_and_then_killed(begun: Begun, pipes: Pipes) -> None:
+    """It may have a handler of its own. A board that reads no grants is silent too."""
+    board = begun(BoardProcess)
+    assert board._waits_since > 0.0
+    begin = board._waits_since
+    for count in range(30):
+        board.look(begin + count)
+    assert pipes.calls[0] == "interrupt"
+    begin = board._waits_since
+    for count in range(30):
+        board.look(begin + count)
+    assert pipes.calls[1] == "kill"
+
+
+def test_a_board_that_cannot_be_started_is_told_as_that() -> None:
+    def refused(program: Path, options: Sequence[str]) -> BoardHost:
+        raise ProgramError("the sandbox has no rover.exe")
+
+    for board in (
+        BoardProcess("rover", Path("nosuch-folder/rover.exe"), []),
+        CheckedBoard("rover", Path("rover.exe"), [], refused),
+    ):
+        with pytest.raises(BoardError, match=r"^board rover could not be started: "):
+            board.receive()
+        board.look(1e9)
+        board.close()
+
+
+def test_a_board_that_ends_before_it_begins_was_not_started(pipes: Pipes) -> None:
+    board = CheckedBoard("rover", Path("rover.exe"), [], lambda program, options: pipes)
+    pipes.hang_up()
+    with pytest.raises(BoardError, match=r"^board rover could not be started: exit code 7$"):
+        board.receive()
