@@ -20,9 +20,11 @@ from simmer_tui.errors import ConfigurationError, Problem, reason_of
 from simmer_tui.sketch.boards import BoardKind
 from simmer_tui.sketch.compiler import NO_COMPILER, Compiler, find_compiler, links_at_fixed_addresses
 from simmer_tui.sketch.preprocess import (
+    OWN,
     board_source,
     includes,
     joined_source,
+    own_c_names,
     sketch_text,
 )
 
@@ -233,7 +235,13 @@ def _digest_of(paths: Sequence[Path]) -> str:
 def _runtime_digest() -> str:
     files = sorted(each for each in RUNTIME.rglob("*") if each.suffix in (".h", ".cpp"))
     # The code that rewrites sketches counts too.
-    return _digest_of([*files, Path(__file__), Path(__file__).with_name("preprocess.py")])
+    return _digest_of(
+        [
+            *files,
+            Path(__file__),
+            *(Path(__file__).with_name(f"{each}.py") for each in ("preprocess", "c_names")),
+        ]
+    )
 
 
 # -- compiling ----------------------------------------------------------------------------------------
@@ -249,12 +257,15 @@ def _compile(
         work = Path(name)
         # Arduino's build names it so too. Debuggers take the name of the unit for that of its first file.
         main = f"{files[0].name}.cpp"
-        (work / main).write_text(_with_names(joined_source(files), known, sources), encoding="utf-8")
+        beside = [each.path for each in sources if not _in_library(each)]
+        names = own_c_names([sketch_text(each) for each in (*files, *beside)])
+        (work / main).write_text(_with_names(joined_source(files, names), known, sources), encoding="utf-8")
         for each in sources:
             target = work / each.name
             target.parent.mkdir(parents=True, exist_ok=True)
-            own = None if each.name.startswith("libraries/") else known
-            text = f'#line 1 "{each.name}"\n{_with_names(board_source(sketch_text(each.path)), own, sources)}'
+            own = None if _in_library(each) else known
+            code = board_source(sketch_text(each.path), frozenset() if own is None else names)
+            text = f'#line 1 "{each.name}"\n{_with_names(code, own, sources)}'
             if target.suffix in _COMPILED:
                 text = f'#include "Arduino.h"\n{text}'
             target.write_text(text, encoding="utf-8")
@@ -273,6 +284,10 @@ def _compile(
         for made in objects:
             (work / made).unlink()
         _move(work, folder)
+
+
+def _in_library(source: _Source) -> bool:
+    return source.name.startswith("libraries/")
 
 
 def _move(made: Path, target: Path) -> None:
@@ -368,7 +383,7 @@ def _messages(output: str) -> Iterator[tuple[str, str, str]]:
         found = re.match(r"(.+?:\d+)(?::\d+)?: (?:fatal )?(error|warning): (.*)", line)
         if found:
             name, _, number = found[1].rpartition(":")
-            yield f"{_own_name(Path(name).name)}:{number}", found[2], found[3]
+            yield f"{_own_name(Path(name).name)}:{number}", found[2], found[3].replace(OWN, "")
 
 
 def _own_name(name: str) -> str:
