@@ -17,7 +17,7 @@ from msgspec import Struct
 from simmer_tui import platform_has
 from simmer_tui.config.set_sketches import library_paths, main_files, source_paths
 from simmer_tui.errors import ConfigurationError, Problem, reason_of
-from simmer_tui.sketch.boards import BoardKind
+from simmer_tui.sketch.boards import BOARDS, BoardKind
 from simmer_tui.sketch.compiler import NO_COMPILER, Compiler, find_compiler, links_at_fixed_addresses
 from simmer_tui.sketch.preprocess import (
     OWN,
@@ -71,6 +71,15 @@ _BAUDS = frozenset(
     )
 )
 _USUAL_BAUD = 9600
+# Names of the data sheets of ATmega328P and ATmega2560.
+_REGISTER = re.compile(
+    r"(?:PORT|DDR|PIN)[A-L][0-7]?|P[A-L][0-7]|(?:TCCR|TCNT|OCR|ICR|TIMSK|TIFR|ADC|ADMUX|PCICR|PCMSK|PCIFR|EIMSK|EICR"
+    r"|EIFR|SPCR|SPSR|SPDR|UCSR|UBRR|UDR|TW[BSACD]|GTCCR|ASSR|SMCR|PRR|MCUSR|WDTCSR)\w*"
+    r"|(?:WGM|COM|CS|OCIE|TOIE|TOV|OCF)[0-5]\w*|AD(?:EN|SC|ATE|IF|IE|PS[0-2]|LAR)|PCI(?:E|NT)[0-9]+"
+)
+"""Registers and bits of the boards' chips."""
+_OTHER_BOARD = re.compile(r"ledc\w+|xTask\w+|vTask\w+|esp_\w+|analogWriteResolution|touchRead|dacWrite")
+"""Calls of the ESP32 and of 32-bit boards."""
 _WARNINGS = {
     "-Woverflow": "this number does not fit",
     "-Wconstant-conversion": "this number does not fit",
@@ -391,6 +400,22 @@ def _own_name(name: str) -> str:
     return name.removesuffix(".cpp") if name.endswith((".ino.cpp", ".pde.cpp")) else name
 
 
+def _of_no_board(text: str, line: str) -> str:
+    """The sentence about a register, an interrupt or a call that no simulated board has; else empty."""
+    undeclared = re.search(r"'(\w+)' was not declared|undeclared identifier '(\w+)'", text)
+    name = (undeclared[1] or undeclared[2]) if undeclared else ""
+    vector = re.match(r"\s*ISR\s*\(\s*(\w+)", line)
+    if vector is not None:
+        what = f"{vector[1]} is an interrupt of the chip's own parts, which are not simulated"
+        return f"{what}: use attachInterrupt, millis or micros"
+    if _REGISTER.fullmatch(name):
+        what = f"{name} is a register of the chip, and registers are not simulated"
+        return f"{what}: use digitalRead, digitalWrite, analogRead, analogWrite or attachInterrupt"
+    if _OTHER_BOARD.fullmatch(name):
+        return f"{name} is a call of another board; there are {', '.join(BOARDS)}"
+    return ""
+
+
 def _errors(output: str, compiler: Compiler, files: Sequence[Path]) -> Iterator[Problem]:
     """At most three errors, with the lines of the sketch."""
     texts = {each.name: sketch_text(each).split("\n") for each in files}
@@ -401,7 +426,7 @@ def _errors(output: str, compiler: Compiler, files: Sequence[Path]) -> Iterator[
         name, _, number = place.rpartition(":")
         lines = texts.get(name, [])
         line = lines[int(number) - 1].strip() if 0 < int(number) <= len(lines) else ""
-        yield Problem(place, f"{text}: {line}" if line else text)
+        yield Problem(place, _of_no_board(text, line) or (f"{text}: {line}" if line else text))
         seen += 1
         if seen == MOST_ERRORS:
             return
