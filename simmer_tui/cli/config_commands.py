@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import re
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -112,8 +113,8 @@ def run_init(options: argparse.Namespace) -> int:
         home = options.directory / LOCAL_FOLDER if options.term else options.directory
         drafted = _drafted(options.sketch, home, decoded(SENSORS_FILE, files.get(SENSORS_FILE, b"")))
         files = with_comments({**files, **drafted})
-        if b"[[motors]]" in drafted[WIRING_FILE] and SETTINGS_FILE in files:
-            # Motors turn wheels, which most sets do not describe.
+        if re.search(rb'^wheel = "', drafted[WIRING_FILE], re.MULTILINE) and SETTINGS_FILE in files:
+            # Motors and encoders are those of wheels, which most sets do not describe.
             none, two = f'layout = "{NO_WHEELS}"'.encode(), b'layout = "diff"  # ?'
             files[SETTINGS_FILE] = files[SETTINGS_FILE].replace(none, two, 1)
     if options.term:

@@ -80,6 +80,7 @@ class SandboxedBoard:
         """Start it. Raises GradeError, ProgramError."""
         self._sandbox = sandbox
         self._limit = ""
+        self._pids: tuple[int, ...] = ()
         try:
             self._process = sandbox.start_piped(words, self._note_limit)
         except SimmerError:
@@ -92,12 +93,20 @@ class SandboxedBoard:
     def _note_limit(self, reason: str) -> None:
         self._limit = reason
 
-    def interrupt(self) -> None:
+    @property
+    def pids(self) -> tuple[int, ...]:
+        self._pids = self._pids or self._boards()
+        return self._pids
+
+    def _boards(self) -> tuple[int, ...]:
         # The launcher is the first process of the sandbox, and the board its child.
-        for launcher in children(self._process.pid):
-            for board in children(launcher):
-                with contextlib.suppress(OSError):
-                    os.kill(board, signal.SIGABRT)
+        launchers = children(self._process.pid)
+        return tuple(board for launcher in launchers for board in children(launcher))
+
+    def interrupt(self) -> None:
+        for board in self._boards():
+            with contextlib.suppress(OSError):
+                os.kill(board, signal.SIGABRT)
 
     def kill(self) -> None:
         self._process.kill()

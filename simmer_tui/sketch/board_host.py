@@ -27,6 +27,10 @@ class BoardHost(Protocol):
     input: int
     output: int
 
+    @property
+    def pids(self) -> tuple[int, ...]:
+        """The numbers of the processes that take turns with us, as far as they are known."""
+
     def interrupt(self) -> None:
         """Make it tell where it is, and end; any thread may ask."""
 
@@ -59,6 +63,10 @@ class LocalBoard:
         assert self._process.stdout is not None
         self.input = self._process.stdin.fileno()
         self.output = self._process.stdout.fileno()
+
+    @property
+    def pids(self) -> tuple[int, ...]:
+        return (self._process.pid,)
 
     def interrupt(self) -> None:
         # Its handler tells where it is. Windows has no such signal for processes.

@@ -176,9 +176,9 @@ class BoardProcess:
             self._not_started = f"board {name} could not be started: {reason_of(error)}"
 
     @property
-    def pid(self) -> int:
-        """The number of its process."""
-        return self._process.pid
+    def pids(self) -> tuple[int, ...]:
+        """The numbers of its processes."""
+        return () if self._host is None else self._host.pids
 
     def receive(self) -> list[BoardRecord]:
         """Wait until the board stops again. Returns its records. Raises BoardError if it was not started, has

@@ -17,12 +17,14 @@ from msgspec import Struct
 from simmer_tui import platform_has
 from simmer_tui.config.set_sketches import library_paths, main_files, source_paths
 from simmer_tui.errors import ConfigurationError, Problem, reason_of
-from simmer_tui.sketch.boards import BoardKind
+from simmer_tui.sketch.boards import BOARDS, BoardKind
 from simmer_tui.sketch.compiler import NO_COMPILER, Compiler, find_compiler, links_at_fixed_addresses
 from simmer_tui.sketch.preprocess import (
+    OWN,
     board_source,
     includes,
     joined_source,
+    own_c_names,
     sketch_text,
 )
 
@@ -73,6 +75,15 @@ _BAUDS = frozenset(
 _USUAL_BAUD = 9600
 _NO_REASONS = ("Please ", "See ", "compilation terminated")
 """Beginnings of lines of gcc that follow the reason."""
+# Names of the data sheets of ATmega328P and ATmega2560.
+_REGISTER = re.compile(
+    r"(?:PORT|DDR|PIN)[A-L][0-7]?|P[A-L][0-7]|(?:TCCR|TCNT|OCR|ICR|TIMSK|TIFR|ADC|ADMUX|PCICR|PCMSK|PCIFR|EIMSK|EICR"
+    r"|EIFR|SPCR|SPSR|SPDR|UCSR|UBRR|UDR|TW[BSACD]|GTCCR|ASSR|SMCR|PRR|MCUSR|WDTCSR)\w*"
+    r"|(?:WGM|COM|CS|OCIE|TOIE|TOV|OCF)[0-5]\w*|AD(?:EN|SC|ATE|IF|IE|PS[0-2]|LAR)|PCI(?:E|NT)[0-9]+"
+)
+"""Registers and bits of the boards' chips."""
+_OTHER_BOARD = re.compile(r"ledc\w+|xTask\w+|vTask\w+|esp_\w+|analogWriteResolution|touchRead|dacWrite")
+"""Calls of the ESP32 and of 32-bit boards."""
 _WARNINGS = {
     "-Woverflow": "this number does not fit",
     "-Wconstant-conversion": "this number does not fit",
@@ -256,7 +267,13 @@ def _digest_of(paths: Sequence[Path]) -> str:
 def _runtime_digest() -> str:
     files = sorted(each for each in RUNTIME.rglob("*") if each.suffix in (".h", ".cpp"))
     # The code that rewrites sketches counts too.
-    return _digest_of([*files, Path(__file__), Path(__file__).with_name("preprocess.py")])
+    return _digest_of(
+        [
+            *files,
+            Path(__file__),
+            *(Path(__file__).with_name(f"{each}.py") for each in ("preprocess", "c_names")),
+        ]
+    )
 
 
 # -- compiling ----------------------------------------------------------------------------------------
@@ -284,12 +301,15 @@ def _compile(
     known = _known_headers(sources)
     # Arduino's build names it so too. Debuggers take the name of the unit for that of its first file.
     main = f"{files[0].name}.cpp"
-    (work / main).write_text(_with_names(joined_source(files), known, sources), encoding="utf-8")
+    beside = [each.path for each in sources if not _in_library(each)]
+    names = own_c_names([sketch_text(each) for each in (*files, *beside)])
+    (work / main).write_text(_with_names(joined_source(files, names), known, sources), encoding="utf-8")
     for each in sources:
         target = work / each.name
         target.parent.mkdir(parents=True, exist_ok=True)
-        own = None if each.name.startswith("libraries/") else known
-        text = f'#line 1 "{each.name}"\n{_with_names(board_source(sketch_text(each.path)), own, sources)}'
+        own = None if _in_library(each) else known
+        code = board_source(sketch_text(each.path), frozenset() if own is None else names)
+        text = f'#line 1 "{each.name}"\n{_with_names(code, own, sources)}'
         if target.suffix in _COMPILED:
             text = f'#include "Arduino.h"\n{text}'
         target.write_text(text, encoding="utf-8")
@@ -306,6 +326,10 @@ def _compile(
     (work / _WARNINGS_FILE).write_text("\n".join(told), encoding="utf-8")
     for made in objects:
         (work / made).unlink()
+
+
+def _in_library(source: _Source) -> bool:
+    return source.name.startswith("libraries/")
 
 
 def _move(made: Path, target: Path) -> None:
@@ -402,12 +426,28 @@ def _messages(output: str) -> Iterator[tuple[str, str, str]]:
         found = re.match(r"(.+?:\d+)(?::\d+)?: (?:fatal )?(error|warning): (.*)", line)
         if found:
             name, _, number = found[1].rpartition(":")
-            yield f"{_own_name(Path(name).name)}:{number}", found[2], found[3]
+            yield f"{_own_name(Path(name).name)}:{number}", found[2], found[3].replace(OWN, "")
 
 
 def _own_name(name: str) -> str:
     """The file of a sketch that a unit was made of."""
     return name.removesuffix(".cpp") if name.endswith((".ino.cpp", ".pde.cpp")) else name
+
+
+def _of_no_board(text: str, line: str) -> str:
+    """The sentence about a register, an interrupt or a call that no simulated board has; else empty."""
+    undeclared = re.search(r"'(\w+)' was not declared|undeclared identifier '(\w+)'", text)
+    name = (undeclared[1] or undeclared[2]) if undeclared else ""
+    vector = re.match(r"\s*ISR\s*\(\s*(\w+)", line)
+    if vector is not None:
+        what = f"{vector[1]} is an interrupt of the chip's own parts, which are not simulated"
+        return f"{what}: use attachInterrupt, millis or micros"
+    if _REGISTER.fullmatch(name):
+        what = f"{name} is a register of the chip, and registers are not simulated"
+        return f"{what}: use digitalRead, digitalWrite, analogRead, analogWrite or attachInterrupt"
+    if _OTHER_BOARD.fullmatch(name):
+        return f"{name} is a call of another board; there are {', '.join(BOARDS)}"
+    return ""
 
 
 def _errors(output: str, compiler: Compiler, files: Sequence[Path]) -> Iterator[Problem]:
@@ -420,7 +460,7 @@ def _errors(output: str, compiler: Compiler, files: Sequence[Path]) -> Iterator[
         name, _, number = place.rpartition(":")
         lines = texts.get(name, [])
         line = lines[int(number) - 1].strip() if 0 < int(number) <= len(lines) else ""
-        yield Problem(place, f"{text}: {line}" if line else text)
+        yield Problem(place, _of_no_board(text, line) or (f"{text}: {line}" if line else text))
         seen += 1
         if seen == MOST_ERRORS:
             return

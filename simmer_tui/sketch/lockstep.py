@@ -176,7 +176,7 @@ class Lockstep:
     def run(self, until: int, most_real: float = REAL_SLICE) -> int:
         """Let the boards run to a time, nanoseconds. Returns the time that all have reached: it is earlier if
         a byte arrives at the laptop, or if that takes too long. Raises BoardError."""
-        with self._processor.turns(tuple([each.process.pid for each in self.boards])):
+        with self._processor.turns(tuple([pid for each in self.boards for pid in each.process.pids])):
             until = self._run_steps(until, most_real)
         reached = min(self.reached, until)
         self._world.advance(reached)

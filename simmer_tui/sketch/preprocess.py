@@ -7,8 +7,11 @@ bytes. Line numbers stay those of its files.
 from __future__ import annotations
 
 import re
+from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+
+from simmer_tui.sketch.c_names import C_NAMES
 
 _TOKEN = re.compile(
     r"""
@@ -22,6 +25,19 @@ _TOKEN = re.compile(
     re.VERBOSE | re.DOTALL | re.MULTILINE,
 )
 _TYPE_WORDS = frozenset(("unsigned", "signed", "long", "short", "int", "double"))
+# Of <limits.h> and <float.h>, which have those of this machine.
+_LIMITS = {
+    **dict.fromkeys(("INT_MAX", "SHRT_MAX"), "32767"),
+    **dict.fromkeys(("INT_MIN", "SHRT_MIN"), "(-32767 - 1)"),
+    **dict.fromkeys(("UINT_MAX", "USHRT_MAX"), "65535U"),
+    "LONG_MAX": "2147483647",
+    "LONG_MIN": "(-2147483647 - 1)",
+    "ULONG_MAX": "4294967295U",
+    "DBL_MAX": "FLT_MAX",
+    "DBL_MIN": "FLT_MIN",
+    "DBL_EPSILON": "FLT_EPSILON",
+}
+"""Bounds of the board's number types."""
 _LOOP = re.compile(r"\b(?P<kind>while|for)\b\s*(?=\()")
 _NO_BODY = re.compile(r"\s*(?:;|continue\s*;|\{(?:[\s;]|continue\b)*\})")
 _ENDLESS = re.compile(r"\s*(?:|1|true|HIGH)\s*")
@@ -32,6 +48,14 @@ _STATEMENT = "(__builtin_is_constant_evaluated() || (::yield(), true))"
 _FUNCTION = re.compile(
     r"(?:^|[)] ?)(?P<type>[A-Za-z_][\w:<>, ]*?[ *&]+)"
     r"(?P<name>[A-Za-z_]\w*) ?\((?P<arguments>[^()]*)\) ?$"
+)
+OWN = "_of_sketch"
+"""Ending of a name of the C library that a sketch has as its own."""
+_ARGUMENTS = re.compile(r"\([^()]*\)")
+_DEFINED = re.compile(r"(?:[\w>]\s|[*&,])\s*([A-Za-z_]\w*)\s*(?=[(=;\[,{]|\Z|\n)")
+_CLASS = re.compile(r"\b(?:class|struct)\b[^;{}]*\{(.*?)\};", re.DOTALL)
+_CONDITION = re.compile(
+    r"^[ \t]*#[ \t]*(?P<kind>ifdef|ifndef|if|elif|else|endif)\b(?:[^\n]*\\\n)*[^\n]*", re.MULTILINE
 )
 _DECLARED = re.compile(r"[\w:<>, *&]*\([^()]*\) ?$")
 # Arguments of many defaults are shorter.
@@ -75,6 +99,8 @@ def with_board_widths(source: str) -> str:
             words = [word]
         elif match["number"]:
             made.append(_without_long(match["number"]))
+        elif word in _LIMITS:
+            made.append(_LIMITS[word])
         else:
             made.append(match[0])
     if words:
@@ -106,9 +132,38 @@ def _char_types_kept(source: str) -> str:
     return re.sub(r"\bint16_t(\s+)char\b", r"signed\1char", source)
 
 
-def board_source(source: str) -> str:
-    """A sketch's own source, with the board's number types, and with empty loops that take time."""
-    return _with_timed_loops(_char_types_kept(with_board_widths(source)))
+def board_source(source: str, own_names: frozenset[str] = frozenset()) -> str:
+    """A sketch's own source, with the board's number types, and with empty loops that take time. Its own
+    names of the C library are other ones (see own_c_names)."""
+    return _with_timed_loops(_char_types_kept(with_board_widths(_renamed(source, own_names))))
+
+
+def own_c_names(sources: Sequence[str]) -> frozenset[str]:
+    """The names of the C library for which a sketch has variables or functions of its own."""
+    found: set[str] = set()
+    members: set[str] = set()
+    for source in sources:
+        plain = _plain_text(source)
+        flat = _global_text(plain)
+        while (closed := _ARGUMENTS.sub("", flat)) != flat:
+            flat = closed
+        found.update(C_NAMES.intersection(_DEFINED.findall(flat)))
+        # One that a class has as well stays: its calls are those of its objects.
+        members.update(name for body in _CLASS.findall(plain) for name in _DEFINED.findall(body))
+    return frozenset(found - members)
+
+
+def _renamed(source: str, names: frozenset[str]) -> str:
+    """The source with names of the sketch in place of those of the C library, but for members of objects."""
+    if not names:
+        return source
+
+    def named(match: re.Match[str]) -> str:
+        if match["word"] not in names or source[: match.start()].rstrip().endswith((".", "->")):
+            return match[0]
+        return f"{match[0]}{OWN}"
+
+    return _TOKEN.sub(named, source)
 
 
 def _with_timed_loops(source: str) -> str:
@@ -160,12 +215,18 @@ def _closing_places(flat: str) -> dict[int, int]:
     return found
 
 
-def prototypes(source: str) -> tuple[list[str], int]:
-    """Prototypes of a source's global functions, and the place of the first one: they go before it."""
-    flat = _global_text(source)
+def prototypes(source: str) -> tuple[list[str], list[int]]:
+    """Prototypes of a source's global functions, and the places at which all of them go.
+
+    They go before the first function. A function in an `#if` has its prototype in the same `#if`; as the
+    compiler may skip it, the prototypes go before later functions too, up to the first without a condition.
+    """
+    plain = _plain_text(source)
+    flat = _global_text(plain)
+    conditions = _conditions(plain)
     found: list[str] = []
     declared: set[str] = set()
-    first = len(source)
+    places: dict[tuple[str, ...], int] = {}
     end = 0
     for delimiter in re.finditer(r"[;{}]", flat):
         begin, end = end, delimiter.end()
@@ -186,7 +247,9 @@ def prototypes(source: str) -> tuple[list[str], int]:
         words = re.findall(r"\w+", kind)
         if name in _NO_FUNCTIONS or not words or _NO_TYPES.intersection(words) or "operator" in words:
             continue
-        first = min(first, begin)
+        inside = conditions[bisect_right(conditions, begin, key=lambda each: each[0]) - 1][1]
+        if () not in places:
+            places.setdefault(inside, begin)
         # After an attribute its type would lack the words before it.
         if match.start() and re.search(r"\bstatic\b", text[: match.start()]):
             continue
@@ -195,17 +258,41 @@ def prototypes(source: str) -> tuple[list[str], int]:
             continue
         made = f"{kind} {name}({arguments})"
         if made not in declared:
-            found.append(f"{made};")
-    return found, first
+            found.append("\n".join((*inside, f"{made};", *("#endif" for line in inside if _opens(line)))))
+    return found, list(places.values())
 
 
-def _global_text(source: str) -> str:
-    """The source with comments, texts, directives and the insides of braces blanked. Places stay."""
+def _conditions(plain: str) -> list[tuple[int, tuple[str, ...]]]:
+    """The directives in whose branch a source is, from each place on: `#if A`, `#else`."""
+    changes: list[tuple[int, tuple[str, ...]]] = [(0, ())]
+    branches: list[list[str]] = []
+    for match in _CONDITION.finditer(plain):
+        line = match[0].strip()
+        if match["kind"] == "endif":
+            branches[-1:] = []
+        elif match["kind"].startswith("if"):
+            branches.append([line])
+        elif branches:
+            branches[-1].append(line)
+        changes.append((match.end(), tuple(line for branch in branches for line in branch)))
+    return changes
+
+
+def _opens(directive: str) -> bool:
+    return directive.lstrip("# \t").startswith("if")
+
+
+def _plain_text(source: str) -> str:
+    """The source with comments and texts blanked. Places stay."""
 
     def blank(match: re.Match[str]) -> str:
         return match[0] if match["word"] or match["number"] else _blank(match[0])
 
-    plain = _TOKEN.sub(blank, source)
+    return _TOKEN.sub(blank, source)
+
+
+def _global_text(plain: str) -> str:
+    """A plain text with directives and the insides of braces blanked. Places stay."""
     plain = re.sub(r"(?m)^[ \t]*#(?:[^\n]*\\\n)*[^\n]*", lambda each: _blank(each[0]), plain)
     made: list[str] = []
     depth = 0
@@ -228,17 +315,19 @@ def sketch_text(path: Path) -> str:
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
-def joined_source(files: Sequence[Path]) -> str:
+def joined_source(files: Sequence[Path], own_names: frozenset[str] = frozenset()) -> str:
     """One C++ source of a sketch's .ino files."""
-    parts = [f'#line 1 "{each.name}"\n{board_source(sketch_text(each))}\n' for each in files]
+    parts = [f'#line 1 "{each.name}"\n{board_source(sketch_text(each), own_names)}\n' for each in files]
     whole = "".join(parts)
-    found, first = prototypes(whole)
-    if not found:
-        return f'#include "Arduino.h"\n{whole}'
-    place, line = _line_at(whole, first)
-    before, after = whole[:first], whole[first:]
+    found, places = prototypes(whole)
     listed = "\n".join(found)
-    return f'#include "Arduino.h"\n{before}\n{listed}\n#line {line} "{place}"\n{after}'
+    made = ['#include "Arduino.h"\n']
+    done = 0
+    for place in places if found else ():
+        name, line = _line_at(whole, place)
+        made += [whole[done:place], f'\n{listed}\n#line {line} "{name}"\n']
+        done = place
+    return "".join((*made, whole[done:]))
 
 
 def _line_at(source: str, place: int) -> tuple[str, int]:

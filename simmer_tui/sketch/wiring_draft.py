@@ -10,14 +10,15 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
+from itertools import count
 from pathlib import Path
 
 from msgspec import Struct
 
 from simmer_tui.sketch.boards import BOARDS, UNO, BoardKind
 from simmer_tui.sketch.motion_check import forward_levels
+from simmer_tui.sketch.motor_draft import END, draft_motors, oriented
 from simmer_tui.sketch.sketch_scan import (
     PULSES,
     WRITES,
@@ -28,9 +29,8 @@ from simmer_tui.sketch.sketch_scan import (
     SketchStep,
 )
 
-_TRIGGER, _ECHO, _BRAKE, _LAMP, _LEFT, _RIGHT = (
-    re.compile(word, re.IGNORECASE)
-    for word in ("trig", "echo", "brake|brk", "led|lamp|buzz", "left", "right")
+_TRIGGER, _ECHO, _LEFT, _RIGHT = (
+    re.compile(word, re.IGNORECASE) for word in ("trig", "echo", "left", "right")
 )
 _LATER = frozenset(
     f"{name}.h"
@@ -50,24 +50,14 @@ _LATER = frozenset(
     )
 )
 """Headers of parts that are not simulated yet; those of teams, by how often they have them."""
-_END = SketchStep("", -1, "", None, "", "")
-"""A step that ends those of a function."""
 _MARK = "  # ?"
 _HEAD = """\
 # A draft, read off the sketch. A line with "# ?" is a guess: look at it, then take the mark away.
 # simmer-tui check tells what does not fit. docs/sketch.md explains every part.
 """
+_RANGE_ROW, _LINE_ROW = "ultra{0},u{0},1,3,0,6,0,0.02,5,", "ir{0},i{0},1,2,0,1,0,0.05,40,0.8"
+"""Rows of sensors.csv, in front of the robot and beneath it."""
 _SPEED = "top_speed = 12  # ? in/s at full duty: time it over a measured distance"
-
-
-class DraftMotor(Struct, frozen=True):
-    """A motor that was read off a sketch: its driver and pins."""
-
-    driver: str
-    pins: Mapping[str, int]
-    reversed: bool = False
-    sure: bool = True
-    """False if its duty and its direction are set in different functions."""
 
 
 class DraftSonar(Struct, frozen=True):
@@ -90,15 +80,15 @@ class BoardDraft:
 
     def __init__(self, name: str, sketch: str, facts: SketchFacts) -> None:
         self.name, self.sketch, self.facts = name, sketch, facts
-        steps = [_END if step is None else step for step in facts.steps()]
+        steps = [END if step is None else step for step in facts.steps()]
         self.sonars = list(_sonars(facts, steps))
         self.servos = sorted({pin for call in self._attached() for pin in facts.pins(call) or ()})
         self.ports = facts.ports()
         taken = {pin for each in self.sonars for pin in (each.trig, each.echo)} | {*self.servos}
         taken |= {pin for port in self.ports for pins in (port.rx, port.tx) for pin in pins or ()}
         ahead = forward_levels(facts)
-        found = _motors([each for each in steps if each.pin not in taken])
-        self.motors = [_oriented(each, ahead) for each in found]
+        found = draft_motors([each for each in steps if each.pin not in taken])
+        self.motors = [oriented(each, ahead) for each in found]
         self.encoders = list(_encoders(facts, taken))
         taken |= {pin for motor in self.motors for pin in motor.pins.values()}
         taken |= {pin for each in self.encoders for pin in (each.a, each.b) if pin is not None}
@@ -149,7 +139,7 @@ def draft(sketches: Sequence[Path], directory: Path, ranges: Sequence[str], line
     left = ["left", "right"]
     for board in boards:
         text += _motor_tables(board, left)
-    codes, others = list(ranges), list(lines)
+    codes, others = _Codes(ranges, "u", _RANGE_ROW), _Codes(lines, "i", _LINE_ROW)
     for board in boards:
         text += _sensor_tables(board, codes, others)
         text += _servo_tables(board)
@@ -189,106 +179,6 @@ def _sonars(facts: SketchFacts, steps: Sequence[SketchStep]) -> Iterator[DraftSo
             yield DraftSonar(trigs[min(at, len(trigs) - 1)], pin)
 
 
-def _motors(steps: Sequence[SketchStep]) -> Iterator[DraftMotor]:
-    """The motors by their duties: the digital pins that are written right before the analogWrite of a motor,
-    or right after it, are its directions."""
-    duties = [step.pin for step in steps if step.call == "analogWrite"]
-    votes: dict[int, Counter[tuple[tuple[int, str], ...]]] = {}
-    pairs: Counter[tuple[int, int]] = Counter()
-    for levels, analog, after in _runs(steps, {*duties}):
-        if not levels and not after and len(analog) % 2 == 0:
-            pairs.update(zip(analog[::2], analog[1::2], strict=True))
-        sides = levels or after
-        share = len(sides) // len(analog)
-        if share in (1, 2) and share * len(analog) == len(sides):
-            for at, duty in enumerate(analog):
-                votes.setdefault(duty, Counter())[tuple(sides[share * at : share * (at + 1)])] += 1
-    used: set[int] = set()
-    for duty in dict.fromkeys(duties):
-        if duty not in votes:
-            continue
-        pins, _ = max(votes[duty].items(), key=lambda each: (len(each[0]), each[1]))
-        numbers = [pin for pin, _ in pins]
-        if used & {duty, *numbers}:
-            continue
-        used |= {duty, *numbers}
-        brakes = [pin for pin, name in pins if _BRAKE.search(name)]
-        if len(numbers) == 1:
-            yield DraftMotor("shield", {"dir": numbers[0], "pwm": duty})
-        elif brakes:
-            way = next(pin for pin in numbers if pin != brakes[0])
-            yield DraftMotor("shield", {"dir": way, "pwm": duty, "brake": brakes[0]})
-        else:
-            yield DraftMotor("hbridge", {"in1": numbers[0], "in2": numbers[1], "en": duty})
-    apart = [pin for pin in dict.fromkeys(duties) if pin not in used]
-    inputs = _directions(steps, {*duties} | used, 2 * len(apart))
-    if inputs:
-        for at, duty in enumerate(apart):
-            yield DraftMotor(
-                "hbridge", {"in1": inputs[2 * at], "in2": inputs[2 * at + 1], "en": duty}, sure=False
-            )
-        return
-    for (one, other), _ in pairs.most_common():
-        if one != other and not used & {one, other}:
-            used |= {one, other}
-            yield DraftMotor("pwm2", {"in1": one, "in2": other})
-
-
-def _directions(steps: Sequence[SketchStep], taken: set[int], count: int) -> tuple[int, ...]:
-    """The digital pins that functions without a duty set together, if they are as many as asked for:
-    directions in one function, duties in another. The most frequent ones, in their order; else none."""
-    votes: Counter[tuple[int, ...]] = Counter()
-    levels: dict[int, None] = {}
-    for step in steps:
-        if step.call == "digitalWrite" and step.pin not in taken and not _LAMP.search(step.name):
-            levels[step.pin] = None
-        elif step.call != "digitalWrite":
-            if count and len(levels) == count:
-                votes[tuple(levels)] += 1
-            levels = {}
-    return votes.most_common(1)[0][0] if votes else ()
-
-
-def _oriented(motor: DraftMotor, ahead: Mapping[int, float]) -> DraftMotor:
-    """The motor with its inputs in the order in which the sketch's own function drives ahead."""
-    pins = motor.pins
-    if "dir" in pins:
-        return DraftMotor(motor.driver, pins, ahead.get(pins["dir"]) == 0.0, motor.sure)
-    first, second = (ahead.get(pins[name]) for name in ("in1", "in2"))
-    if first == 0.0 and second:
-        return DraftMotor(motor.driver, {**pins, "in1": pins["in2"], "in2": pins["in1"]}, sure=motor.sure)
-    return motor
-
-
-def _runs(
-    steps: Sequence[SketchStep], duties: set[int]
-) -> Iterator[tuple[list[tuple[int, str]], list[int], list[tuple[int, str]]]]:
-    """Runs of duties with the levels before and after each: `(levels, duties, levels after)`."""
-    levels: list[tuple[int, str]] = []
-    analog: list[int] = []
-    before: list[tuple[int, str]] = []
-    for step in (*steps, _END):
-        if step.call == "digitalWrite":
-            # An enable pin that is switched off digitally, and lamps, are no direction.
-            is_direction = step.pin not in duties and not _LAMP.search(step.name)
-            if is_direction and all(pin != step.pin for pin, _ in levels):
-                levels.append((step.pin, step.name))
-            continue
-        if step.call == "analogWrite" and analog and not levels:
-            if step.pin not in analog:
-                analog.append(step.pin)
-            continue
-        if analog:
-            yield before, analog, [] if before else levels
-            # Levels after the duty belong to it if none were before.
-            levels = levels if before else []
-            analog = []
-        if step.call == "analogWrite":
-            before, analog, levels = levels, [step.pin], []
-        else:
-            levels = []
-
-
 def _encoders(facts: SketchFacts, taken: set[int]) -> Iterator[DraftEncoder]:
     seen: set[int] = set()
     count = 0
@@ -324,11 +214,13 @@ def _seeds(facts: SketchFacts) -> set[int]:
 
 
 def _kind(facts: SketchFacts) -> BoardKind:
-    """The board that a sketch needs: a Mega for its further serial ports or a pin that an Uno lacks."""
+    """The board that a sketch needs: a Mega for its further serial ports or a pin that an Uno lacks, or for
+    two pins that have a PWM on a Mega alone."""
     is_mega = any(call.object in ("Serial1", "Serial2", "Serial3") for call in facts.calls)
     for call in facts.named(*WRITES, *PULSES, "digitalRead", "pinMode"):
         is_mega |= any(UNO.pins <= pin < BOARDS["mega"].pins for pin in facts.pins(call) or ())
-    return BOARDS["mega"] if is_mega else UNO
+    duties = {pin for call in facts.named("analogWrite") for pin in facts.pins(call) or ()}
+    return BOARDS["mega"] if is_mega or len(duties & (BOARDS["mega"].pwm - UNO.pwm)) > 1 else UNO
 
 
 # -- writing ---------------------------------------------------------------------------------------
@@ -369,6 +261,8 @@ def _line_tables(boards: Sequence[BoardDraft]) -> Iterator[str]:
     linked = {(board.name, port.name) for pair in links for board, port in pair}
     free = [(board, port) for board, port in ports if (board.name, port.name) not in linked]
     # A Bluetooth module on SoftwareSerial is the laptop's line before the USB port, which prints notes.
+    # One that is not begun sends nothing.
+    free = [each for each in free if each[1].bauds] or free
     free.sort(key=lambda each: each[1].name.startswith("Serial"))
     if free:
         board, port = free[0]
@@ -412,9 +306,10 @@ def _motor_tables(board: BoardDraft, wheels: list[str]) -> Iterator[str]:
         wheel = wheels.pop(0) if wheels else "left"
         turned = f"reversed = true{_MARK}\n" if motor.reversed else ""
         sure = "" if motor.sure else f"{_MARK} which of the duties"
-        pins = "\n".join(
-            f"{name} = {_pin(board, pin)}{sure if name == 'en' else ''}" for name, pin in motor.pins.items()
-        )
+        alone = "" if motor.sure or "en" in motor.pins else f"{_MARK} a motor without a PWM"
+        marks = {"en": sure, "in1": alone}
+        lines = (f"{name} = {_pin(board, pin)}{marks.get(name, '')}" for name, pin in motor.pins.items())
+        pins = "\n".join(lines)
         yield (
             f'[[motors]]\nboard = "{board.name}"\ndriver = "{motor.driver}"\n{pins}\n'
             f'wheel = "{wheel}"  # ? which wheel of [wheels] in settings.toml\n{_SPEED}\n{turned}'
@@ -424,7 +319,7 @@ def _motor_tables(board: BoardDraft, wheels: list[str]) -> Iterator[str]:
         yield f"# ? {board.name} has analogWrite on {pins} as well: a motor, or a lamp\n"
 
 
-def _sensor_tables(board: BoardDraft, ranges: list[str], others: list[str]) -> Iterator[str]:
+def _sensor_tables(board: BoardDraft, ranges: _Codes, others: _Codes) -> Iterator[str]:
     def row(part: str, *keys: str) -> str:
         return "\n".join(
             ("[[sensors]]", *keys[:1], f'board = "{board.name}"', f'part = "{part}"', *keys[1:], "")
@@ -432,23 +327,33 @@ def _sensor_tables(board: BoardDraft, ranges: list[str], others: list[str]) -> I
 
     for sonar in board.sonars:
         trig, echo = _pin(board, sonar.trig), _pin(board, sonar.echo)
-        yield row("hc-sr04", _code(ranges, "u1"), f"trig = {trig}", f"echo = {echo}")
+        yield row("hc-sr04", ranges.line(), f"trig = {trig}", f"echo = {echo}")
     for encoder in board.encoders:
         keys = [f"a = {_pin(board, encoder.a)}"]
         keys += [] if encoder.b is None else [f"b = {_pin(board, encoder.b)}"]
         wheel = f'wheel = "{encoder.wheel}"  # ? which'
         yield row("encoder", wheel, *keys, "edges_per_inch = 20  # ? of all its pins")
     for pin in board.digital:
-        yield row("line", _code(others, "i1"), f"pin = {_pin(board, pin)}{_MARK} or a button: then no row")
+        yield row("line", others.line(), f"pin = {_pin(board, pin)}{_MARK} or a button: then no row")
     for pin in board.analog:
         curve = "points = [[0, 1023], [1, 0]]  # ? [reading, count of analogRead]"
-        yield row("analog", _code(others, "i1"), f"pin = {_pin(board, pin)}", curve)
+        yield row("analog", others.line(), f"pin = {_pin(board, pin)}", curve)
 
 
-def _code(codes: list[str], usual: str) -> str:
-    if codes:
-        return f'code = "{codes.pop(0)}"  # ? which row of sensors.csv'
-    return f'code = "{usual}"  # ? sensors.csv has no further row: add one'
+class _Codes:
+    """The codes of a set's sensors of one sort, and further ones whose rows are not there yet."""
+
+    def __init__(self, codes: Sequence[str], letter: str, row: str) -> None:
+        self._left, self._known, self._letter, self._row = list(codes), set(codes), letter, row
+
+    def line(self) -> str:
+        """The line of the next sensor's code."""
+        if self._left:
+            return f'code = "{self._left.pop(0)}"  # ? which row of sensors.csv'
+        number = next(each for each in count(1) if f"{self._letter}{each}" not in self._known)
+        self._known.add(f"{self._letter}{number}")
+        row = self._row.format(number)
+        return f'code = "{self._letter}{number}"  # ? add its row to sensors.csv, such as {row}'
 
 
 def _servo_tables(board: BoardDraft) -> Iterator[str]:

@@ -124,3 +124,21 @@ def test_a_compiler_is_named_by_its_version(tmp_path: Path, told: str, name: str
     compiler = Compiler((str(program),))
     assert (compiler.name, compiler.is_gcc) == (name, is_gcc)
     assert compiler.run([], tmp_path).stderr == "C\n"
+
+
+REFUSED = {
+    "ISR(TIMER1_COMPA_vect) { n++; }": "TIMER1_COMPA_vect is an interrupt of the chip's own parts",
+    "void f() { DDRB |= 1; }": "DDRB is a register of the chip, and registers are not simulated: use",
+    "void f() { TCCR1B = 0; }": "TCCR1B is a register of the chip",
+    "void f() { ledcWrite(1, 2); }": "ledcWrite is a call of another board; there are uno, nano, mega",
+    "void f() { goo(1); }": "'?goo'? was not declared|undeclared identifier 'goo'",
+}
+
+
+@no_compiler
+@pytest.mark.slow
+@pytest.mark.parametrize("line", REFUSED)
+def test_what_no_board_has_is_refused_with_what_is_there(tmp_path: Path, line: str) -> None:
+    sketch = files(tmp_path, {"rover/rover.ino": f"int n;\n{line}\n{EMPTY}"})
+    with pytest.raises(ConfigurationError, match=rf"rover\.ino:2: .*(?:{REFUSED[line]})"):
+        build_sketch(sketch, UNO)

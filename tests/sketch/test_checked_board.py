@@ -26,6 +26,7 @@ class Pipes:
         self.output, self.told = os.pipe()
         self.given, self.input = os.pipe()
         self.words, self.calls = "", list[str]()
+        self.pids: tuple[int, ...] = ()
 
     def interrupt(self) -> None:
         self.calls.append("interrupt")

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from simmer_tui.sketch.preprocess import board_source, joined_source, prototypes
+from simmer_tui.sketch.preprocess import board_source, joined_source, own_c_names, prototypes
 
 
 @pytest.mark.parametrize(
@@ -26,6 +26,7 @@ from simmer_tui.sketch.preprocess import board_source, joined_source, prototypes
         ("x = 100000UL + 0xFFL;", "x = 100000U + 0xFF;"),
         ("int16_t pointer;", "int16_t pointer;"),
         ("sizeof(int)", "sizeof(int16_t)"),
+        ("x = INT_MAX; y = ULONG_MAX;", "x = 32767; y = 4294967295U;"),
     ],
 )
 def test_numbers_have_the_widths_of_the_board(written: str, made: str) -> None:
@@ -70,9 +71,31 @@ def test_functions_have_prototypes_but_no_methods_and_no_defaults() -> None:
         'extern "C" void irq(void) {}\n'
         "int known(int a);\nint known (int a) { return a; }\n"
     )
-    found, first = prototypes(source)
+    found, places = prototypes(source)
     assert found == ["void setup();", "int add(int a, int b);", "P make(const char *name);"]
+    (first,) = places
     assert source[first:].startswith("void setup()")
+
+
+def test_functions_in_a_branch_have_their_prototypes_in_it(tmp_path: Path) -> None:
+    """The compiler skips branches: the prototypes stand before the next function too."""
+    source = (
+        "#if defined(ESP32) /* another\n board */\nvoid join(Network n) { }\n#elif A\n"
+        "int speed() { }\n#endif\n"
+        "void setup() { help(); }\n#ifdef B\n#ifndef C\nvoid last() {}\n#endif\n#endif\nvoid help() {}\n"
+    )
+    found, places = prototypes(source)
+    assert found == [
+        "#if defined(ESP32)\nvoid join(Network n);\n#endif",
+        "#if defined(ESP32)\n#elif A\nint speed();\n#endif",
+        "void setup();",
+        "#ifdef B\n#ifndef C\nvoid last();\n#endif\n#endif",
+        "void help();",
+    ]
+    begun = [source[place:].partition("(")[0] for place in places]
+    assert begun == ["void join", "int speed", "void setup"]
+    (tmp_path / "robot.ino").write_text(source, "utf-8")
+    assert joined_source([tmp_path / "robot.ino"]).count("void help();") == 3
 
 
 def test_files_are_joined_with_the_lines_of_each(tmp_path: Path) -> None:
@@ -98,3 +121,19 @@ def test_a_function_after_an_attribute_keeps_the_words_before_it() -> None:
         "static __attribute__((noinline)) void f() {}\n__attribute__((noinline)) void g() {}\nvoid h() {}\n"
     )
     assert prototypes(source)[0] == ["void g();", "void h();"]
+
+
+def test_a_sketch_may_have_names_of_the_c_library() -> None:
+    source = (
+        "int signal = 5, time;\nfloat y0[3];\nvoid close(int angle) { grip.write(angle); read(); }\n"
+        'enum { send };\nvoid f(int poll) { Serial.read(); arm->open(); print("close"); }\n'
+        "class Arm { public: void open(); int pause; };\nvoid open() {}\n"
+        "void g(int wait = clock) { sleep(1); }\n"
+    )
+    names = own_c_names([source, "extern int kill;\n"])
+    # `open` is a member of a class too, and the rest is none of the sketch's.
+    assert names == {"signal", "time", "y0", "close", "kill"}
+    made = board_source("close(time); Serial.close(); p -> time; // close\nx.signal = signal;", names)
+    assert made == (
+        "close_of_sketch(time_of_sketch); Serial.close(); p -> time; // close\nx.signal = signal_of_sketch;"
+    )

@@ -58,7 +58,7 @@ MOTORS = {
         "#define DIR_A 12\n#define BRAKE_A 9\n#define PWM_A 3\nvoid f() { digitalWrite(DIR_A, HIGH);"
         " digitalWrite(BRAKE_A, LOW); analogWrite(PWM_A, 200); digitalWrite(13, 1); digitalWrite(8, 0);"
         " analogWrite(11, 200); }",
-        [("shield", 12, 3, 9), ("hbridge", 13, 8, 11)],
+        [("shield", 12, 3, 9), ("shield", 13, 11, 8)],
     ),
     "direction and duty": (
         "void f() { digitalWrite(4, 1); analogWrite(5, 9); digitalWrite(7, 1); analogWrite(6, 9); }",
@@ -79,13 +79,50 @@ MOTORS = {
         " analogWrite(5, 90); }",
         [("hbridge", 2, 4, 5)],
     ),
+    "Motor Shield R3": (
+        "void f(int right, int left) { digitalWrite(13, LOW); digitalWrite(12, LOW); digitalWrite(8, LOW);"
+        " digitalWrite(9, LOW); analogWrite(3, right); analogWrite(11, left); }",
+        [("shield", 12, 3, 9), ("shield", 13, 11, 8)],
+    ),
+    "an L298N on the pins of a shield": (
+        "int IN1 = 12, IN2 = 13, IN3 = 8, IN4 = 9;\nvoid f() { digitalWrite(IN1, 1); digitalWrite(IN2, 0);"
+        " analogWrite(3, 9); digitalWrite(IN3, 1); digitalWrite(IN4, 0); analogWrite(11, 9); }",
+        [("hbridge", 12, 13, 3), ("hbridge", 8, 9, 11)],
+    ),
+    "a bridge with its enable before two PWM inputs": (
+        "void f() { digitalWrite(2, 1); digitalWrite(4, 0); analogWrite(5, 90); analogWrite(9, 90);"
+        " analogWrite(10, 0); }",
+        [("hbridge", 2, 4, 5), ("pwm2", 9, 10)],
+    ),
+    "two duties a motor, by their names": (
+        "#define AIN1 3\n#define AIN2 5\n#define BIN1 9\n#define BIN2 6\n"
+        "void f() { analogWrite(AIN1, 9); analogWrite(BIN1, 9); }"
+        " void g() { analogWrite(AIN2, 9); analogWrite(BIN2, 9); }",
+        [("pwm2", 3, 5), ("pwm2", 9, 6)],
+    ),
+    "levels alone": (
+        "void f() { digitalWrite(8, 1); digitalWrite(9, 0); digitalWrite(10, 1); digitalWrite(11, 0); }",
+        [("hbridge", 8, 9), ("hbridge", 10, 11)],
+    ),
+    "levels alone, by their names": (
+        "const int rightBack = 3, rightForward = 2, leftForward = 4, leftBack = 5, stby = 7;\n"
+        "void loop() { digitalWrite(stby, 1); if (x) { digitalWrite(leftForward, 1);"
+        " digitalWrite(rightForward, 1); } else { digitalWrite(leftBack, 1); digitalWrite(rightBack, 1); } }",
+        [("hbridge", 4, 5), ("hbridge", 2, 3)],
+    ),
+    "lamps and relays": (
+        "int led1 = 8, led2 = 9, pump = 4, valve = 5;\n"
+        "void f() { digitalWrite(led1, 1); digitalWrite(led2, 0);"
+        " digitalWrite(pump, 1); digitalWrite(valve, 0); }",
+        [],
+    ),
 }
 
 
 @pytest.mark.parametrize("form", MOTORS)
 def test_motors_are_read_off_the_order_of_writes(tmp_path: Path, form: str) -> None:
     text, expected = MOTORS[form]
-    assert [pins(row) for row in drafted(tmp_path, text)["motors"]] == expected
+    assert [pins(row) for row in drafted(tmp_path, text).get("motors", [])] == expected
 
 
 def test_the_order_of_inputs_is_the_one_that_drives_ahead(tmp_path: Path) -> None:
@@ -144,6 +181,29 @@ def test_boards_their_lines_and_a_gripper_are_read(tmp_path: Path) -> None:
     assert {"from": "sketch1.A0", "to": "sketch2.A4"} in found["wires"]
     assert drafted(tmp_path, servo)["servos"][0]["pin"] == 3
     assert drafted(tmp_path, "void setup() { Serial1.begin(9600); }")["boards"]["sketch1"]["board"] == "mega"
+
+
+def test_a_sensor_whose_row_is_not_there_has_one_to_add(tmp_path: Path) -> None:
+    eyes = "".join(f"NewPing eye{pin}(7, {pin});\n" for pin in (2, 3, 4, 5))
+    (tmp_path / "s.ino").write_text(eyes, "utf-8")
+    made = draft([tmp_path / "s.ino"], tmp_path, ["u1", "u3"], [])
+    assert [row["code"] for row in tomllib.loads(made)["sensors"]] == ["u1", "u3", "u2", "u4"]
+    assert "add its row to sensors.csv, such as ultra4,u4,1,3,0,6,0,0.02,5,\n" in made
+
+
+def test_the_board_and_the_line_are_those_that_the_sketch_uses(tmp_path: Path) -> None:
+    duties = "void f() { digitalWrite(4, 1); analogWrite(2, 9); digitalWrite(5, 1); analogWrite(7, 9); }"
+    assert drafted(tmp_path, duties)["boards"]["sketch1"]["board"] == "mega"
+    unused = "SoftwareSerial eyes(10, 11);\nvoid setup() { Serial.begin(9600); }"
+    assert drafted(tmp_path, unused)["laptop"] == {"board": "sketch1", "rx": 0, "tx": 1}
+
+
+def test_a_set_for_encoders_alone_has_wheels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", "")  # without a compiler nothing is run
+    text = "void tick() { n++; }\nvoid setup() { attachInterrupt(0, tick, RISING); }\nvoid loop() {}\n"
+    (tmp_path / "rover.ino").write_text(text, "utf-8")
+    assert main(["init", str(tmp_path / "set"), "--sketch", str(tmp_path / "rover.ino")]) == 0
+    assert main(["check", str(tmp_path / "set")]) == 0
 
 
 def test_a_library_that_is_not_there_yet_is_noted(tmp_path: Path) -> None:

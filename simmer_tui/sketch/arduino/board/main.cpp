@@ -22,6 +22,15 @@ __attribute__((weak)) void serialEvent2();
 __attribute__((weak)) void serialEvent3();
 #endif
 
+void serialEventRun() {
+  if (serialEvent && Serial.available()) serialEvent();
+#if defined(SIMMER_MEGA)
+  if (serialEvent1 && Serial1.available()) serialEvent1();
+  if (serialEvent2 && Serial2.available()) serialEvent2();
+  if (serialEvent3 && Serial3.available()) serialEvent3();
+#endif
+}
+
 // Called by the compiler's instrumentation in each basic block of the sketch.
 extern "C" void __sanitizer_cov_trace_pc() {
   using namespace board;
@@ -113,11 +122,6 @@ int main(int count, char** arguments) {
   for (;;) {
     loop();
     board::pass(board::cost::LOOP);
-    if (serialEvent && Serial.available()) serialEvent();
-#if defined(SIMMER_MEGA)
-    if (serialEvent1 && Serial1.available()) serialEvent1();
-    if (serialEvent2 && Serial2.available()) serialEvent2();
-    if (serialEvent3 && Serial3.available()) serialEvent3();
-#endif
+    serialEventRun();
   }
 }

@@ -70,6 +70,9 @@ inline word makeWord(unsigned int value) { return static_cast<word>(value); }
 inline word makeWord(byte high, byte low) { return static_cast<word>(high << 8 | low); }
 #define word(...) makeWord(__VA_ARGS__)
 
+// In avr-libc's <math.h>.
+inline double square(double value) { return value * value; }
+
 #define bit(b) (1UL << (b))
 #define _BV(b) (1 << (b))
 #define bitRead(value, b) (((value) >> (b)) & 0x01)

@@ -19,5 +19,7 @@ extern HardwareSerial Serial;
 #if defined(SIMMER_MEGA)
 extern HardwareSerial Serial1, Serial2, Serial3;
 #endif
+// Calls serialEvent() of each port with bytes: after each loop(), and in a sketch that waits itself.
+void serialEventRun();
 #define SERIAL_PORT_MONITOR Serial
 #define SERIAL_PORT_HARDWARE Serial

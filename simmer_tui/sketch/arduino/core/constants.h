@@ -22,7 +22,12 @@
 
 #define DEFAULT 1
 #define EXTERNAL 0
+#if defined(SIMMER_MEGA)
+#define INTERNAL1V1 2
+#define INTERNAL2V56 3
+#else
 #define INTERNAL 3
+#endif
 
 #define SERIAL_8N1 0x06
 

@@ -3,12 +3,29 @@
 #include "NewPing.h"
 #include "Servo.h"
 #include "SoftwareSerial.h"
+#include "util/atomic.h"
 
 #include "../board/clock.h"
 #include "../board/exchange.h"
 #include "../board/interrupts.h"
 
 using namespace board;
+
+// -- util/atomic.h -----------------------------------------------------------------------------------
+
+InterruptBlock::InterruptBlock(bool off, BlockEnd end)
+    : on_at_end_(end == RESTORE_INTERRUPTS ? interrupts_on() : end == INTERRUPTS_ON) {
+  if (off)
+    noInterrupts();
+  else
+    interrupts();
+}
+InterruptBlock::~InterruptBlock() {
+  if (on_at_end_)
+    interrupts();
+  else
+    noInterrupts();
+}
 
 // -- SoftwareSerial ----------------------------------------------------------------------------------
 

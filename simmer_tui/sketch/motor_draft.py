@@ -1,0 +1,217 @@
+"""Motors for the draft of a wiring.toml: the pins that a sketch sets together, and how they are named.
+
+A team sets the direction of a motor right before, or after, its duty. Without duties, the digital pins
+that are set together are inputs of H-bridges.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+
+from msgspec import Struct
+
+from simmer_tui.sketch.sketch_scan import SketchStep
+
+END = SketchStep("", -1, "", None, "", "")
+"""A step that ends those of a function."""
+_BRAKE, LAMP, _STANDBY, _DUTY, _MOTOR, _INPUT = (
+    re.compile(word, re.IGNORECASE)
+    for word in (
+        "brake|brk",
+        "led|lamp|buzz",
+        "stby|standby|enable|en_?[ab0-9]?$",
+        "en_?[ab]?$|en_?[0-9]|pwm|speed|spd",
+        r"^in_?[0-9]|mot|left|right|wheel|fwd|forward|m[0-9]",
+        r"in_?[0-9]",
+    )
+)
+_WAYS = re.compile(r"forwards?|backwards?|reverse|fwd|bwd|rev|back|cw|ccw|plus|minus|pos|neg", re.IGNORECASE)
+"""Words of a name that tell the direction."""
+# Arduino's Motor Shield R3 has its pins fixed: direction, PWM and brake of channels A and B.
+_SHIELD = ({"dir": 12, "pwm": 3, "brake": 9}, {"dir": 13, "pwm": 11, "brake": 8})
+
+
+class DraftMotor(Struct, frozen=True):
+    """A motor that was read off a sketch: its driver and pins."""
+
+    driver: str
+    pins: Mapping[str, int]
+    reversed: bool = False
+    sure: bool = True
+    """False if its duty and its direction are set in different functions, or it has no duty."""
+
+
+def draft_motors(steps: Sequence[SketchStep]) -> list[DraftMotor]:
+    """The motors that a sketch's steps show."""
+    found = list(_shield(steps))
+    used = {pin for motor in found for pin in motor.pins.values()}
+    rest = [step for step in steps if step.pin not in used]
+    found += _with_duties(rest)
+    used |= {pin for motor in found for pin in motor.pins.values()}
+    return [*found, *_without_duties(rest, used)]
+
+
+def _shield(steps: Sequence[SketchStep]) -> Iterator[DraftMotor]:
+    """Both channels of a Motor Shield R3, if the sketch writes all six pins."""
+    duties = {step.pin for step in steps if step.call == "analogWrite"}
+    names = {step.pin: step.name for step in steps if step.call == "digitalWrite"}
+    levels = [channel[key] for channel in _SHIELD for key in ("dir", "brake")]
+    if not all(channel["pwm"] in duties for channel in _SHIELD) or not all(pin in names for pin in levels):
+        return
+    # An L298N on the same pins has inputs that are named so.
+    if not all(_INPUT.match(names[pin]) for pin in levels):
+        for channel in _SHIELD:
+            yield DraftMotor("shield", channel)
+
+
+def _with_duties(steps: Sequence[SketchStep]) -> Iterator[DraftMotor]:
+    """The motors by their duties: the digital pins that are written right before the analogWrite of a motor,
+    or right after it, are its directions."""
+    duties = [step.pin for step in steps if step.call == "analogWrite"]
+    names = {step.pin: step.name for step in steps}
+    votes: dict[int, Counter[tuple[tuple[int, str], ...]]] = {}
+    pairs: Counter[tuple[int, int]] = Counter()
+    for levels, analog, after in _runs(steps, {*duties}):
+        if not levels and not after and len(analog) % 2 == 0:
+            pairs.update(zip(analog[::2], analog[1::2], strict=True))
+        sides = levels or after
+        if len(sides) == 2 and len(analog) > 1 and len(analog) % 2:
+            # A bridge with its enable, and others of the same function with a PWM on each input.
+            pairs.update(zip(analog[1::2], analog[2::2], strict=True))
+            analog = analog[:1]
+        share = len(sides) // len(analog)
+        if share in (1, 2) and share * len(analog) == len(sides):
+            for at, duty in enumerate(analog):
+                votes.setdefault(duty, Counter())[tuple(sides[share * at : share * (at + 1)])] += 1
+    used: set[int] = set()
+    for duty in dict.fromkeys(duties):
+        if duty not in votes:
+            continue
+        pins, _ = max(votes[duty].items(), key=lambda each: (len(each[0]), each[1]))
+        numbers = [pin for pin, _ in pins]
+        if used & {duty, *numbers}:
+            continue
+        used |= {duty, *numbers}
+        brakes = [pin for pin, name in pins if _BRAKE.search(name)]
+        if len(numbers) == 1:
+            yield DraftMotor("shield", {"dir": numbers[0], "pwm": duty})
+        elif brakes:
+            way = next(pin for pin in numbers if pin != brakes[0])
+            yield DraftMotor("shield", {"dir": way, "pwm": duty, "brake": brakes[0]})
+        else:
+            yield DraftMotor("hbridge", {"in1": numbers[0], "in2": numbers[1], "en": duty})
+    apart = [pin for pin in dict.fromkeys(duties) if pin not in used]
+    inputs = _directions(steps, {*duties} | used, 2 * len(apart))
+    if inputs:
+        for at, duty in enumerate(apart):
+            yield DraftMotor(
+                "hbridge", {"in1": inputs[2 * at], "in2": inputs[2 * at + 1], "en": duty}, sure=False
+            )
+        return
+    named = _paired([pin for pin in apart if not _DUTY.search(names[pin])], names)
+    for (one, other), _ in [(pair, 0) for pair in named] or pairs.most_common():
+        if one != other and not used & {one, other}:
+            used |= {one, other}
+            yield DraftMotor("pwm2", {"in1": one, "in2": other})
+
+
+def _directions(steps: Sequence[SketchStep], taken: set[int], count: int) -> tuple[int, ...]:
+    """The digital pins that functions without a duty set together, if they are as many as asked for:
+    directions in one function, duties in another. The most frequent ones, in their order; else none."""
+    votes: Counter[tuple[int, ...]] = Counter()
+    levels: dict[int, None] = {}
+    for step in steps:
+        if step.call == "digitalWrite" and step.pin not in taken and not LAMP.search(step.name):
+            levels[step.pin] = None
+        elif step.call != "digitalWrite":
+            if count and len(levels) == count:
+                votes[tuple(levels)] += 1
+            levels = {}
+    return votes.most_common(1)[0][0] if votes else ()
+
+
+def _without_duties(steps: Sequence[SketchStep], used: set[int]) -> Iterator[DraftMotor]:
+    """The motors of H-bridges without a PWM: pins that are set together."""
+    if any(step.pin in used for step in steps):
+        return
+    groups: Counter[tuple[int, ...]] = Counter()
+    names: dict[int, str] = {}
+    levels: dict[int, None] = {}
+    for step in (*steps, END):
+        if step.call == "digitalWrite":
+            if not LAMP.search(step.name) and not _STANDBY.search(step.name):
+                levels[step.pin] = None
+                names.setdefault(step.pin, step.name)
+            continue
+        groups[tuple(sorted(levels, key=list(names).index))] += 1
+        levels = {}
+    del groups[()]
+    for group, _ in sorted(groups.items(), key=lambda each: (-len(each[0]), -each[1])):
+        is_motor = len(group) > 3 or all(_MOTOR.search(names[pin]) for pin in group)
+        if len(group) % 2 or used.intersection(group) or not is_motor:
+            continue
+        used.update(group)
+        for one, other in _paired(group, names) or zip(group[::2], group[1::2], strict=True):
+            yield DraftMotor("hbridge", {"in1": one, "in2": other}, sure=False)
+
+
+def _paired(group: Sequence[int], names: Mapping[int, str]) -> list[tuple[int, int]]:
+    """Pins in the pairs that their names tell: `AIN1` and `AIN2`, `leftForward` and `leftBack`. None if a pin
+    is alone."""
+    sides: dict[tuple[str, int], list[int]] = {}
+    for pin in group:
+        name = _WAYS.sub("", names[pin])
+        number = re.search(r"([0-9])\D*$", name) if name == names[pin] else None
+        stem = name if number is None else name[: number.start()] + name[number.end(1) :]
+        sides.setdefault((stem.lower(), 0 if number is None else (int(number[1]) + 1) // 2), []).append(pin)
+    if any(len(pins) != 2 for pins in sides.values()):
+        return []
+    ordered = (sorted(pins, key=lambda pin: _order(names[pin])) for pins in sides.values())
+    return [(one, other) for one, other in ordered]
+
+
+def _order(name: str) -> tuple[bool, str]:
+    """Forward before backward, and 1 before 2."""
+    return bool(re.search("back|rev|bwd|minus|neg|ccw", name, re.IGNORECASE)), name
+
+
+def oriented(motor: DraftMotor, ahead: Mapping[int, float]) -> DraftMotor:
+    """The motor with its inputs in the order in which the sketch's own function drives ahead."""
+    pins = motor.pins
+    if "dir" in pins:
+        return DraftMotor(motor.driver, pins, ahead.get(pins["dir"]) == 0.0, motor.sure)
+    first, second = (ahead.get(pins[name]) for name in ("in1", "in2"))
+    if first == 0.0 and second:
+        return DraftMotor(motor.driver, {**pins, "in1": pins["in2"], "in2": pins["in1"]}, sure=motor.sure)
+    return motor
+
+
+def _runs(
+    steps: Sequence[SketchStep], duties: set[int]
+) -> Iterator[tuple[list[tuple[int, str]], list[int], list[tuple[int, str]]]]:
+    """Runs of duties with the levels before and after each: `(levels, duties, levels after)`."""
+    levels: list[tuple[int, str]] = []
+    analog: list[int] = []
+    before: list[tuple[int, str]] = []
+    for step in (*steps, END):
+        if step.call == "digitalWrite":
+            # An enable pin that is switched off digitally, and lamps, are no direction.
+            is_direction = step.pin not in duties and not LAMP.search(step.name)
+            if is_direction and all(pin != step.pin for pin, _ in levels):
+                levels.append((step.pin, step.name))
+            continue
+        if step.call == "analogWrite" and analog and not levels:
+            if step.pin not in analog:
+                analog.append(step.pin)
+            continue
+        if analog:
+            yield before, analog, [] if before else levels
+            # Levels after the duty belong to it if none were before.
+            levels = levels if before else []
+            analog = []
+        if step.call == "analogWrite":
+            before, analog, levels = levels, [step.pin], []
+        else:
+            levels = []

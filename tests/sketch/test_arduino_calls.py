@@ -1,0 +1,88 @@
+"""Sketches of ours with what teams have: names of the C library, atomic blocks, functions in an #if."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from simmer_tui.sketch.compiler import find_compiler
+from tests.sketch.rovers import ROVER, made_set
+from tests.sketch.running import run_boards
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(find_compiler() is None, reason="there is no C++ compiler"),
+]
+NAMES = """
+#include <Servo.h>
+Servo grip;
+int read = 1, write = 2, signal = 3, time = 4;
+float y0 = 5;
+void setup() {
+  Serial.begin(9600);
+  grip.attach(9);
+  close(90);
+  index(3);
+  Serial.println(read + write + signal + time + y0);
+}
+void loop() {}
+void close(int angle) { grip.write(angle); Serial.println("closed"); }
+void index(int value) { Serial.println(value); }
+"""
+CALLS = """
+#include <util/atomic.h>
+#include <util/delay.h>
+#include <avr/wdt.h>
+#include <limits.h>
+#if defined(ESP32)  /* a board
+   that we have not */
+void join(Network network) {}
+#endif
+volatile long ticks = 7;
+bool on() { return SREG & 0x80; }
+long taken() {
+  ATOMIC_BLOCK(ATOMIC_RESTORESTATE) {
+    if (on()) return -1;
+    return ticks;
+  }
+  return 0;
+}
+void setup() {
+  Serial.begin(9600);
+  wdt_enable(WDTO_2S);
+  Serial.println(taken());
+  Serial.println(on());
+  noInterrupts();
+  Serial.println(taken());
+  Serial.println(on());
+  ATOMIC_BLOCK(ATOMIC_FORCEON) { ticks++; }
+  Serial.println(on());
+  unsigned long begun = micros();
+  _delay_ms(2.5);
+  _delay_us(500);
+  Serial.println((micros() - begun) / 100);
+  Serial.println(INT_MAX);
+  Serial.println(LONG_MIN);
+  Serial.println(square(1.5));
+  Serial.println(helped());
+}
+void loop() { while (!Serial.available()) serialEventRun(); wdt_reset(); serialEventRun(); }
+void serialEvent() { Serial.write(Serial.read()); }
+int helped() { return 8; }
+"""
+
+
+def text_of(folder: Path, sketch: str, sent: bytes = b"") -> str:
+    configuration = made_set(folder / "set", ROVER, {"rover.ino": sketch})
+    return run_boards(configuration, 1.0, [(0.5, sent)] if sent else ()).text.replace("\r", "")
+
+
+def test_a_sketch_has_its_own_names(tmp_path: Path) -> None:
+    """The runtime still calls the C library's."""
+    assert text_of(tmp_path, NAMES) == "closed\n3\n15.00\n"
+
+
+def test_calls_of_avr_libc(tmp_path: Path) -> None:
+    made = "7\n1\n7\n0\n1\n30\n32767\n-2147483648\n2.25\n8\n"
+    assert text_of(tmp_path, CALLS, b"x") == f"{made}x"
