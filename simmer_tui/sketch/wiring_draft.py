@@ -16,6 +16,8 @@ from pathlib import Path
 
 from msgspec import Struct
 
+from simmer_tui.errors import ConfigurationError, Problem
+from simmer_tui.sim.rules import MAX_TEXT, TextRule
 from simmer_tui.sketch.boards import BOARDS, UNO, BoardKind
 from simmer_tui.sketch.motion_check import forward_levels
 from simmer_tui.sketch.motor_draft import END, draft_motors, oriented
@@ -115,7 +117,8 @@ def draft(sketches: Sequence[Path], directory: Path, ranges: Sequence[str], line
         ranges: The codes of the set's range sensors, in order.
         lines: The codes of its other sensors that a pin can read.
 
-    Raises OSError or ValueError for a sketch that cannot be read.
+    Raises OSError or ValueError for a sketch that cannot be read, and ConfigurationError for one whose path
+    wiring.toml does not take.
     """
     boards: list[BoardDraft] = []
     for sketch in sketches:
@@ -233,11 +236,23 @@ def _board_name(sketch: Path, taken: Sequence[str]) -> str:
 
 
 def _path_from(directory: Path, sketch: Path) -> str:
+    """The path of a sketch from the set's folder, as wiring.toml takes it. Raises ConfigurationError."""
+    # Without links: the system follows a link before it goes up from it.
+    target = os.path.join(os.path.realpath(sketch.parent), sketch.name)  # noqa: PTH118 - "." has no name
     try:
-        path = os.path.relpath(sketch, directory)
+        path = Path(os.path.relpath(target, os.path.realpath(directory))).as_posix()
     except ValueError:  # another drive of Windows
-        path = str(sketch.absolute())
-    return Path(path).as_posix()
+        path = Path(target).as_posix()
+    # A reader drops the spaces around a text.
+    path = f"./{path}" if path.startswith(" ") else path
+    path = f"{path}/" if path.endswith(" ") else path
+    try:
+        return TextRule().check(path)
+    except ValueError:
+        what = (
+            f"wiring.toml takes a path of at most {MAX_TEXT} printable characters: rename or move the sketch"
+        )
+        raise ConfigurationError([Problem(str(sketch), what)]) from None
 
 
 def _pin(board: BoardDraft, pin: int) -> str:

@@ -9,11 +9,12 @@ from typing import Any
 
 import pytest
 
+from simmer_tui import platform_has
 from simmer_tui.cli.main import main
 from simmer_tui.config.sets import bundled_sets, init_set
-from simmer_tui.errors import Problem
+from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim.specs import WheelLayout, WheelsSpec
-from simmer_tui.sketch.wiring import WiringParts, read_wiring
+from simmer_tui.sketch.wiring import WiringParts, missing_sketches, read_wiring
 from simmer_tui.sketch.wiring_draft import draft
 from tests.sketch.test_sketch_check import EYES, ROVER
 
@@ -280,3 +281,50 @@ def test_a_sketch_with_quotes_in_its_name_is_drafted_as_toml(tmp_path: Path) -> 
     path.write_text(ROVER, "utf-8")
     made = tomllib.loads(draft([path], tmp_path, [], []))
     assert [each["sketch"] for each in made["boards"].values()] == [path.name]
+
+
+@pytest.mark.skipif(not platform_has.POSIX, reason="names that end with a space, and links without rights")
+@pytest.mark.parametrize("folder", ["my robot", " robot", "robot ", "linked/robot", "linked/../robot"])
+@pytest.mark.parametrize("directory", ["set", "linked/set"])
+def test_check_takes_the_path_of_a_draft(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, folder: str, directory: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "some/where").mkdir(parents=True)
+    (tmp_path / "linked").symlink_to("some/where", target_is_directory=True)
+    for given in (Path(folder), tmp_path / folder):
+        given.mkdir(parents=True, exist_ok=True)
+        (given / f"{given.name}.ino").write_text(ROVER, "utf-8")
+        Path(directory).mkdir(exist_ok=True)
+        assert drafts_that_are_refused(given, Path(directory)) == []
+        assert drafts_that_are_refused(given / f"{given.name}.ino", tmp_path / directory) == []
+
+
+@pytest.mark.skipif(not platform_has.POSIX, reason="names that end with a space")
+def test_a_sketch_in_the_set_is_drafted_by_its_name(tmp_path: Path) -> None:
+    for name in (" robot", "robot "):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / f"{name}.ino").write_text(ROVER, "utf-8")
+        assert drafts_that_are_refused(tmp_path / name, tmp_path) == []
+
+
+def drafts_that_are_refused(sketch: Path, directory: Path) -> list[str]:
+    """Problems of the reader with the path in a draft."""
+    problems: list[Problem] = []
+    made = draft([sketch], directory, ["u1", "u2"], ["i1", "i2"])
+    wiring = read_wiring(made, WiringParts((), WheelsSpec(layout=WheelLayout.DIFF)), problems)
+    problems = [each for each in problems if "no row of sensors.csv has" not in each.what]
+    return [str(each) for each in (*problems, *missing_sketches(wiring, directory))]
+
+
+@pytest.mark.parametrize(
+    "name", ["ro\x7fbot", "ro\x1bbot", "\u202erobot", "\udcff", "/".join(["d" * 60] * 6)]
+)
+def test_a_path_that_wiring_toml_does_not_take_is_refused(tmp_path: Path, name: str) -> None:
+    try:
+        (tmp_path / name).mkdir(parents=True)
+    except (OSError, UnicodeError):  # a system whose names are UTF-8
+        pytest.skip("this system has no such names")
+    (tmp_path / name / "robot.ino").write_text(ROVER, "utf-8")
+    with pytest.raises(ConfigurationError, match=r"rename or move the sketch"):
+        draft([tmp_path / name / "robot.ino"], tmp_path / "set", [], [])
