@@ -16,6 +16,7 @@ from simmer_tui.report.finding import FEWEST, Disagreement, kept_disagreements
 from simmer_tui.report.sensor_sample import by_sensor, poses_of, world_without_block
 from simmer_tui.report.why import shown_range
 from simmer_tui.run.attempt import Attempt
+from simmer_tui.run.belief_grid import SURELY_ELSEWHERE
 from simmer_tui.run.facts import COVERED, SLIGHT, SLIGHT_TURN, UNSURE, UNSURE_TURN, carried_over
 from simmer_tui.run.history_rows import BeliefRow
 from simmer_tui.run.phrases import times_text
@@ -73,6 +74,15 @@ class BeliefFacts:
         unsure = (self.rows["spread"] > UNSURE) | (self.rows["allowed_turn"] > 3.0 * UNSURE_TURN)
         self.sure: Columns = self.rows[~unsure]
         self.has_truth = not seen.history.is_twin
+
+    @cached_property
+    def was_right(self) -> bool:
+        """True if a sure belief was right."""
+        rows, is_grid = self.sure, np.isfinite(self.sure["above"])
+        heading = is_grid | (np.abs(rows["turn"]) <= rows["allowed_turn"])
+        return bool(
+            ((rows["distance"] <= rows["allowed"]) & heading & ~(rows["above"] > SURELY_ELSEWHERE)).any()
+        )
 
     @cached_property
     def constant(self) -> ConstantOffset | None:

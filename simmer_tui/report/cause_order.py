@@ -13,6 +13,7 @@ import numpy as np
 from msgspec import Struct
 from msgspec.structs import replace
 
+from simmer_tui.config.mission_plan import cells_of
 from simmer_tui.report.causes import Cause, Kind, MomentKind, Sureness
 from simmer_tui.report.contact_evidence import ContactEvidence, DriveErrors, belief_text, movements_text
 from simmer_tui.report.finding import FEWEST, Finding
@@ -38,7 +39,7 @@ from simmer_tui.run.progress import HUNDRED
 from simmer_tui.run.run_history import CHAIN
 from simmer_tui.run.table import Timed
 from simmer_tui.sim.command import WORD, counted, cut
-from simmer_tui.sim.specs import CELL_SIZE
+from simmer_tui.sim.specs import BLOCK, CELL_SIZE
 
 # Judged: a good program crosses the maze with fewer movements.
 REFUSED_SHARE = 0.05
@@ -83,7 +84,8 @@ _NAMED = 4
 class Fact(Struct, frozen=True):
     """A fact that decided a run: a sentence, its moment (elapsed seconds) with its line and place, by default
     the run's end, and the codes of the devices that it is about. `advice` and `moment` replace those of its
-    rule. `has_behind` is true if wrong devices or beliefs may explain it."""
+    rule. `has_behind` is true if wrong devices or beliefs may explain it: they are told before `then`, the
+    sentences on what came of it."""
 
     text: str
     at: Timed | None = None
@@ -93,6 +95,7 @@ class Fact(Struct, frozen=True):
     advice: str | None = None
     moment: MomentKind | None = None
     has_behind: bool = False
+    then: str = ""
     sure: Sureness = Sureness.CERTAIN
 
 
@@ -123,7 +126,7 @@ def advice_on(kind: Kind) -> str:
 
 
 def _made(run: RunEvidence, rule: CauseRule, fact: Fact) -> Cause:
-    seen, text, culprits = run.seen, fact.text, fact.culprits
+    seen, parts, culprits = run.seen, [fact.text], fact.culprits
     advice = rule.advice if fact.advice is None else fact.advice
     if fact.has_behind or rule is NO_RULE:
         declared, marked = _declared(run)
@@ -131,14 +134,18 @@ def _made(run: RunEvidence, rule: CauseRule, fact: Fact) -> Cause:
         if marked and rule.kind is not Kind.TOO_SLOW:
             named = " and ".join(marked)
             advice = f"Give your program the numbers of this set for {named}, or correct for them."
-        text = " ".join(filter(None, (text, declared, behind)))
+        parts += [declared, behind]
         culprits = tuple(dict.fromkeys((*culprits, *marked, *codes)))
     met = run.contact if run.has_contact else None
+    parts.append(fact.then)
     if run.stray_block is not None and rule.kind in _ABOUT_BLOCK:
-        text = f"{text} The block lay at {place_text(*run.stray_block)}, outside the loading zone."
+        parts.append(f"The block lay at {place_text(*run.stray_block)}, outside the loading zone.")
+    if met is None and rule.kind in _ABOUT_GOALS:
+        parts.append(_goals(run))
     if rule.kind in _ABOUT_TURNS:
-        text += _one_sided(run)
-    evidence: tuple[str, ...] = (run.health_text, belief_text(seen.beliefs[0]), _goals(seen))
+        parts.append(_one_sided(run))
+    text = " ".join(filter(None, parts))
+    evidence: tuple[str, ...] = (run.health_text, belief_text(seen.beliefs[0]))
     if met is not None:
         evidence = (run.health_text, *met.sentences)
     elif seen.is_silent:
@@ -213,47 +220,48 @@ def _refused(run: RunEvidence) -> Fact | None:
     if 2 * refused > of and seen.refusals:
         begin = f"{refused} of {counted(of, 'command')} were refused"
         return _refused_by(run, f"{begin}, such as {{}}.", seen.refusals[0])
-    undone = _undone(run, run.undone) if run.undone and seen.task is not None else None
+    if seen.task is None:
+        return None
+    lost = run.contact.lost if run.has_contact and run.contact is not None else seen.beliefs[1]
+    row = None if lost is None else run.refused_before(lost)
+    if lost is not None and row is not None:
+        return _undone(run, [row], f"{capitalized(lost_text(run, lost))}. {_then(run)}")
     row = None if run.has_contact else run.refused_action
-    if undone is not None or row is None or seen.task is None:
-        return undone
+    fact = _never_done(run)
+    if fact is not None or row is None:
+        return fact
     return _refused_by(run, "Its last command was refused, {}.", row, (row.result.command.code,))
 
 
 def _refused_by(run: RunEvidence, text: str, row: RefusalRow, codes: Sequence[str] = ()) -> Fact:
     """A fact about refused commands, with one of them in the braces of its text."""
-    one = f"{cut(row.result.command.shown, WORD)} at {row.elapsed:.1f} s: {_reason(row)}"
+    one = f"{cut(row.result.command.shown, WORD)} at {row.elapsed:.1f} s: {row.result.reason.rstrip('.')}"
     return Fact(f"{text.format(one)}{run.origin_of(row)}", row, culprits=tuple(codes))
 
 
-def _reason(row: RefusalRow) -> str:
-    return row.result.reason.rstrip(".")
-
-
-def _undone(run: RunEvidence, rows: Sequence[RefusalRow]) -> Fact | None:
+def _never_done(run: RunEvidence) -> Fact | None:
     """Movements or grips that were refused and never carried out: before a contact a share of the movements,
     else the closing of the gripper."""
-    seen, first = run.seen, rows[0]
-    gripper = "" if seen.spec.gripper is None else seen.spec.gripper.code
+    seen, rows = run.seen, run.undone
     if run.has_contact:
         of = len(rows) + len(seen.within(seen.history.movements))
-        if len(rows) < REFUSED_SHARE * of:
-            return None
-        then = f" Then {_sent(run)}. {_contact(run)}"
-    else:
-        rows = [each for each in rows if each.result.command.code == gripper]
-        if not rows or seen.taken:
-            return None
-        first, then = rows[0], " It was never closed."
-    command, reason = first.result.command, _reason(first)
-    often = f" {times_text(len(rows))}" if len(rows) > 1 else ""
-    shown = cut(command.shown, WORD)
-    one = f"{shown} was refused at {first.elapsed:.1f} s: {reason}."
-    if often and any(each.result.command.shown != command.shown for each in rows):
-        text = f"{len(rows)} commands were refused and never carried out. The first: {one}"
-    else:
-        text = f"{shown} was refused{often}, first at {first.elapsed:.1f} s: {reason}." if often else one
-    return Fact(f"{text}{run.origin_of(first)}{then}", first, culprits=(command.code,))
+        return _undone(run, rows, _then(run)) if rows and len(rows) >= REFUSED_SHARE * of else None
+    gripper = "" if seen.spec.gripper is None else seen.spec.gripper.code
+    rows = [each for each in rows if each.result.command.code == gripper]
+    return _undone(run, rows, "It was never closed.") if rows and not seen.taken else None
+
+
+def _undone(run: RunEvidence, rows: Sequence[RefusalRow], then: str) -> Fact:
+    """A fact about commands that were refused and never carried out."""
+    first, command = rows[0], rows[0].result.command
+    reason, shown = first.result.reason.rstrip("."), cut(command.shown, WORD)
+    often = f" {times_text(len(rows))}, first" if len(rows) > 1 else ""
+    text = f"{shown} was refused{often} at {first.elapsed:.1f} s: {reason}."
+    if any(each.result.command.shown != command.shown for each in rows):
+        text = (
+            f"{len(rows)} commands were refused and never carried out. The first: {text.replace(often, '')}"
+        )
+    return Fact(f"{text}{run.origin_of(first)}", first, culprits=(command.code,), then=then)
 
 
 def _crashed(run: RunEvidence) -> Fact | None:
@@ -261,7 +269,7 @@ def _crashed(run: RunEvidence) -> Fact | None:
     if program is None or not program.crashed or program.stopped or run.has_contact:
         return None
     led = _moved(run) or _stalled(run)
-    before = "" if led is None else f" {led.text}"
+    before = "" if led is None else f" {led.text}{led.then}"
     text = f"{capitalized(program_end_text(program))}.{waited_text(run)}{before}"
     return Fact(text, culprits=() if led is None else led.culprits, has_behind=led is None)
 
@@ -311,8 +319,15 @@ def _silence(run: RunEvidence) -> Fact | None:
         if run.exit_code:
             text = f"{capitalized(exit_text(run.exit_code))} before it sent a command."
         return Fact(text, since=seen.elapsed, advice=f"{capitalized(CONNECT_ADVICE)}")
-    end = "the real time limit" if run.cut_off else "the time limit"
-    return Fact(f"No command came after {quiet.since:.1f} s. The run was ended at {end}.", since=quiet.since)
+    return Fact("", since=quiet.since, then=_quiet(run), has_behind=True)
+
+
+def _quiet(run: RunEvidence) -> str:
+    """The time without a command at the end, in sentences; empty without one."""
+    quiet, end = run.silence, "the real time limit" if run.cut_off else "the time limit"
+    if quiet is None:
+        return ""
+    return f"No command came after {quiet.since:.1f} s. The run was ended at {end}."
 
 
 # -- sensors and drives ------------------------------------------------------------------------------------
@@ -327,7 +342,8 @@ def _unread(run: RunEvidence) -> Fact | None:
         advice = (
             f"Read {codes[0]} before you send {met.met.ended.command.code}." if codes else _NO_SENSOR_THERE
         )
-        return _at_contact(run, met, f"{_sent(run)}. {met.unread_text}", advice=advice)
+        fact = _at_contact(run, met, f"{_sent(run)}. {met.unread_text}", advice=advice)
+        return replace(fact, culprits=tuple(codes[:1]))
     unseen = None if run.seen.closed else run.unseen_block
     if unseen is None or run.seen.stuck is not None or run.lost is not None:
         return None
@@ -377,7 +393,8 @@ def _known_wall(run: RunEvidence) -> Fact | None:
 def _at_contact(run: RunEvidence, met: ContactEvidence, text: str, *, advice: str | None = None) -> Fact:
     """A fact about the command that led to a contact."""
     place = met.met.contact.point
-    text = f"{text}. {_contact(run)}"
+    unread = f" {met.not_read}." if met.not_read and met.not_read not in text else ""
+    text = f"{text}. {_contact(run)}{met.narrow_text}{unread}"
     return Fact(text, met.met.row, since=met.sent, place=place, has_behind=True, advice=advice)
 
 
@@ -544,39 +561,38 @@ def _with_belief(met: ContactEvidence, text: str) -> str:
 def _lost(run: RunEvidence) -> Fact | None:
     seen, met = run.seen, run.contact if run.has_contact else None
     if met is not None:
-        if not met.is_elsewhere or met.belief is None:
+        if met.belief is None or not (met.is_elsewhere or (met.lost is not None and run.belief.text)):
             return None
-        unread = f" {met.unread_text}." if met.is_blind else ""
-        then = f"{unread} Then {_sent(run)}. {_contact(run)}"
         if met.lost is not None:
-            return _lost_since(run, met.lost, then)
+            return _lost_since(run, met.lost)
         off = met.belief
         spread = "" if math.isnan(off.spread) else f", with a spread of {off.spread:.1f} in"
-        return Fact(f"It drove on with a belief off by {off.error_text}{spread}.{then}", off, has_behind=True)
+        text = f"It drove on with a belief off by {off.error_text}{spread}."
+        return Fact(text, off, has_behind=True, then=_then(run))
+    # A program that stopped for another reason may be off as well.
+    if seen.task is None or (run.silence is not None and (seen.is_silent or not run.belief.text)):
+        return None
     grip, least = run.last_grip, CELL_SIZE if run.unused_grip else 0.0
-    (belief, lost), then = seen.beliefs, f" {_end(run)}."
+    belief, lost = seen.beliefs
     if grip is not None:
         # A miss that is larger than the error of the belief has another reason.
         belief, lost = seen.belief_before(grip.order)
-        least, then = run.missed_by / 2.0, f" Then it {grip_ending(grip.grip)}."
-    if seen.task is None or belief is None:
+        least = run.missed_by / 2.0
+    if lost is not None and belief is not None and belief.distance >= least:
+        return _lost_since(run, lost)
+    if belief is None or grip is not None or least or _stalled(run) is not None:
         return None
-    if lost is not None and belief.distance >= least:
-        return _lost_since(run, lost, then)
-    if grip is not None or least or _stalled(run) is not None:
-        return None
-    if belief.unsure or run.localized is None:
-        ever = "never found out" if run.localized is None else "no longer knew"
+    if belief.unsure or not run.belief.was_right:
+        ever = "no longer knew" if run.belief.was_right else "never found out"
         last = f"its last belief was off by {belief.error_text}"
         if not math.isnan(belief.spread):
             last += f", with a spread of {belief.spread:.1f} in"
-        return Fact(f"It {ever} where it was: {last}.{then}", belief, has_behind=True)
+        return Fact(f"It {ever} where it was: {last}.", belief, has_behind=True, then=_then(run))
     return None
 
 
-def _lost_since(run: RunEvidence, lost: BeliefRow, then: str) -> Fact:
-    """A belief that was wrong, and what came of it."""
-    never = "It never found its place" if run.localized is None else "It was lost"
+def _lost_since(run: RunEvidence, lost: BeliefRow) -> Fact:
+    """A belief that was wrong, what explains it, and what came of it."""
     parted, fit, advice = run.belief.parted, run.fit_text(lost), None
     if parted:
         advice = "Compare what your program adds to its belief for a movement with the command that it sends."
@@ -587,8 +603,22 @@ def _lost_since(run: RunEvidence, lost: BeliefRow, then: str) -> Fact:
         advice = (
             "Compare the ranges with those that your program's map gives there, before you trust a place."
         )
-    text = f"{never}: {wrong_text(lost)}.{then}{parted}{fit}"
-    return Fact(text, lost, has_behind=True, advice=advice)
+    text = f"{capitalized(lost_text(run, lost))}.{parted}{fit}"
+    return Fact(text, lost, has_behind=True, advice=advice, then=_then(run))
+
+
+def _then(run: RunEvidence) -> str:
+    """What came of a wrong belief or a refused command: the contact, the grip, silence or the end."""
+    met = run.contact if run.has_contact else None
+    if met is not None:
+        unread = met.unread_text if met.is_blind else met.not_read
+        return f"{f'{unread}. ' if unread else ''}Then {_sent(run)}. {_contact(run)}"
+    if run.last_grip is not None:
+        return f"Then it {grip_ending(run.last_grip.grip)}."
+    if run.silence is not None:
+        return _quiet(run)
+    out_of_time = run.seen.out_of_time or run.cut_off
+    return "Then its time was up." if out_of_time else "Then the program ended by itself."
 
 
 def _too_close(run: RunEvidence) -> Fact | None:
@@ -650,12 +680,12 @@ def _stalled(run: RunEvidence) -> Fact | None:
             if seen.whole_numbers:
                 text += ". All commands to drive were whole numbers"
         place = (stalled.place.x, stalled.place.y)
-        return Fact(f"{text}.", since=stalled.since, place=place, culprits=culprits, has_behind=True)
+        return Fact("", since=stalled.since, place=place, culprits=culprits, has_behind=True, then=f"{text}.")
     if loop is not None:
         text = (
             f"From {loop.since:.1f} s on it repeated the same {loop.commands} movements {loop.rounds} times."
         )
-        return Fact(text, since=loop.since, place=(loop.place.x, loop.place.y), has_behind=True)
+        return Fact("", since=loop.since, place=(loop.place.x, loop.place.y), has_behind=True, then=text)
     return _stays(run)
 
 
@@ -694,7 +724,7 @@ def _slow(run: RunEvidence) -> Fact | None:
     if run.has_contact or not (seen.out_of_time or run.cut_off):
         return None
     if run.cut_off and not seen.out_of_time:
-        return Fact(f"At the real time limit the program was still running. {_goals(seen)}".rstrip())
+        return Fact("At the real time limit the program was still running.")
     rest = max(seen.elapsed - seen.begun - spent.driving - spent.reading - spent.link, 0.0)
     parts = {"driving": spent.driving, "reading": spent.reading, "the link": spent.link, "waiting": rest}
     most = max(parts, key=lambda name: parts[name])
@@ -706,7 +736,7 @@ def _slow(run: RunEvidence) -> Fact | None:
         often = f"{often}, {spent.took[code] / 1000.0:.1f} s"
     read = f" It read sensors {times_text(spent.readings.total())} ({code} {often})." if code else ""
     text = f"Most of its time went to {most} ({listed}).{read}"
-    return Fact(text, has_behind=True, advice=_SPARE[most].format(code=code))
+    return Fact("", has_behind=True, advice=_SPARE[most].format(code=code), then=text)
 
 
 def _ended(run: RunEvidence) -> Fact | None:
@@ -718,19 +748,19 @@ def _ended(run: RunEvidence) -> Fact | None:
     words = f" Its last output: {run.last_words}." if run.last_words else ""
     limit = "" if seen.task is None else f" after {seen.seconds:.1f} of {seen.task.time_limit:g} s"
     text = f"{capitalized(exit_text(run.exit_code))}{limit}, before it was done.{words}{waited_text(run)}"
-    text = " ".join(filter(None, (text, _stand(run), _goals(seen), run.all_movements)))
+    text = " ".join(filter(None, (text, _stand(run), run.all_movements)))
     advice = None
     if waited_text(run) or _NO_LINK in run.last_words:
         advice = f"Look at the link: {LINK_ADVICE}"
     elif run.last_words:
         advice = f"Look in your program at what leads to '{cut(run.last_words, WORD)}'."
-    return Fact(text.rstrip(), has_behind=True, advice=advice)
+    return Fact("", has_behind=True, advice=advice, then=text)
 
 
 # -- text --------------------------------------------------------------------------------------------------
 
 
-def wrong_text(lost: BeliefRow) -> str:
+def lost_text(run: RunEvidence, lost: BeliefRow) -> str:
     """The first of an unbroken row of wrong beliefs, in words."""
     off = lost.deviation
     if off.rejects_truth:
@@ -740,11 +770,13 @@ def wrong_text(lost: BeliefRow) -> str:
         said = f"it believed to be at {believed} and was at {true}"
     else:
         said = f"its believed heading was off by {abs(off.turn):.0f} deg"
-    return f"from {lost.elapsed:.1f} s on {said}"
+    if run.belief.was_right:
+        return f"it was lost since {lost.elapsed:.1f} s: {said}"
+    return f"it never found its place: from {lost.elapsed:.1f} s on {said}"
 
 
 def _one_sided(run: RunEvidence) -> str:
-    """Turns that all went to one side, with a space before it; empty for few, or for both sides."""
+    """Turns that all went to one side; empty for few, or for both sides."""
     seen, names = run.seen, run.seen.history.code_names
     turns = {each.code for each in seen.spec.drives if each.kind.turns}
     moves = seen.within(seen.history.movements)
@@ -753,7 +785,7 @@ def _one_sided(run: RunEvidence) -> str:
     if len(asked) < _TURNS or abs(int(np.sign(asked).sum())) < len(asked):
         return ""
     sign = "positive" if asked[0] > 0.0 else "negative"
-    return f" All its {len(asked)} turns had a {sign} value."
+    return f"All its {len(asked)} turns had a {sign} value."
 
 
 def _stand(run: RunEvidence) -> str:
@@ -832,24 +864,20 @@ def _twice(run: RunEvidence) -> str:
     return "" if again is None or again[2] else f" {again[0]} had come {times_text(again[1])} in a row."
 
 
-def _end(run: RunEvidence) -> str:
-    if run.seen.out_of_time or run.cut_off:
-        return "Then its time was up"
-    return "Then the program ended by itself"
-
-
-def _goals(seen: Attempt) -> str:
-    if seen.task is None:
+def _goals(run: RunEvidence) -> str:
+    """The zone that was never entered, or the goal that was not met, in a sentence."""
+    seen, zone = run.seen, None if run.seen.task is None else run.seen.task.zone
+    if seen.task is None or (seen.taken and not seen.holding) or seen.is_silent:
         return ""
-    if seen.holding:
-        zone = seen.task.zone
-        there = (
-            ""
-            if zone is None
-            else f", and had not set it down in the drop zone at {place_text(zone.x, zone.y)}"
-        )
-        return f"The robot held the block{there}."
-    return "" if seen.taken else "The robot had not taken the block yet."
+    if not seen.holding:
+        never = not run.goals and cells_of(seen.spec.maze, BLOCK)
+        return "It never entered the loading zone." if never else "The robot had not taken the block yet."
+    if zone is None:
+        return "The robot held the block."
+    moves, where = seen.within(seen.history.movements), place_text(zone.x, zone.y)
+    entered = any(map(zone.holds, moves["x"].tolist(), moves["y"].tolist()))
+    not_done = "had not set it down in" if entered else "never entered"
+    return f"The robot held the block, and {not_done} the drop zone at {where}."
 
 
 ORDER: tuple[CauseRule, ...] = (
@@ -864,7 +892,7 @@ ORDER: tuple[CauseRule, ...] = (
         Kind.REFUSED,
         _refused,
         MomentKind.FAULT,
-        "most commands were refused; or some movements never carried out",
+        "most commands were refused; or some movements never carried out, or the one before it was lost",
         "what followed",
         "Look at each reply in your program: NaN says that the command was refused.",
     ),
@@ -882,14 +910,6 @@ ORDER: tuple[CauseRule, ...] = (
         "a person moved the robot or the block; or a second client came",
         "what followed",
         "Compare each reading with the belief, and search again when they no longer fit.",
-    ),
-    CauseRule(
-        Kind.SILENCE,
-        _silence,
-        MomentKind.END,
-        "no command came in the last quarter of the time, or none at all",
-        "a program that is slow",
-        "Print a line before each command: the last line shows where the program waits.",
     ),
     CauseRule(
         Kind.SENSOR_WRONG,
@@ -911,9 +931,17 @@ ORDER: tuple[CauseRule, ...] = (
         Kind.LOST,
         _lost,
         MomentKind.LOST,
-        "the belief was wrong or unsure at the contact, at the grip or at the end",
+        "the belief was wrong or unsure at the contact, the grip or the end; before silence, if explained",
         "the path",
         "Turn on the spot and read all sensors until the belief is sure, before you drive on.",
+    ),
+    CauseRule(
+        Kind.SILENCE,
+        _silence,
+        MomentKind.END,
+        "no command came in the last quarter of the time, or none at all",
+        "a program that is slow",
+        "Print a line before each command: the last line shows where the program waits.",
     ),
     CauseRule(
         Kind.KNOWN_WALL,
@@ -981,6 +1009,8 @@ ORDER: tuple[CauseRule, ...] = (
 """The rules, the first first."""
 _ABOUT_TURNS = (Kind.KNOWN_WALL, Kind.LOST, Kind.TOO_CLOSE, Kind.GOT_NOWHERE, Kind.TOO_SLOW, Kind.ENDED)
 """Causes beside which it matters that all turns went to one side."""
+_ABOUT_GOALS = (Kind.LOST, Kind.SILENCE, Kind.GOT_NOWHERE, Kind.TOO_SLOW, Kind.ENDED)
+"""Causes beside which it matters how far the mission came."""
 _ABOUT_BLOCK = (Kind.GOT_NOWHERE, Kind.TOO_SLOW, Kind.ENDED, Kind.UNREAD)
 """Causes beside which it matters that the block lay outside the loading zone."""
 NO_RULE = CauseRule(

@@ -28,6 +28,9 @@ from simmer_tui.run.table import Columns
 from simmer_tui.sim.angles import half_turn
 from simmer_tui.sim.arrays import BoolArray
 from simmer_tui.sim.command import counted, parse_value
+from simmer_tui.sim.footprint import Footprint
+from simmer_tui.sim.maze import Maze
+from simmer_tui.sim.obstacles import Obstacles
 from simmer_tui.sim.specs import CELL_SIZE, SensorSpec
 
 # Judged: after a third of a cell, or half a quarter turn, a sensor sees other obstacles.
@@ -50,8 +53,8 @@ Judged."""
 # Judged: a third of a right angle; a sensor that looks further aside may see something else.
 _ASIDE = 30.0
 """Degrees beside a contact from which a sensor is only the nearest one."""
-_FEW = 3
-"""Sensors that are named in a sentence."""
+_STEP = 0.05
+"""Inches between places of a path at which its distance from the walls is measured: half a last digit."""
 _SHOWN = {
     Change.EXACT: "without errors of its drive",
     Change.BELIEVED: "from the pose that the program believed",
@@ -173,19 +176,45 @@ class ContactEvidence:
     def unread_text(self) -> str:
         """The ranges that were not read before the contact, in words without a full stop."""
         ranges = [each.code for each in self._seen.spec.sensors if each.kind.is_range]
-        read = [code for code in ranges if code in self.met.readings]
-        if not read:
-            return "No range sensor had been read"
+        if not any(code in self.met.readings for code in ranges):
+            there = f"; {self.looks.codes[0]} looks there" if self.not_read and self.looks is not None else ""
+            return f"No range sensor had been read{there}"
         if self.belief is not None or self.looks is None:
-            return f"No range sensor had been read for more than {BLIND:g} in or {BLIND_TURN:g} deg of path"
-        code, last = self.looks.codes[0], self.looks.last
-        who = f"No sensor looks straight there; {code}, the nearest,"
-        if self._looks(code):
-            who = f"{code}, which looks there,"
-        if last is None:
-            others = f"; only {' and '.join(read)} had" if len(read) <= _FEW else ""
-            return f"{who} had not been read{others}"
-        return f"{who} had not been read for {self.met.row.gone_before - last.gone:.0f} in of path"
+            none = f"No range sensor had been read for more than {BLIND:g} in or {BLIND_TURN:g} deg of path"
+            return "; ".join(filter(None, (none, self.not_read)))
+        last = "never read" if self.looks.last is None else f"not read since {self.looks.last.time:.1f} s"
+        nearest = f"No sensor looks straight there; {self.looks.codes[0]}, the nearest, was {last}"
+        return self.not_read or nearest
+
+    @cached_property
+    def not_read(self) -> str:
+        """The sensor that looks at the contact, if it was not read shortly before; else empty."""
+        looks = self.looks
+        if looks is None or self.met.contact.held_block or not self._looks(looks.codes[0]):
+            return ""
+        words = [] if looks.last is None else [looks.last]
+        since = "never read" if looks.last is None else f"not read since {looks.last.time:.1f} s"
+        return f"{looks.codes[0]} looks there and was {since}" if self._since(words) > 1.0 else ""
+
+    @cached_property
+    def narrow_text(self) -> str:
+        """A sentence, with a space before it, on a straight path that passes a wall too closely; empty for
+        turns, and for one that leads into the wall."""
+        met, body = self.met, Footprint.of(self._seen.spec.robot)
+        is_straight = self.bearing is not None and not (met.legs or met.ended.trajectory.turning)
+        if self.bearing is None or not is_straight or met.contact.held_block or met.contact.cell is None:
+            return ""
+        start, way = met.ended.before, math.radians(self.bearing + met.ended.before.heading)
+        totals = met.ended.trajectory.totals
+        # Behind the place touched another wall may be ahead.
+        far = min(math.hypot(totals.x, totals.y), met.row.went + 2.0 * body.reach)
+        walls = Obstacles.of_maze(Maze(self._seen.spec.maze).walls)
+        steps = np.arange(0.0, far + _STEP, _STEP).tolist()
+        near = min(walls.clearance(start.x + d * math.cos(way), start.y + d * math.sin(way)) for d in steps)
+        if not _STEP < near < body.reach:
+            return ""
+        half = f"radius is {body.radius:g} in" if body.radius else f"corners reach {body.reach:.1f} in"
+        return f" Its straight path comes within {near:.1f} in of the wall; the robot's {half}."
 
     @property
     def asked(self) -> float | None:

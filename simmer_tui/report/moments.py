@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from simmer_tui.document.formats import COUNT, PASSAGE, Format, number
 from simmer_tui.document.model import DataColumn, DataTable, data_table
-from simmer_tui.report.cause_order import wrong_text
+from simmer_tui.report.cause_order import lost_text
 from simmer_tui.report.causes import Cause, MomentKind
 from simmer_tui.report.run_evidence import RunEvidence
 from simmer_tui.report.why import looks_there, shown_range
@@ -183,12 +183,9 @@ def _lost(run: RunEvidence) -> Iterator[Moment]:
     lost = run.lost
     if lost is None or run.seen.history.is_twin:
         return
-    _, _, said = wrong_text(lost).partition(" s on ")
-    never = "it never found its place: " if run.localized is None else "it was lost: "
     off = f", {lost.error_text} off" if lost.deviation.off_place else ""
-    yield Moment(
-        MomentKind.LOST, lost.elapsed, f"{never}{said}{off}", lost.line, place=(lost.true_x, lost.true_y)
-    )
+    text = f"{lost_text(run, lost)}{off}"
+    yield Moment(MomentKind.LOST, lost.elapsed, text, lost.line, place=(lost.true_x, lost.true_y))
 
 
 def _deciding(run: RunEvidence) -> Iterator[Moment]:

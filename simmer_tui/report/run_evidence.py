@@ -164,25 +164,16 @@ class RunEvidence:
         """Commands for drives and the gripper that were refused after the last goal and never carried out
         later, the first first. Of the gripper only its closing counts."""
         seen, last = self.seen, self.goals[-1].order if self.goals else 0
-        spec, names = seen.spec, seen.history.code_names
-        gripper = "" if spec.gripper is None else spec.gripper.code
-        codes = {row.code for row in (*spec.drive_rows, *spec.velocities)}
-        moves, closings = seen.within(seen.history.movements), seen.closings
-        found = []
-        for row in seen.refusals:
-            command = row.result.command
-            if command.code not in codes or row.order < last:
-                continue
-            if command.code == gripper:
-                later = any(order > row.order for order in closings)
-            else:
-                mine = moves[moves["order"] > row.order]
-                mine = mine[[names[number] == command.code for number in mine["code"]]]
-                value = parse_value(command.argument)
-                later = bool(len(mine) if isinstance(value, str) else np.isclose(mine["asked"], value).any())
-            if not later:
-                found.append(row)
-        return found
+        codes = {row.code for row in (*seen.spec.drive_rows, *seen.spec.velocities)}
+        rows = (row for row in seen.refusals if row.result.command.code in codes and row.order >= last)
+        return [row for row in rows if not seen.is_carried_out(row)]
+
+    def refused_before(self, lost: BeliefRow) -> RefusalRow | None:
+        """The movement that was refused, and never carried out, between a lost belief and the one before
+        it."""
+        orders = self.belief.rows["order"]
+        since = orders[orders < lost.order].max(initial=0)
+        return next((row for row in self.undone if since < row.order < lost.order), None)
 
     @cached_property
     def last_command(self) -> tuple[str, float, float] | None:

@@ -509,7 +509,7 @@ def test_a_program_that_hangs_is_silent_from_its_last_command_on(limit: str) -> 
     run = RunEvidence(mission.attempt)
     cause = cause_of(run)
     assert cause.kind is Kind.SILENCE
-    assert cause.text == f"No command came after {last:.1f} s. The run was ended at {limit}."
+    assert cause.text.startswith(f"No command came after {last:.1f} s. The run was ended at {limit}.")
     [end] = [each for each in moments_of(run, cause) if each.is_cause]
     assert end.text == f"no command came any more; the run was ended at {limit}"
 
@@ -551,7 +551,9 @@ def test_who_is_lost_at_its_end_is_told_where_it_was() -> None:
     mission.believe(ahead=-4.0)
     cause = mission.why(1, words="failed")
     assert cause.kind is Kind.LOST
-    assert re.search(r"believed to be at \(26\.0, 43\.0\) and was at \(30\.0, 43\.0\)\. Then the", cause.text)
+    assert re.search(
+        r"believed to be at \(26\.0, 43\.0\) and was at \(30\.0, 43\.0\)\. .* Then the", cause.text
+    )
 
 
 def test_who_never_knew_where_it_was_is_told_so() -> None:
@@ -560,10 +562,10 @@ def test_who_never_knew_where_it_was_is_told_so() -> None:
         mission.give("u5", "s1-0.5")
         mission.believe(spread=20.0)
     cause = mission.why(1, words="failed")
-    assert (cause.kind, cause.text) == (
-        Kind.LOST,
+    assert cause.kind is Kind.LOST
+    assert cause.text.startswith(
         "It never found out where it was: its last belief was off by 0.0 in and 0 deg, "
-        "with a spread of 20.0 in. Then the program ended by itself.",
+        "with a spread of 20.0 in. Then the program ended by itself."
     )
 
 
