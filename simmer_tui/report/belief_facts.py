@@ -34,8 +34,6 @@ _NEAR = 1.5
 _CONSTANT = 0.75
 """Least share of sure beliefs with one error that make it constant. Judged."""
 _MOST_NAMED = 4
-_TWICE, _APART = 2, 5.0
-"""Fewest movements of a code, and times the error with other codes, with which it stands out. Judged."""
 _ASSUMED = 1.0
 """Spread, inches, of a first belief that no reading can have led to. Judged."""
 _STOOD = 0.05
@@ -168,27 +166,9 @@ class BeliefFacts:
 
     @cached_property
     def parted(self) -> str:
-        """A sentence, with a space before it, on the commands with which belief and truth parted: those of
-        one code alone, else the one before the first lost belief. Empty where nothing stands out."""
-        lost = self._seen.beliefs[1]
-        if lost is not None and len(self.rows) and lost.order == self.rows["order"][0]:
-            return self._first_parting
-        errors = self._parted_by_code
-        means = {code: float(np.median(off)) for code, off in errors.items() if len(off) >= _TWICE}
-        worst = max(means, key=lambda code: means[code], default="")
-        others = [off for code, off in means.items() if code != worst]
-        if worst and others and means[worst] > max(SLIGHT, _APART * max(others)):
-            count = counted(len(errors[worst]), "movement")
-            return (
-                f" Belief and truth parted with {worst}: by a median of {means[worst]:.1f} in in {count}, "
-                f"with other commands by {max(others):.1f} in."
-            )
-        return self._first_parting
-
-    @property
-    def _first_parting(self) -> str:
         """The movements that arrived between the last right belief, or the start, and the first lost one, and
-        beside them how far robot and belief moved."""
+        beside them how far robot and belief moved: a sentence with a space before it. Empty where nothing
+        stands out."""
         seen = self._seen
         lost, history = seen.beliefs[1], seen.history
         if lost is None or not self.has_truth:
@@ -233,25 +213,6 @@ class BeliefFacts:
             return f" Before its first belief it was sent {arrived}; {moved}."
         when = f"{float(self.rows[place - 1]['elapsed']):.1f} s and {lost.elapsed:.1f} s"
         return f" Between {when} it was sent {arrived}; the robot moved {robot.text}, the belief {own.text}."
-
-    @property
-    def _parted_by_code(self) -> dict[str, list[float]]:
-        """Inches by which the believed displacement differed from the true one, from one sure belief to the
-        next, by the one code of the movements between them."""
-        rows, moves = self.rows, self._seen.within(self._seen.history.movements)
-        found: dict[str, list[float]] = {}
-        if len(rows) < FEWEST["set"] or not self.has_truth:
-            return found
-        moves = moves[~moves["grips"]]
-        places = np.searchsorted(moves["order"], rows["order"])
-        sure = np.nan_to_num(rows["spread"]) <= SURE
-        off = np.hypot(np.diff(rows["x"] - rows["true_x"]), np.diff(rows["y"] - rows["true_y"]))
-        for each in np.flatnonzero(sure[1:] & sure[:-1]):
-            numbers = np.unique(moves["code"][places[each] : places[each + 1]])
-            if len(numbers) == 1:
-                code = self._seen.history.code_names[numbers[0]]
-                found.setdefault(code, []).append(float(off[each]))
-        return found
 
     @property
     def text(self) -> str:

@@ -15,7 +15,7 @@ from msgspec.structs import replace
 
 from simmer_tui.config.mission_plan import cells_of
 from simmer_tui.report.causes import Cause, Kind, MomentKind, Sureness
-from simmer_tui.report.contact_evidence import ContactEvidence, DriveErrors, belief_text, movements_text
+from simmer_tui.report.contact_evidence import ContactEvidence, DriveErrors, belief_text
 from simmer_tui.report.finding import FEWEST, Finding
 from simmer_tui.report.run_evidence import RunEvidence
 from simmer_tui.report.typical_runs import most_different
@@ -140,12 +140,13 @@ def _made(run: RunEvidence, rule: CauseRule, fact: Fact) -> Cause:
     parts.append(fact.then)
     if run.stray_block is not None and rule.kind in _ABOUT_BLOCK:
         parts.append(f"The block lay at {place_text(*run.stray_block)}, outside the loading zone.")
+    goals = _goals(run)
     if met is None and rule.kind in _ABOUT_GOALS:
-        parts.append(_goals(run))
+        parts.append(goals)
     if rule.kind in _ABOUT_TURNS:
         parts.append(_one_sided(run))
     text = " ".join(filter(None, parts))
-    evidence: tuple[str, ...] = (run.health_text, belief_text(seen.beliefs[0]))
+    evidence: tuple[str, ...] = (run.health_text, belief_text(seen.beliefs[0]), goals)
     if met is not None:
         evidence = (run.health_text, *met.sentences)
     elif seen.is_silent:
@@ -157,7 +158,7 @@ def _made(run: RunEvidence, rule: CauseRule, fact: Fact) -> Cause:
     return Cause(
         kind=rule.kind,
         text=text,
-        evidence=tuple(filter(None, evidence)),
+        evidence=tuple(each for each in evidence if each and each not in text),
         elapsed=elapsed,
         line=getattr(at, "line", seen.line),
         place=fact.place or (seen.pose.x, seen.pose.y),
@@ -296,18 +297,15 @@ def _moved(run: RunEvidence) -> Fact | None:
         if seen.is_connected(drove.order):
             return Fact(f"{text} at {drove.begin:.1f} s, beside its program.", drove, since=drove.begin)
     block = seen.block_moved
-    if block is None or (run.has_contact and not _is_long_after(seen, block.order)):
+    after = 0 if block is None else int((seen.within(seen.history.movements)["order"] > block.order).sum())
+    # A contact after more movements than counterfactuals repeat came of searching for the block.
+    if block is None or (run.has_contact and after < CHAIN):
         return None
     to = place_text(*block.done.action.arguments[:2])
     text = (
         f"A person moved the block at {block.elapsed:.1f} s, to {to}. The robot did not take it after that."
     )
     return Fact(text, block, place=(block.before.x, block.before.y))
-
-
-def _is_long_after(seen: Attempt, order: int) -> bool:
-    """True if more movements than counterfactuals repeat came after an event."""
-    return int((seen.within(seen.history.movements)["order"] > order).sum()) >= CHAIN
 
 
 def _silence(run: RunEvidence) -> Fact | None:
@@ -443,8 +441,8 @@ def _drive_wrong(run: RunEvidence) -> Fact | None:
 
 
 def _without(errors: DriveErrors) -> str:
-    codes, moves = " and ".join(errors.codes), movements_text(errors)
-    return f"Without the errors of {codes} in {moves}, nothing would have been touched."
+    moves = "the movement" if errors.count == 1 else f"the last {counted(errors.count, 'movement')}"
+    return f"Without the errors of {' and '.join(errors.codes)} in {moves}, nothing would have been touched."
 
 
 def _devices(run: RunEvidence, found: Sequence[Finding]) -> Fact:
@@ -466,15 +464,10 @@ def _told(found: Sequence[Finding]) -> tuple[str, tuple[str, ...]]:
 def _first_use(seen: Attempt, code: str) -> float:
     """The time of the first reading of a sensor, or of the first movement of a drive."""
     history = seen.history
-    if code in history.sensor_codes:
-        rows = seen.within(history.readings)
-        rows = rows[rows["sensor"] == history.sensor_codes.index(code)]
-    else:
-        rows = seen.within(history.movements)
-        rows = rows[[history.code_names[number] == code for number in rows["code"]]]
-    if len(rows):
-        return float(rows["elapsed"][0])
-    return seen.begun
+    readings, moves = seen.within(history.readings), seen.within(history.movements)
+    times = readings["elapsed"][[history.sensor_codes[number] == code for number in readings["sensor"]]]
+    used = moves["elapsed"][[history.code_names[number] == code for number in moves["code"]]]
+    return float(min((*times[:1], *used[:1]), default=seen.begun))
 
 
 # -- the gripper -------------------------------------------------------------------------------------------
@@ -608,7 +601,7 @@ def _lost_since(run: RunEvidence, lost: BeliefRow) -> Fact:
 
 
 def _then(run: RunEvidence) -> str:
-    """What came of a wrong belief or a refused command: the contact, the grip, silence or the end."""
+    """Sentences on what came of a wrong belief or a refused command: contact, grip, silence or the end."""
     met = run.contact if run.has_contact else None
     if met is not None:
         unread = met.unread_text if met.is_blind else met.not_read
@@ -658,11 +651,10 @@ def _stalled(run: RunEvidence) -> Fact | None:
     seen, task = run.seen, run.seen.task
     if task is None:
         return None
-    stalled, dwell, loop = seen.stalled, seen.dwell, seen.loop
-    long = STAYED * task.time_limit
-    if dwell is not None and dwell.readings >= HUNDRED and seen.elapsed - dwell.since >= long:
-        text = f"From {dwell.since:.1f} s on no movement came, and {counted(dwell.readings, 'reading')} did."
-        return Fact(text, since=dwell.since, culprits=_no_longer_sent(seen, dwell.since), has_behind=True)
+    stalled, loop, long = seen.stalled, seen.loop, STAYED * task.time_limit
+    stays = _stays(run)
+    if stays is not None:
+        return stays
     # A robot that stands and reads is slow, not without progress: half of the time must have been driving.
     lasted = seen.elapsed - stalled.since
     idle = lasted < long or stalled.driving < lasted / 2
@@ -686,34 +678,29 @@ def _stalled(run: RunEvidence) -> Fact | None:
             f"From {loop.since:.1f} s on it repeated the same {loop.commands} movements {loop.rounds} times."
         )
         return Fact("", since=loop.since, place=(loop.place.x, loop.place.y), has_behind=True, then=text)
-    return _stays(run)
+    return None
 
 
 def _stays(run: RunEvidence) -> Fact | None:
-    """It turned and read on, and drove no more."""
+    """It read on, and drove no more; it may have turned."""
     seen, history = run.seen, run.seen.history
     moves, readings = seen.within(history.movements), seen.within(history.readings)
-    drives = {each.code for each in seen.spec.drives if not each.kind.turns}
-    drove = moves[np.isin(moves["code"], [n for n, code in enumerate(history.code_names) if code in drives])]
-    # With its time up, it may only have been slow.
-    if len(drove) < FEWEST["set"] or seen.out_of_time:
-        return None
-    since = float(drove["elapsed"][-1])
+    moves, turns = moves[~moves["grips"]], {each.code for each in seen.spec.drives if each.kind.turns}
+    drove, whole = (
+        moves[[history.code_names[code] not in turns for code in moves["code"]]],
+        seen.elapsed - seen.begun,
+    )
+    # With its time up, one that turns and reads may only be slow.
+    if len(drove) < FEWEST["set"] or seen.out_of_time or drove["order"][-1] == moves["order"][-1]:
+        drove, whole = moves, whole if seen.task is None else seen.task.time_limit
+    since = float(drove["elapsed"][-1]) if len(drove) else seen.begun
     later = int((readings["elapsed"] > since).sum())
-    if later < HUNDRED or seen.elapsed - since < STAYED * (seen.elapsed - seen.begun):
+    if later < HUNDRED or seen.elapsed - since < STAYED * whole:
         return None
     codes = tuple(history.code_names[number] for number in dict.fromkeys(drove["code"].tolist()))
-    text = f"From {since:.1f} s on no {' or '.join(codes)} came, and {counted(later, 'reading')} did."
-    text = f"{text} {_stand(run)}".rstrip()
-    return Fact(text, since=since, culprits=codes if len(codes) == 1 else (), has_behind=True)
-
-
-def _no_longer_sent(seen: Attempt, since: float) -> tuple[str, ...]:
-    """The one drive that was commanded before a moment; none if there were several."""
-    rows = seen.within(seen.history.movements)
-    rows = rows[(rows["elapsed"] <= since) & ~rows["grips"]]
-    codes = {seen.history.code_names[number] for number in set(rows["code"].tolist())}
-    return tuple(codes) if len(codes) == 1 else ()
+    what = "movement" if drove is moves else " or ".join(codes)
+    text = f"From {since:.1f} s on no {what} came, and {counted(later, 'reading')} did. {_stand(run)}"
+    return Fact("", since=since, culprits=codes[: len(codes) == 1], has_behind=True, then=text.rstrip())
 
 
 # -- time, and the program's end ---------------------------------------------------------------------------

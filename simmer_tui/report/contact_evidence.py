@@ -27,7 +27,7 @@ from simmer_tui.run.phrases import contact_text, side_text
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.angles import half_turn
 from simmer_tui.sim.arrays import BoolArray
-from simmer_tui.sim.command import counted, parse_value
+from simmer_tui.sim.command import parse_value
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.obstacles import Obstacles
@@ -161,11 +161,7 @@ class ContactEvidence:
         """The last reading of a sensor that looks at the place touched."""
         return None if self.looks is None or not looks_there(self.looks) else self.looks.last
 
-    def looking(self, code: str) -> str:
-        """A sensor with its direction: `u1, which looks there,`, else `u2, the nearest sensor,`."""
-        return f"{code}, which looks there," if self._looks(code) else f"{code}, the nearest sensor,"
-
-    def _looks(self, code: str) -> bool:
+    def looks_at(self, code: str) -> bool:
         """True if a sensor looks at the contact, or along the movement at the wall that this leads to,
         whatever corner touched."""
         ahead = self.bearing if self.leads_into else None
@@ -190,7 +186,7 @@ class ContactEvidence:
     def not_read(self) -> str:
         """The sensor that looks at the contact, if it was not read shortly before; else empty."""
         looks = self.looks
-        if looks is None or self.met.contact.held_block or not self._looks(looks.codes[0]):
+        if looks is None or self.met.contact.held_block or not self.looks_at(looks.codes[0]):
             return ""
         words = [] if looks.last is None else [looks.last]
         since = "never read" if looks.last is None else f"not read since {looks.last.time:.1f} s"
@@ -422,11 +418,6 @@ def shown_tried(tried: Iterable[Counterfactual]) -> str:
             listed = " or ".join(filter(None, (", ".join(changes[:-1]), changes[-1])))
             parts.append(f"It would have touched {touched} {listed}.")
     return " ".join(parts)
-
-
-def movements_text(errors: DriveErrors) -> str:
-    """The movements that drive errors belong to."""
-    return "the movement" if errors.count == 1 else f"the last {counted(errors.count, 'movement')}"
 
 
 def _right(rows: Columns, sensor: SensorSpec) -> BoolArray:

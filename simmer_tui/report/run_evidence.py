@@ -13,7 +13,7 @@ from simmer_tui.config.mission_plan import cells_of
 from simmer_tui.report.belief_facts import BeliefFacts, has_read_range, listed_movements, ranges_fit_text
 from simmer_tui.report.command_audit import multiplied_corrections
 from simmer_tui.report.contact_evidence import ContactEvidence
-from simmer_tui.report.device_health import DeviceHealth, health_of
+from simmer_tui.report.device_health import health_of
 from simmer_tui.report.finding import FEWEST, Basis, Disagreement, Finding, kept_disagreements
 from simmer_tui.report.sensor_sample import world_without_block
 from simmer_tui.report.set_errors import set_errors
@@ -151,13 +151,8 @@ class RunEvidence:
     @property
     def refused_action(self) -> RefusalRow | None:
         """The last command of the run for a drive or the gripper, if it was refused."""
-        seen = self.seen
-        codes = {row.code for row in seen.spec.drive_rows}
-        rows = [row for row in seen.refusals if row.result.command.code in codes]
-        if not rows:
-            return None
-        moves = seen.within(seen.history.movements)
-        return None if (moves["order"] > rows[-1].order).any() else rows[-1]
+        last = self.seen.within(self.seen.history.movements)["order"].max(initial=0)
+        return next((row for row in self.undone[-1:] if row.order > last), None)
 
     @cached_property
     def undone(self) -> list[RefusalRow]:
@@ -437,11 +432,6 @@ class RunEvidence:
 
     # -- what fits -----------------------------------------------------------------------------------------
 
-    @cached_property
-    def health(self) -> DeviceHealth:
-        """The readings and movements beside the errors that the run's set declares."""
-        return health_of(self.seen)
-
     @property
     def health_text(self) -> str:
         """Sentences on the commands that arrived, and on the exactness of all readings and movements: not
@@ -450,7 +440,7 @@ class RunEvidence:
         # The share is of what was answered in time; what a program sent arrived all the same.
         sent = of if len(self.seen.typed) else max(of, self.seen.commands)
         arrived = f"{counted(sent, 'command')} arrived, {refused} refused."
-        exact = "" if self.findings or self.declared else self.health.text
+        exact = "" if self.findings or self.declared else health_of(self.seen).text
         return f"{arrived} {exact}".rstrip()
 
     @property
