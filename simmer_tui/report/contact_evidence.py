@@ -173,8 +173,7 @@ class ContactEvidence:
         """The ranges that were not read before the contact, in words without a full stop."""
         ranges = [each.code for each in self._seen.spec.sensors if each.kind.is_range]
         if not any(code in self.met.readings for code in ranges):
-            there = f"; {self.looks.codes[0]} looks there" if self.not_read and self.looks is not None else ""
-            return f"No range sensor had been read{there}"
+            return "; ".join(filter(None, ("No range sensor had been read", self.not_read)))
         if self.belief is not None or self.looks is None:
             none = f"No range sensor had been read for more than {BLIND:g} in or {BLIND_TURN:g} deg of path"
             return "; ".join(filter(None, (none, self.not_read)))
@@ -207,7 +206,7 @@ class ContactEvidence:
         walls = Obstacles.of_maze(Maze(self._seen.spec.maze).walls)
         steps = np.arange(0.0, far + _STEP, _STEP).tolist()
         near = min(walls.clearance(start.x + d * math.cos(way), start.y + d * math.sin(way)) for d in steps)
-        if not _STEP < near < body.reach:
+        if not _STEP < near < body.reach - _STEP:
             return ""
         half = f"radius is {body.radius:g} in" if body.radius else f"corners reach {body.reach:.1f} in"
         return f" Its straight path comes within {near:.1f} in of the wall; the robot's {half}."
