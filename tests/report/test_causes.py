@@ -204,6 +204,21 @@ def test_a_large_error_that_the_set_declares_is_named() -> None:
     assert "u1" not in cause.text
 
 
+@pytest.mark.parametrize(
+    ("fields", "said"),
+    [
+        ({"drift": 0.1}, r"u5 drifts by 0\.1 in/s and reads 5\.\d in too long on average\."),
+        ({"resolution": 4.0}, r"u5 reads in steps of 4 in\."),
+    ],
+)
+def test_a_declared_drift_and_coarse_steps_are_told_as_such(fields: dict[str, float], said: str) -> None:
+    mission = begin(change=lambda sensor: replace(sensor, **fields) if sensor.code == "u5" else sensor)
+    mission.give("u1", "u5", "u5", "u5")
+    cause = mission.why(code=3)
+    assert re.search(f"By this robot's set, {said}", cause.text)
+    assert cause.culprits == ("u5",)
+
+
 def test_what_arrived_stands_beside_what_the_belief_moved() -> None:
     mission = begin()
     mission.believe()
