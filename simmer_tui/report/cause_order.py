@@ -15,7 +15,7 @@ from msgspec.structs import replace
 
 from simmer_tui.config.mission_plan import cells_of
 from simmer_tui.report.causes import Cause, Kind, MomentKind, Sureness
-from simmer_tui.report.contact_evidence import ContactEvidence, DriveErrors, belief_text
+from simmer_tui.report.contact_evidence import ContactEvidence, DriveErrors, belief_text, shown_tried
 from simmer_tui.report.finding import FEWEST, Finding
 from simmer_tui.report.run_evidence import RunEvidence
 from simmer_tui.report.typical_runs import most_different
@@ -148,7 +148,7 @@ def _made(run: RunEvidence, rule: CauseRule, fact: Fact) -> Cause:
     text = " ".join(filter(None, parts))
     evidence: tuple[str, ...] = (run.health_text, belief_text(seen.beliefs[0]), goals)
     if met is not None:
-        evidence = (run.health_text, *met.sentences)
+        evidence = (run.health_text, belief_text(met.met.belief), shown_tried(met.tried))
     elif seen.is_silent:
         evidence = (f"Last output: {run.last_words}." if run.last_words else "",)
     # A reason may end with a question; a sentence ends with one mark.
@@ -343,7 +343,7 @@ def _unread(run: RunEvidence) -> Fact | None:
         fact = _at_contact(run, met, f"{_sent(run)}. {met.unread_text}", advice=advice)
         return replace(fact, culprits=tuple(codes[:1]))
     unseen = None if run.seen.closed else run.unseen_block
-    if unseen is None or run.seen.stuck is not None or run.lost is not None:
+    if unseen is None or run.seen.stuck is not None or run.seen.beliefs[1] is not None:
         return None
     # A robot that had stopped making progress before saw the block by chance.
     stalled = _stalled(run)
@@ -879,7 +879,7 @@ ORDER: tuple[CauseRule, ...] = (
         Kind.REFUSED,
         _refused,
         MomentKind.FAULT,
-        "most commands were refused; or some movements never carried out, or the one before it was lost",
+        "most commands, the one before it was lost, or some movements were refused, never to be carried out",
         "what followed",
         "Look at each reply in your program: NaN says that the command was refused.",
     ),
@@ -918,7 +918,7 @@ ORDER: tuple[CauseRule, ...] = (
         Kind.LOST,
         _lost,
         MomentKind.LOST,
-        "the belief was wrong or unsure at the contact, the grip or the end; before silence, if explained",
+        "the belief was wrong or unsure at the contact, grip or end",
         "the path",
         "Turn on the spot and read all sensors until the belief is sure, before you drive on.",
     ),

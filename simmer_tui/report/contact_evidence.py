@@ -393,11 +393,6 @@ class ContactEvidence:
         place = contact_text(self.met.contact, self._seen.spec)
         return f"{place}, {side_text(self.met.contact)}, after {row.went:.1f} in{turned} of {row.shown}"
 
-    @property
-    def sentences(self) -> tuple[str, ...]:
-        """The sentences about it that the moments do not have."""
-        return (belief_text(self.met.belief), shown_tried(self.tried))
-
 
 def belief_text(belief: BeliefRow | None) -> str:
     """Error of a belief, and its spread as the program sent it."""

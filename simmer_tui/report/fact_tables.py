@@ -64,7 +64,7 @@ def _commands(run: RunEvidence) -> Iterator[tuple[object, ...]]:
     yield "refused", len(refused), _by_code(refused["code"], names)
     faults = run.fault_texts
     yield "faults on the wire", len(faults), "; ".join(faults[:_LISTED])
-    unread = [each.code for each in run.never_read]
+    unread = [s.code for s in seen.spec.sensors if s.enabled and s.code not in history.sensor_codes]
     yield "sensors never read", len(unread), " ".join(unread)
     alone = run.unseen_block
     text = "" if alone is None else f"the block, in sight at {alone.since:.1f} s: {' '.join(alone.codes)}"

@@ -180,7 +180,7 @@ def _person(run: RunEvidence) -> Iterator[Moment]:
 
 
 def _lost(run: RunEvidence) -> Iterator[Moment]:
-    lost = run.lost
+    lost = run.seen.beliefs[1]
     if lost is None or run.seen.history.is_twin:
         return
     off = f", {lost.error_text} off" if lost.deviation.off_place else ""

@@ -29,7 +29,7 @@ from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import counted, parse_value
 from simmer_tui.sim.sensors import ObservingSensor, modelled_sensor
 from simmer_tui.sim.sensors.base import World
-from simmer_tui.sim.specs import BLOCK, CELL_SIZE, SensorSpec
+from simmer_tui.sim.specs import BLOCK, CELL_SIZE
 
 # Judged: a program that computes for so long between two commands has stopped.
 _QUIET, _QUIET_SHARE = 5.0, 0.25
@@ -260,12 +260,6 @@ class RunEvidence:
         return {code: text for code, text in set_errors(self.seen).items() if code not in known}
 
     @cached_property
-    def never_read(self) -> list[SensorSpec]:
-        """The enabled sensors of the set that were never read."""
-        read = set(self.seen.history.sensor_codes)
-        return [each for each in self.seen.spec.sensors if each.enabled and each.code not in read]
-
-    @cached_property
     def unseen_block(self) -> Unseen | None:
         """The sensors that alone see the block, if none of them was read before the gripper closed first, and
         the robot came within their sight."""
@@ -424,11 +418,6 @@ class RunEvidence:
             return None
         times = counted(len(seen.graspable), "movement")
         return seen.graspable[0], f"closed: {times} ended with the block between its jaws", 1
-
-    @property
-    def lost(self) -> BeliefRow | None:
-        """The first of the unbroken row of wrong beliefs at the end."""
-        return self.seen.beliefs[1]
 
     # -- what fits -----------------------------------------------------------------------------------------
 
