@@ -392,8 +392,8 @@ def _at_contact(run: RunEvidence, met: ContactEvidence, text: str, *, advice: st
     """A fact about the command that led to a contact."""
     place = met.met.contact.point
     unread = f" {met.not_read}." if met.not_read and met.not_read not in text else ""
-    text = f"{text}. {_contact(run)}{met.narrow_text}{unread}"
-    return Fact(text, met.met.row, since=met.sent, place=place, has_behind=True, advice=advice)
+    then = f"{_contact(run)}{met.narrow_text}{unread}"
+    return Fact(f"{text}.", met.met.row, met.sent, place, has_behind=True, advice=advice, then=then)
 
 
 def _sensor_wrong(run: RunEvidence) -> Fact | None:
@@ -415,7 +415,7 @@ def _sensor_wrong(run: RunEvidence) -> Fact | None:
     read = f"{last.code} read {shown_range(last.value)} at {last.time:.1f} s{true}"
     at_sight = met.facing is last
     return Fact(
-        f"{read}; then {_sent(run)}. {_contact(run)}",
+        f"{read}; then {_sent(run)}.",
         None if at_sight else met.met.row,
         since=last.time,
         place=met.met.contact.point,
@@ -423,6 +423,7 @@ def _sensor_wrong(run: RunEvidence) -> Fact | None:
         advice=advice.format(code=last.code),
         moment=MomentKind.SIGHT if at_sight else None,
         has_behind=True,
+        then=_contact(run),
     )
 
 
@@ -631,7 +632,7 @@ def _too_close(run: RunEvidence) -> Fact | None:
     errors = None if met.is_blind else met.drive_errors
     if errors is None:
         return fact
-    return replace(fact, text=f"{fact.text} {_without(errors)}", culprits=errors.codes, advice=_CORRECT)
+    return replace(fact, then=f"{fact.then} {_without(errors)}", culprits=errors.codes, advice=_CORRECT)
 
 
 def _nowhere(run: RunEvidence) -> Fact | None:

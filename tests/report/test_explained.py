@@ -69,6 +69,15 @@ def test_a_declared_error_stands_before_the_time_that_it_cost() -> None:
     assert 0 <= cause.text.index(slow) < cause.text.index("Most of its time went to reading")
 
 
+@pytest.mark.parametrize("commands", [("w1-3.3",), ("w1-9",), ("d1-16.5",)])
+def test_a_declared_error_stands_before_the_contact_it_led_to(commands: tuple[str, ...]) -> None:
+    mission = begin(change=lambda sensor: replace(sensor, resolution=4.0))
+    mission.give("u1", "u2", "u4", "u5", "t1", *commands)
+    text = mission.why().text
+    assert "Contact at " in text
+    assert text.index("u2 reads in steps of 4 in.") < text.index("Contact at ")
+
+
 def test_a_refused_movement_explains_the_belief_that_counted_on_it() -> None:
     mission = begin()
     mission.give("u1")
