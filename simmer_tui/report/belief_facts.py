@@ -16,6 +16,7 @@ from simmer_tui.report.finding import FEWEST, Disagreement, kept_disagreements
 from simmer_tui.report.sensor_sample import by_sensor, poses_of, world_without_block
 from simmer_tui.report.why import shown_range
 from simmer_tui.run.attempt import Attempt
+from simmer_tui.run.belief_grid import SURELY_ELSEWHERE
 from simmer_tui.run.facts import COVERED, SLIGHT, SLIGHT_TURN, UNSURE, UNSURE_TURN, carried_over
 from simmer_tui.run.history_rows import BeliefRow
 from simmer_tui.run.phrases import times_text
@@ -33,8 +34,6 @@ _NEAR = 1.5
 _CONSTANT = 0.75
 """Least share of sure beliefs with one error that make it constant. Judged."""
 _MOST_NAMED = 4
-_TWICE, _APART = 2, 5.0
-"""Fewest movements of a code, and times the error with other codes, with which it stands out. Judged."""
 _ASSUMED = 1.0
 """Spread, inches, of a first belief that no reading can have led to. Judged."""
 _STOOD = 0.05
@@ -75,6 +74,15 @@ class BeliefFacts:
         self.has_truth = not seen.history.is_twin
 
     @cached_property
+    def was_right(self) -> bool:
+        """True if a sure belief was right."""
+        rows, is_grid = self.sure, np.isfinite(self.sure["above"])
+        heading = is_grid | (np.abs(rows["turn"]) <= rows["allowed_turn"])
+        return bool(
+            ((rows["distance"] <= rows["allowed"]) & heading & ~(rows["above"] > SURELY_ELSEWHERE)).any()
+        )
+
+    @cached_property
     def constant(self) -> ConstantOffset | None:
         """The one error that most sure beliefs have; None where they are right, or differ."""
         rows = self.sure
@@ -89,6 +97,7 @@ class BeliefFacts:
             self._offset(x, y, "beside the truth"),
             self._offset(ahead, left, "(ahead, left) beside the truth in the robot's frame"),
             self._turned(),
+            self._late(),
         ]
         kept = [each for each in found if each is not None and each.share >= _CONSTANT]
         return max(kept, key=lambda each: each.share, default=None)
@@ -117,6 +126,19 @@ class BeliefFacts:
         first = self.rows[0]
         is_assumed = first["distance"] > CELL_SIZE and first["spread"] < _ASSUMED
         return ConstantOffset(text, share, () if is_assumed else self._compasses)
+
+    def _late(self) -> ConstantOffset | None:
+        """Beliefs of the pose before the last movement, among those before which the robot moved far."""
+        rows, moves = self.sure, self._seen.within(self._seen.history.movements, self._seen.placed)
+        places = np.searchsorted(moves["order"], rows["order"]) - 2
+        rows, before = rows[places >= 0], moves[places[places >= 0]]
+        moved = np.hypot(rows["true_x"] - before["x"], rows["true_y"] - before["y"]) >= _LEAST
+        off = np.hypot(rows["x"] - before["x"], rows["y"] - before["y"])
+        if moved.sum() < FEWEST["set"]:
+            return None
+        share = float((off <= np.minimum(_NEAR, rows["distance"] / 2.0))[moved].mean())
+        of = f"{100 * share:.0f} % of the sure beliefs after a movement"
+        return ConstantOffset(f"where the robot had been one command earlier in {of}", share)
 
     def _of_maze(self) -> list[ConstantOffset]:
         """Beliefs in a maze that is mirrored, or turned as a whole."""
@@ -158,27 +180,9 @@ class BeliefFacts:
 
     @cached_property
     def parted(self) -> str:
-        """A sentence, with a space before it, on the commands with which belief and truth parted: those of
-        one code alone, else the one before the first lost belief. Empty where nothing stands out."""
-        lost = self._seen.beliefs[1]
-        if lost is not None and len(self.rows) and lost.order == self.rows["order"][0]:
-            return self._first_parting
-        errors = self._parted_by_code
-        means = {code: float(np.median(off)) for code, off in errors.items() if len(off) >= _TWICE}
-        worst = max(means, key=lambda code: means[code], default="")
-        others = [off for code, off in means.items() if code != worst]
-        if worst and others and means[worst] > max(SLIGHT, _APART * max(others)):
-            count = counted(len(errors[worst]), "movement")
-            return (
-                f" Belief and truth parted with {worst}: by a median of {means[worst]:.1f} in in {count}, "
-                f"with other commands by {max(others):.1f} in."
-            )
-        return self._first_parting
-
-    @property
-    def _first_parting(self) -> str:
         """The movements that arrived between the last right belief, or the start, and the first lost one, and
-        beside them how far robot and belief moved."""
+        beside them how far robot and belief moved: a sentence with a space before it. Empty where nothing
+        stands out."""
         seen = self._seen
         lost, history = seen.beliefs[1], seen.history
         if lost is None or not self.has_truth:
@@ -223,25 +227,6 @@ class BeliefFacts:
             return f" Before its first belief it was sent {arrived}; {moved}."
         when = f"{float(self.rows[place - 1]['elapsed']):.1f} s and {lost.elapsed:.1f} s"
         return f" Between {when} it was sent {arrived}; the robot moved {robot.text}, the belief {own.text}."
-
-    @property
-    def _parted_by_code(self) -> dict[str, list[float]]:
-        """Inches by which the believed displacement differed from the true one, from one sure belief to the
-        next, by the one code of the movements between them."""
-        rows, moves = self.rows, self._seen.within(self._seen.history.movements)
-        found: dict[str, list[float]] = {}
-        if len(rows) < FEWEST["set"] or not self.has_truth:
-            return found
-        moves = moves[~moves["grips"]]
-        places = np.searchsorted(moves["order"], rows["order"])
-        sure = np.nan_to_num(rows["spread"]) <= SURE
-        off = np.hypot(np.diff(rows["x"] - rows["true_x"]), np.diff(rows["y"] - rows["true_y"]))
-        for each in np.flatnonzero(sure[1:] & sure[:-1]):
-            numbers = np.unique(moves["code"][places[each] : places[each + 1]])
-            if len(numbers) == 1:
-                code = self._seen.history.code_names[numbers[0]]
-                found.setdefault(code, []).append(float(off[each]))
-        return found
 
     @property
     def text(self) -> str:

@@ -13,8 +13,9 @@ import numpy as np
 from msgspec import Struct
 from msgspec.structs import replace
 
+from simmer_tui.config.mission_plan import cells_of
 from simmer_tui.report.causes import Cause, Kind, MomentKind, Sureness
-from simmer_tui.report.contact_evidence import ContactEvidence, DriveErrors, belief_text, movements_text
+from simmer_tui.report.contact_evidence import ContactEvidence, DriveErrors, belief_text, shown_tried
 from simmer_tui.report.finding import FEWEST, Finding
 from simmer_tui.report.run_evidence import RunEvidence
 from simmer_tui.report.typical_runs import most_different
@@ -38,7 +39,7 @@ from simmer_tui.run.progress import HUNDRED
 from simmer_tui.run.run_history import CHAIN
 from simmer_tui.run.table import Timed
 from simmer_tui.sim.command import WORD, counted, cut
-from simmer_tui.sim.specs import CELL_SIZE
+from simmer_tui.sim.specs import BLOCK, CELL_SIZE
 
 # Judged: a good program crosses the maze with fewer movements.
 REFUSED_SHARE = 0.05
@@ -83,7 +84,8 @@ _NAMED = 4
 class Fact(Struct, frozen=True):
     """A fact that decided a run: a sentence, its moment (elapsed seconds) with its line and place, by default
     the run's end, and the codes of the devices that it is about. `advice` and `moment` replace those of its
-    rule. `has_behind` is true if wrong devices or beliefs may explain it."""
+    rule. `has_behind` is true if wrong devices or beliefs may explain it: they are told before `then`, the
+    sentences on what came of it."""
 
     text: str
     at: Timed | None = None
@@ -93,6 +95,7 @@ class Fact(Struct, frozen=True):
     advice: str | None = None
     moment: MomentKind | None = None
     has_behind: bool = False
+    then: str = ""
     sure: Sureness = Sureness.CERTAIN
 
 
@@ -123,7 +126,7 @@ def advice_on(kind: Kind) -> str:
 
 
 def _made(run: RunEvidence, rule: CauseRule, fact: Fact) -> Cause:
-    seen, text, culprits = run.seen, fact.text, fact.culprits
+    seen, parts, culprits = run.seen, [fact.text], fact.culprits
     advice = rule.advice if fact.advice is None else fact.advice
     if fact.has_behind or rule is NO_RULE:
         declared, marked = _declared(run)
@@ -131,16 +134,21 @@ def _made(run: RunEvidence, rule: CauseRule, fact: Fact) -> Cause:
         if marked and rule.kind is not Kind.TOO_SLOW:
             named = " and ".join(marked)
             advice = f"Give your program the numbers of this set for {named}, or correct for them."
-        text = " ".join(filter(None, (text, declared, behind)))
+        parts += [declared, behind]
         culprits = tuple(dict.fromkeys((*culprits, *marked, *codes)))
     met = run.contact if run.has_contact else None
+    parts.append(fact.then)
     if run.stray_block is not None and rule.kind in _ABOUT_BLOCK:
-        text = f"{text} The block lay at {place_text(*run.stray_block)}, outside the loading zone."
+        parts.append(f"The block lay at {place_text(*run.stray_block)}, outside the loading zone.")
+    goals = _goals(run)
+    if met is None and rule.kind in _ABOUT_GOALS:
+        parts.append(goals)
     if rule.kind in _ABOUT_TURNS:
-        text += _one_sided(run)
-    evidence: tuple[str, ...] = (run.health_text, belief_text(seen.beliefs[0]), _goals(seen))
+        parts.append(_one_sided(run))
+    text = " ".join(filter(None, parts))
+    evidence: tuple[str, ...] = (run.health_text, belief_text(seen.beliefs[0]), goals)
     if met is not None:
-        evidence = (run.health_text, *met.sentences)
+        evidence = (run.health_text, belief_text(met.met.belief), shown_tried(met.tried))
     elif seen.is_silent:
         evidence = (f"Last output: {run.last_words}." if run.last_words else "",)
     # A reason may end with a question; a sentence ends with one mark.
@@ -150,7 +158,7 @@ def _made(run: RunEvidence, rule: CauseRule, fact: Fact) -> Cause:
     return Cause(
         kind=rule.kind,
         text=text,
-        evidence=tuple(filter(None, evidence)),
+        evidence=tuple(each for each in evidence if each and each not in text),
         elapsed=elapsed,
         line=getattr(at, "line", seen.line),
         place=fact.place or (seen.pose.x, seen.pose.y),
@@ -213,47 +221,48 @@ def _refused(run: RunEvidence) -> Fact | None:
     if 2 * refused > of and seen.refusals:
         begin = f"{refused} of {counted(of, 'command')} were refused"
         return _refused_by(run, f"{begin}, such as {{}}.", seen.refusals[0])
-    undone = _undone(run, run.undone) if run.undone and seen.task is not None else None
+    if seen.task is None:
+        return None
+    lost = run.contact.lost if run.has_contact and run.contact is not None else seen.beliefs[1]
+    row = None if lost is None else run.refused_before(lost)
+    if lost is not None and row is not None:
+        return _undone(run, [row], f"{capitalized(lost_text(run, lost))}. {_then(run)}")
     row = None if run.has_contact else run.refused_action
-    if undone is not None or row is None or seen.task is None:
-        return undone
+    fact = _never_done(run)
+    if fact is not None or row is None:
+        return fact
     return _refused_by(run, "Its last command was refused, {}.", row, (row.result.command.code,))
 
 
 def _refused_by(run: RunEvidence, text: str, row: RefusalRow, codes: Sequence[str] = ()) -> Fact:
     """A fact about refused commands, with one of them in the braces of its text."""
-    one = f"{cut(row.result.command.shown, WORD)} at {row.elapsed:.1f} s: {_reason(row)}"
+    one = f"{cut(row.result.command.shown, WORD)} at {row.elapsed:.1f} s: {row.result.reason.rstrip('.')}"
     return Fact(f"{text.format(one)}{run.origin_of(row)}", row, culprits=tuple(codes))
 
 
-def _reason(row: RefusalRow) -> str:
-    return row.result.reason.rstrip(".")
-
-
-def _undone(run: RunEvidence, rows: Sequence[RefusalRow]) -> Fact | None:
+def _never_done(run: RunEvidence) -> Fact | None:
     """Movements or grips that were refused and never carried out: before a contact a share of the movements,
     else the closing of the gripper."""
-    seen, first = run.seen, rows[0]
-    gripper = "" if seen.spec.gripper is None else seen.spec.gripper.code
+    seen, rows = run.seen, run.undone
     if run.has_contact:
         of = len(rows) + len(seen.within(seen.history.movements))
-        if len(rows) < REFUSED_SHARE * of:
-            return None
-        then = f" Then {_sent(run)}. {_contact(run)}"
-    else:
-        rows = [each for each in rows if each.result.command.code == gripper]
-        if not rows or seen.taken:
-            return None
-        first, then = rows[0], " It was never closed."
-    command, reason = first.result.command, _reason(first)
-    often = f" {times_text(len(rows))}" if len(rows) > 1 else ""
-    shown = cut(command.shown, WORD)
-    one = f"{shown} was refused at {first.elapsed:.1f} s: {reason}."
-    if often and any(each.result.command.shown != command.shown for each in rows):
-        text = f"{len(rows)} commands were refused and never carried out. The first: {one}"
-    else:
-        text = f"{shown} was refused{often}, first at {first.elapsed:.1f} s: {reason}." if often else one
-    return Fact(f"{text}{run.origin_of(first)}{then}", first, culprits=(command.code,))
+        return _undone(run, rows, _then(run)) if rows and len(rows) >= REFUSED_SHARE * of else None
+    gripper = "" if seen.spec.gripper is None else seen.spec.gripper.code
+    rows = [each for each in rows if each.result.command.code == gripper]
+    return _undone(run, rows, "It was never closed.") if rows and not seen.taken else None
+
+
+def _undone(run: RunEvidence, rows: Sequence[RefusalRow], then: str) -> Fact:
+    """A fact about commands that were refused and never carried out."""
+    first, command = rows[0], rows[0].result.command
+    reason, shown = first.result.reason.rstrip("."), cut(command.shown, WORD)
+    often = f" {times_text(len(rows))}, first" if len(rows) > 1 else ""
+    text = f"{shown} was refused{often} at {first.elapsed:.1f} s: {reason}."
+    if any(each.result.command.shown != command.shown for each in rows):
+        text = (
+            f"{len(rows)} commands were refused and never carried out. The first: {text.replace(often, '')}"
+        )
+    return Fact(f"{text}{run.origin_of(first)}", first, culprits=(command.code,), then=then)
 
 
 def _crashed(run: RunEvidence) -> Fact | None:
@@ -261,7 +270,7 @@ def _crashed(run: RunEvidence) -> Fact | None:
     if program is None or not program.crashed or program.stopped or run.has_contact:
         return None
     led = _moved(run) or _stalled(run)
-    before = "" if led is None else f" {led.text}"
+    before = "" if led is None else f" {led.text}{led.then}"
     text = f"{capitalized(program_end_text(program))}.{waited_text(run)}{before}"
     return Fact(text, culprits=() if led is None else led.culprits, has_behind=led is None)
 
@@ -288,18 +297,15 @@ def _moved(run: RunEvidence) -> Fact | None:
         if seen.is_connected(drove.order):
             return Fact(f"{text} at {drove.begin:.1f} s, beside its program.", drove, since=drove.begin)
     block = seen.block_moved
-    if block is None or (run.has_contact and not _is_long_after(seen, block.order)):
+    after = 0 if block is None else int((seen.within(seen.history.movements)["order"] > block.order).sum())
+    # A contact after more movements than counterfactuals repeat came of searching for the block.
+    if block is None or (run.has_contact and after < CHAIN):
         return None
     to = place_text(*block.done.action.arguments[:2])
     text = (
         f"A person moved the block at {block.elapsed:.1f} s, to {to}. The robot did not take it after that."
     )
     return Fact(text, block, place=(block.before.x, block.before.y))
-
-
-def _is_long_after(seen: Attempt, order: int) -> bool:
-    """True if more movements than counterfactuals repeat came after an event."""
-    return int((seen.within(seen.history.movements)["order"] > order).sum()) >= CHAIN
 
 
 def _silence(run: RunEvidence) -> Fact | None:
@@ -311,8 +317,15 @@ def _silence(run: RunEvidence) -> Fact | None:
         if run.exit_code:
             text = f"{capitalized(exit_text(run.exit_code))} before it sent a command."
         return Fact(text, since=seen.elapsed, advice=f"{capitalized(CONNECT_ADVICE)}")
-    end = "the real time limit" if run.cut_off else "the time limit"
-    return Fact(f"No command came after {quiet.since:.1f} s. The run was ended at {end}.", since=quiet.since)
+    return Fact("", since=quiet.since, then=_quiet(run), has_behind=True)
+
+
+def _quiet(run: RunEvidence) -> str:
+    """The time without a command at the end, in sentences; empty without one."""
+    quiet, end = run.silence, "the real time limit" if run.cut_off else "the time limit"
+    if quiet is None:
+        return ""
+    return f"No command came after {quiet.since:.1f} s. The run was ended at {end}."
 
 
 # -- sensors and drives ------------------------------------------------------------------------------------
@@ -327,9 +340,10 @@ def _unread(run: RunEvidence) -> Fact | None:
         advice = (
             f"Read {codes[0]} before you send {met.met.ended.command.code}." if codes else _NO_SENSOR_THERE
         )
-        return _at_contact(run, met, f"{_sent(run)}. {met.unread_text}", advice=advice)
+        fact = _at_contact(run, met, f"{_sent(run)}. {met.unread_text}", advice=advice)
+        return replace(fact, culprits=tuple(codes[:1]))
     unseen = None if run.seen.closed else run.unseen_block
-    if unseen is None or run.seen.stuck is not None or run.lost is not None:
+    if unseen is None or run.seen.stuck is not None or run.seen.beliefs[1] is not None:
         return None
     # A robot that had stopped making progress before saw the block by chance.
     stalled = _stalled(run)
@@ -377,8 +391,9 @@ def _known_wall(run: RunEvidence) -> Fact | None:
 def _at_contact(run: RunEvidence, met: ContactEvidence, text: str, *, advice: str | None = None) -> Fact:
     """A fact about the command that led to a contact."""
     place = met.met.contact.point
-    text = f"{text}. {_contact(run)}"
-    return Fact(text, met.met.row, since=met.sent, place=place, has_behind=True, advice=advice)
+    unread = f" {met.not_read}." if met.not_read and met.not_read not in text else ""
+    then = f"{_contact(run)}{met.narrow_text}{unread}"
+    return Fact(f"{text}.", met.met.row, met.sent, place, has_behind=True, advice=advice, then=then)
 
 
 def _sensor_wrong(run: RunEvidence) -> Fact | None:
@@ -400,7 +415,7 @@ def _sensor_wrong(run: RunEvidence) -> Fact | None:
     read = f"{last.code} read {shown_range(last.value)} at {last.time:.1f} s{true}"
     at_sight = met.facing is last
     return Fact(
-        f"{read}; then {_sent(run)}. {_contact(run)}",
+        f"{read}; then {_sent(run)}.",
         None if at_sight else met.met.row,
         since=last.time,
         place=met.met.contact.point,
@@ -408,6 +423,7 @@ def _sensor_wrong(run: RunEvidence) -> Fact | None:
         advice=advice.format(code=last.code),
         moment=MomentKind.SIGHT if at_sight else None,
         has_behind=True,
+        then=_contact(run),
     )
 
 
@@ -426,8 +442,8 @@ def _drive_wrong(run: RunEvidence) -> Fact | None:
 
 
 def _without(errors: DriveErrors) -> str:
-    codes, moves = " and ".join(errors.codes), movements_text(errors)
-    return f"Without the errors of {codes} in {moves}, nothing would have been touched."
+    moves = "the movement" if errors.count == 1 else f"the last {counted(errors.count, 'movement')}"
+    return f"Without the errors of {' and '.join(errors.codes)} in {moves}, nothing would have been touched."
 
 
 def _devices(run: RunEvidence, found: Sequence[Finding]) -> Fact:
@@ -449,15 +465,10 @@ def _told(found: Sequence[Finding]) -> tuple[str, tuple[str, ...]]:
 def _first_use(seen: Attempt, code: str) -> float:
     """The time of the first reading of a sensor, or of the first movement of a drive."""
     history = seen.history
-    if code in history.sensor_codes:
-        rows = seen.within(history.readings)
-        rows = rows[rows["sensor"] == history.sensor_codes.index(code)]
-    else:
-        rows = seen.within(history.movements)
-        rows = rows[[history.code_names[number] == code for number in rows["code"]]]
-    if len(rows):
-        return float(rows["elapsed"][0])
-    return seen.begun
+    readings, moves = seen.within(history.readings), seen.within(history.movements)
+    times = readings["elapsed"][[history.sensor_codes[number] == code for number in readings["sensor"]]]
+    used = moves["elapsed"][[history.code_names[number] == code for number in moves["code"]]]
+    return float(min((*times[:1], *used[:1]), default=seen.begun))
 
 
 # -- the gripper -------------------------------------------------------------------------------------------
@@ -544,39 +555,38 @@ def _with_belief(met: ContactEvidence, text: str) -> str:
 def _lost(run: RunEvidence) -> Fact | None:
     seen, met = run.seen, run.contact if run.has_contact else None
     if met is not None:
-        if not met.is_elsewhere or met.belief is None:
+        if met.belief is None or not (met.is_elsewhere or (met.lost is not None and run.belief.text)):
             return None
-        unread = f" {met.unread_text}." if met.is_blind else ""
-        then = f"{unread} Then {_sent(run)}. {_contact(run)}"
         if met.lost is not None:
-            return _lost_since(run, met.lost, then)
+            return _lost_since(run, met.lost)
         off = met.belief
         spread = "" if math.isnan(off.spread) else f", with a spread of {off.spread:.1f} in"
-        return Fact(f"It drove on with a belief off by {off.error_text}{spread}.{then}", off, has_behind=True)
+        text = f"It drove on with a belief off by {off.error_text}{spread}."
+        return Fact(text, off, has_behind=True, then=_then(run))
+    # A program that stopped for another reason may be off as well.
+    if seen.task is None or (run.silence is not None and (seen.is_silent or not run.belief.text)):
+        return None
     grip, least = run.last_grip, CELL_SIZE if run.unused_grip else 0.0
-    (belief, lost), then = seen.beliefs, f" {_end(run)}."
+    belief, lost = seen.beliefs
     if grip is not None:
         # A miss that is larger than the error of the belief has another reason.
         belief, lost = seen.belief_before(grip.order)
-        least, then = run.missed_by / 2.0, f" Then it {grip_ending(grip.grip)}."
-    if seen.task is None or belief is None:
+        least = run.missed_by / 2.0
+    if lost is not None and belief is not None and belief.distance >= least:
+        return _lost_since(run, lost)
+    if belief is None or grip is not None or least or _stalled(run) is not None:
         return None
-    if lost is not None and belief.distance >= least:
-        return _lost_since(run, lost, then)
-    if grip is not None or least or _stalled(run) is not None:
-        return None
-    if belief.unsure or run.localized is None:
-        ever = "never found out" if run.localized is None else "no longer knew"
+    if belief.unsure or not run.belief.was_right:
+        ever = "no longer knew" if run.belief.was_right else "never found out"
         last = f"its last belief was off by {belief.error_text}"
         if not math.isnan(belief.spread):
             last += f", with a spread of {belief.spread:.1f} in"
-        return Fact(f"It {ever} where it was: {last}.{then}", belief, has_behind=True)
+        return Fact(f"It {ever} where it was: {last}.", belief, has_behind=True, then=_then(run))
     return None
 
 
-def _lost_since(run: RunEvidence, lost: BeliefRow, then: str) -> Fact:
-    """A belief that was wrong, and what came of it."""
-    never = "It never found its place" if run.localized is None else "It was lost"
+def _lost_since(run: RunEvidence, lost: BeliefRow) -> Fact:
+    """A belief that was wrong, what explains it, and what came of it."""
     parted, fit, advice = run.belief.parted, run.fit_text(lost), None
     if parted:
         advice = "Compare what your program adds to its belief for a movement with the command that it sends."
@@ -587,8 +597,22 @@ def _lost_since(run: RunEvidence, lost: BeliefRow, then: str) -> Fact:
         advice = (
             "Compare the ranges with those that your program's map gives there, before you trust a place."
         )
-    text = f"{never}: {wrong_text(lost)}.{then}{parted}{fit}"
-    return Fact(text, lost, has_behind=True, advice=advice)
+    text = f"{capitalized(lost_text(run, lost))}.{parted}{fit}"
+    return Fact(text, lost, has_behind=True, advice=advice, then=_then(run))
+
+
+def _then(run: RunEvidence) -> str:
+    """Sentences on what came of a wrong belief or a refused command: contact, grip, silence or the end."""
+    met = run.contact if run.has_contact else None
+    if met is not None:
+        unread = met.unread_text if met.is_blind else met.not_read
+        return f"{f'{unread}. ' if unread else ''}Then {_sent(run)}. {_contact(run)}"
+    if run.last_grip is not None:
+        return f"Then it {grip_ending(run.last_grip.grip)}."
+    if run.silence is not None:
+        return _quiet(run)
+    out_of_time = run.seen.out_of_time or run.cut_off
+    return "Then its time was up." if out_of_time else "Then the program ended by itself."
 
 
 def _too_close(run: RunEvidence) -> Fact | None:
@@ -608,7 +632,7 @@ def _too_close(run: RunEvidence) -> Fact | None:
     errors = None if met.is_blind else met.drive_errors
     if errors is None:
         return fact
-    return replace(fact, text=f"{fact.text} {_without(errors)}", culprits=errors.codes, advice=_CORRECT)
+    return replace(fact, then=f"{fact.then} {_without(errors)}", culprits=errors.codes, advice=_CORRECT)
 
 
 def _nowhere(run: RunEvidence) -> Fact | None:
@@ -628,11 +652,10 @@ def _stalled(run: RunEvidence) -> Fact | None:
     seen, task = run.seen, run.seen.task
     if task is None:
         return None
-    stalled, dwell, loop = seen.stalled, seen.dwell, seen.loop
-    long = STAYED * task.time_limit
-    if dwell is not None and dwell.readings >= HUNDRED and seen.elapsed - dwell.since >= long:
-        text = f"From {dwell.since:.1f} s on no movement came, and {counted(dwell.readings, 'reading')} did."
-        return Fact(text, since=dwell.since, culprits=_no_longer_sent(seen, dwell.since), has_behind=True)
+    stalled, loop, long = seen.stalled, seen.loop, STAYED * task.time_limit
+    stays = _stays(run)
+    if stays is not None:
+        return stays
     # A robot that stands and reads is slow, not without progress: half of the time must have been driving.
     lasted = seen.elapsed - stalled.since
     idle = lasted < long or stalled.driving < lasted / 2
@@ -650,40 +673,35 @@ def _stalled(run: RunEvidence) -> Fact | None:
             if seen.whole_numbers:
                 text += ". All commands to drive were whole numbers"
         place = (stalled.place.x, stalled.place.y)
-        return Fact(f"{text}.", since=stalled.since, place=place, culprits=culprits, has_behind=True)
+        return Fact("", since=stalled.since, place=place, culprits=culprits, has_behind=True, then=f"{text}.")
     if loop is not None:
         text = (
             f"From {loop.since:.1f} s on it repeated the same {loop.commands} movements {loop.rounds} times."
         )
-        return Fact(text, since=loop.since, place=(loop.place.x, loop.place.y), has_behind=True)
-    return _stays(run)
+        return Fact("", since=loop.since, place=(loop.place.x, loop.place.y), has_behind=True, then=text)
+    return None
 
 
 def _stays(run: RunEvidence) -> Fact | None:
-    """It turned and read on, and drove no more."""
+    """It read on, and drove no more; it may have turned."""
     seen, history = run.seen, run.seen.history
     moves, readings = seen.within(history.movements), seen.within(history.readings)
-    drives = {each.code for each in seen.spec.drives if not each.kind.turns}
-    drove = moves[np.isin(moves["code"], [n for n, code in enumerate(history.code_names) if code in drives])]
-    # With its time up, it may only have been slow.
-    if len(drove) < FEWEST["set"] or seen.out_of_time:
-        return None
-    since = float(drove["elapsed"][-1])
+    moves, turns = moves[~moves["grips"]], {each.code for each in seen.spec.drives if each.kind.turns}
+    drove, whole = (
+        moves[[history.code_names[code] not in turns for code in moves["code"]]],
+        seen.elapsed - seen.begun,
+    )
+    # With its time up, one that turns and reads may only be slow.
+    if len(drove) < FEWEST["set"] or seen.out_of_time or drove["order"][-1] == moves["order"][-1]:
+        drove, whole = moves, whole if seen.task is None else seen.task.time_limit
+    since = float(drove["elapsed"][-1]) if len(drove) else seen.begun
     later = int((readings["elapsed"] > since).sum())
-    if later < HUNDRED or seen.elapsed - since < STAYED * (seen.elapsed - seen.begun):
+    if later < HUNDRED or seen.elapsed - since < STAYED * whole:
         return None
     codes = tuple(history.code_names[number] for number in dict.fromkeys(drove["code"].tolist()))
-    text = f"From {since:.1f} s on no {' or '.join(codes)} came, and {counted(later, 'reading')} did."
-    text = f"{text} {_stand(run)}".rstrip()
-    return Fact(text, since=since, culprits=codes if len(codes) == 1 else (), has_behind=True)
-
-
-def _no_longer_sent(seen: Attempt, since: float) -> tuple[str, ...]:
-    """The one drive that was commanded before a moment; none if there were several."""
-    rows = seen.within(seen.history.movements)
-    rows = rows[(rows["elapsed"] <= since) & ~rows["grips"]]
-    codes = {seen.history.code_names[number] for number in set(rows["code"].tolist())}
-    return tuple(codes) if len(codes) == 1 else ()
+    what = "movement" if drove is moves else " or ".join(codes)
+    text = f"From {since:.1f} s on no {what} came, and {counted(later, 'reading')} did. {_stand(run)}"
+    return Fact("", since=since, culprits=codes[: len(codes) == 1], has_behind=True, then=text.rstrip())
 
 
 # -- time, and the program's end ---------------------------------------------------------------------------
@@ -694,7 +712,7 @@ def _slow(run: RunEvidence) -> Fact | None:
     if run.has_contact or not (seen.out_of_time or run.cut_off):
         return None
     if run.cut_off and not seen.out_of_time:
-        return Fact(f"At the real time limit the program was still running. {_goals(seen)}".rstrip())
+        return Fact("At the real time limit the program was still running.")
     rest = max(seen.elapsed - seen.begun - spent.driving - spent.reading - spent.link, 0.0)
     parts = {"driving": spent.driving, "reading": spent.reading, "the link": spent.link, "waiting": rest}
     most = max(parts, key=lambda name: parts[name])
@@ -706,7 +724,7 @@ def _slow(run: RunEvidence) -> Fact | None:
         often = f"{often}, {spent.took[code] / 1000.0:.1f} s"
     read = f" It read sensors {times_text(spent.readings.total())} ({code} {often})." if code else ""
     text = f"Most of its time went to {most} ({listed}).{read}"
-    return Fact(text, has_behind=True, advice=_SPARE[most].format(code=code))
+    return Fact("", has_behind=True, advice=_SPARE[most].format(code=code), then=text)
 
 
 def _ended(run: RunEvidence) -> Fact | None:
@@ -718,19 +736,19 @@ def _ended(run: RunEvidence) -> Fact | None:
     words = f" Its last output: {run.last_words}." if run.last_words else ""
     limit = "" if seen.task is None else f" after {seen.seconds:.1f} of {seen.task.time_limit:g} s"
     text = f"{capitalized(exit_text(run.exit_code))}{limit}, before it was done.{words}{waited_text(run)}"
-    text = " ".join(filter(None, (text, _stand(run), _goals(seen), run.all_movements)))
+    text = " ".join(filter(None, (text, _stand(run), run.all_movements)))
     advice = None
     if waited_text(run) or _NO_LINK in run.last_words:
         advice = f"Look at the link: {LINK_ADVICE}"
     elif run.last_words:
         advice = f"Look in your program at what leads to '{cut(run.last_words, WORD)}'."
-    return Fact(text.rstrip(), has_behind=True, advice=advice)
+    return Fact("", has_behind=True, advice=advice, then=text)
 
 
 # -- text --------------------------------------------------------------------------------------------------
 
 
-def wrong_text(lost: BeliefRow) -> str:
+def lost_text(run: RunEvidence, lost: BeliefRow) -> str:
     """The first of an unbroken row of wrong beliefs, in words."""
     off = lost.deviation
     if off.rejects_truth:
@@ -740,11 +758,13 @@ def wrong_text(lost: BeliefRow) -> str:
         said = f"it believed to be at {believed} and was at {true}"
     else:
         said = f"its believed heading was off by {abs(off.turn):.0f} deg"
-    return f"from {lost.elapsed:.1f} s on {said}"
+    if run.belief.was_right:
+        return f"it was lost since {lost.elapsed:.1f} s: {said}"
+    return f"it never found its place: from {lost.elapsed:.1f} s on {said}"
 
 
 def _one_sided(run: RunEvidence) -> str:
-    """Turns that all went to one side, with a space before it; empty for few, or for both sides."""
+    """Turns that all went to one side; empty for few, or for both sides."""
     seen, names = run.seen, run.seen.history.code_names
     turns = {each.code for each in seen.spec.drives if each.kind.turns}
     moves = seen.within(seen.history.movements)
@@ -753,7 +773,7 @@ def _one_sided(run: RunEvidence) -> str:
     if len(asked) < _TURNS or abs(int(np.sign(asked).sum())) < len(asked):
         return ""
     sign = "positive" if asked[0] > 0.0 else "negative"
-    return f" All its {len(asked)} turns had a {sign} value."
+    return f"All its {len(asked)} turns had a {sign} value."
 
 
 def _stand(run: RunEvidence) -> str:
@@ -832,24 +852,20 @@ def _twice(run: RunEvidence) -> str:
     return "" if again is None or again[2] else f" {again[0]} had come {times_text(again[1])} in a row."
 
 
-def _end(run: RunEvidence) -> str:
-    if run.seen.out_of_time or run.cut_off:
-        return "Then its time was up"
-    return "Then the program ended by itself"
-
-
-def _goals(seen: Attempt) -> str:
-    if seen.task is None:
+def _goals(run: RunEvidence) -> str:
+    """The zone that was never entered, or the goal that was not met, in a sentence."""
+    seen, zone = run.seen, None if run.seen.task is None else run.seen.task.zone
+    if seen.task is None or (seen.taken and not seen.holding) or seen.is_silent:
         return ""
-    if seen.holding:
-        zone = seen.task.zone
-        there = (
-            ""
-            if zone is None
-            else f", and had not set it down in the drop zone at {place_text(zone.x, zone.y)}"
-        )
-        return f"The robot held the block{there}."
-    return "" if seen.taken else "The robot had not taken the block yet."
+    if not seen.holding:
+        never = not run.goals and cells_of(seen.spec.maze, BLOCK)
+        return "It never entered the loading zone." if never else "The robot had not taken the block yet."
+    if zone is None:
+        return "The robot held the block."
+    moves, where = seen.within(seen.history.movements), place_text(zone.x, zone.y)
+    entered = any(map(zone.holds, moves["x"].tolist(), moves["y"].tolist()))
+    not_done = "had not set it down in" if entered else "never entered"
+    return f"The robot held the block, and {not_done} the drop zone at {where}."
 
 
 ORDER: tuple[CauseRule, ...] = (
@@ -864,7 +880,7 @@ ORDER: tuple[CauseRule, ...] = (
         Kind.REFUSED,
         _refused,
         MomentKind.FAULT,
-        "most commands were refused; or some movements never carried out",
+        "most commands, the one before it was lost, or some movements were refused, never to be carried out",
         "what followed",
         "Look at each reply in your program: NaN says that the command was refused.",
     ),
@@ -882,14 +898,6 @@ ORDER: tuple[CauseRule, ...] = (
         "a person moved the robot or the block; or a second client came",
         "what followed",
         "Compare each reading with the belief, and search again when they no longer fit.",
-    ),
-    CauseRule(
-        Kind.SILENCE,
-        _silence,
-        MomentKind.END,
-        "no command came in the last quarter of the time, or none at all",
-        "a program that is slow",
-        "Print a line before each command: the last line shows where the program waits.",
     ),
     CauseRule(
         Kind.SENSOR_WRONG,
@@ -911,9 +919,17 @@ ORDER: tuple[CauseRule, ...] = (
         Kind.LOST,
         _lost,
         MomentKind.LOST,
-        "the belief was wrong or unsure at the contact, at the grip or at the end",
+        "the belief was wrong or unsure at the contact, grip or end",
         "the path",
         "Turn on the spot and read all sensors until the belief is sure, before you drive on.",
+    ),
+    CauseRule(
+        Kind.SILENCE,
+        _silence,
+        MomentKind.END,
+        "no command came in the last quarter of the time, or none at all",
+        "a program that is slow",
+        "Print a line before each command: the last line shows where the program waits.",
     ),
     CauseRule(
         Kind.KNOWN_WALL,
@@ -981,6 +997,8 @@ ORDER: tuple[CauseRule, ...] = (
 """The rules, the first first."""
 _ABOUT_TURNS = (Kind.KNOWN_WALL, Kind.LOST, Kind.TOO_CLOSE, Kind.GOT_NOWHERE, Kind.TOO_SLOW, Kind.ENDED)
 """Causes beside which it matters that all turns went to one side."""
+_ABOUT_GOALS = (Kind.LOST, Kind.SILENCE, Kind.GOT_NOWHERE, Kind.TOO_SLOW, Kind.ENDED)
+"""Causes beside which it matters how far the mission came."""
 _ABOUT_BLOCK = (Kind.GOT_NOWHERE, Kind.TOO_SLOW, Kind.ENDED, Kind.UNREAD)
 """Causes beside which it matters that the block lay outside the loading zone."""
 NO_RULE = CauseRule(

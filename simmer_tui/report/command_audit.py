@@ -116,7 +116,7 @@ def _pairs_of(attempt: Attempt, row: DriveSpec, *, along: bool = False) -> _Pair
         row: The drive.
         along: True if others may be between them that hardly turn the robot.
     """
-    numbers = _numbers_of(attempt)
+    numbers = {code: number for number, code in enumerate(attempt.history.code_names)}
     moves = attempt.within(attempt.history.movements)
     moves = moves[np.isfinite(moves["asked"]) & (moves["asked"] != 0.0)]
     asked = moves["asked"].astype(np.float64)
@@ -200,8 +200,3 @@ def _measures(sensor: SensorSpec, row: DriveSpec) -> bool:
 
 def _disagreement(code: str, text: str, found: _Found) -> Disagreement:
     return Disagreement((code,), text, len(found.rows), found.probability, 1.0, *moment(found.rows[0]))
-
-
-def _numbers_of(attempt: Attempt) -> dict[str, int]:
-    """The numbers that codes of commands have in the history's tables."""
-    return {code: number for number, code in enumerate(attempt.history.code_names)}

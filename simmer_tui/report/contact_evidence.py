@@ -27,7 +27,10 @@ from simmer_tui.run.phrases import contact_text, side_text
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.angles import half_turn
 from simmer_tui.sim.arrays import BoolArray
-from simmer_tui.sim.command import counted, parse_value
+from simmer_tui.sim.command import parse_value
+from simmer_tui.sim.footprint import Footprint
+from simmer_tui.sim.maze import Maze
+from simmer_tui.sim.obstacles import Obstacles
 from simmer_tui.sim.specs import CELL_SIZE, SensorSpec
 
 # Judged: after a third of a cell, or half a quarter turn, a sensor sees other obstacles.
@@ -50,8 +53,8 @@ Judged."""
 # Judged: a third of a right angle; a sensor that looks further aside may see something else.
 _ASIDE = 30.0
 """Degrees beside a contact from which a sensor is only the nearest one."""
-_FEW = 3
-"""Sensors that are named in a sentence."""
+_STEP = 0.05
+"""Inches between places of a path at which its distance from the walls is measured: half a last digit."""
 _SHOWN = {
     Change.EXACT: "without errors of its drive",
     Change.BELIEVED: "from the pose that the program believed",
@@ -158,11 +161,7 @@ class ContactEvidence:
         """The last reading of a sensor that looks at the place touched."""
         return None if self.looks is None or not looks_there(self.looks) else self.looks.last
 
-    def looking(self, code: str) -> str:
-        """A sensor with its direction: `u1, which looks there,`, else `u2, the nearest sensor,`."""
-        return f"{code}, which looks there," if self._looks(code) else f"{code}, the nearest sensor,"
-
-    def _looks(self, code: str) -> bool:
+    def looks_at(self, code: str) -> bool:
         """True if a sensor looks at the contact, or along the movement at the wall that this leads to,
         whatever corner touched."""
         ahead = self.bearing if self.leads_into else None
@@ -173,19 +172,44 @@ class ContactEvidence:
     def unread_text(self) -> str:
         """The ranges that were not read before the contact, in words without a full stop."""
         ranges = [each.code for each in self._seen.spec.sensors if each.kind.is_range]
-        read = [code for code in ranges if code in self.met.readings]
-        if not read:
-            return "No range sensor had been read"
+        if not any(code in self.met.readings for code in ranges):
+            return "; ".join(filter(None, ("No range sensor had been read", self.not_read)))
         if self.belief is not None or self.looks is None:
-            return f"No range sensor had been read for more than {BLIND:g} in or {BLIND_TURN:g} deg of path"
-        code, last = self.looks.codes[0], self.looks.last
-        who = f"No sensor looks straight there; {code}, the nearest,"
-        if self._looks(code):
-            who = f"{code}, which looks there,"
-        if last is None:
-            others = f"; only {' and '.join(read)} had" if len(read) <= _FEW else ""
-            return f"{who} had not been read{others}"
-        return f"{who} had not been read for {self.met.row.gone_before - last.gone:.0f} in of path"
+            none = f"No range sensor had been read for more than {BLIND:g} in or {BLIND_TURN:g} deg of path"
+            return "; ".join(filter(None, (none, self.not_read)))
+        last = "never read" if self.looks.last is None else f"not read since {self.looks.last.time:.1f} s"
+        nearest = f"No sensor looks straight there; {self.looks.codes[0]}, the nearest, was {last}"
+        return self.not_read or nearest
+
+    @cached_property
+    def not_read(self) -> str:
+        """The sensor that looks at the contact, if it was not read shortly before; else empty."""
+        looks = self.looks
+        if looks is None or self.met.contact.held_block or not self.looks_at(looks.codes[0]):
+            return ""
+        words = [] if looks.last is None else [looks.last]
+        since = "never read" if looks.last is None else f"not read since {looks.last.time:.1f} s"
+        return f"{looks.codes[0]} looks there and was {since}" if self._since(words) > 1.0 else ""
+
+    @cached_property
+    def narrow_text(self) -> str:
+        """A sentence, with a space before it, on a straight path that passes a wall too closely; empty for
+        turns, and for one that leads into the wall."""
+        met, body = self.met, Footprint.of(self._seen.spec.robot)
+        is_straight = self.bearing is not None and not (met.legs or met.ended.trajectory.turning)
+        if self.bearing is None or not is_straight or met.contact.held_block or met.contact.cell is None:
+            return ""
+        start, way = met.ended.before, math.radians(self.bearing + met.ended.before.heading)
+        totals = met.ended.trajectory.totals
+        # Behind the place touched another wall may be ahead.
+        far = min(math.hypot(totals.x, totals.y), met.row.went + 2.0 * body.reach)
+        walls = Obstacles.of_maze(Maze(self._seen.spec.maze).walls)
+        steps = np.arange(0.0, far + _STEP, _STEP).tolist()
+        near = min(walls.clearance(start.x + d * math.cos(way), start.y + d * math.sin(way)) for d in steps)
+        if not _STEP < near < body.reach - _STEP:
+            return ""
+        half = f"radius is {body.radius:g} in" if body.radius else f"corners reach {body.reach:.1f} in"
+        return f" Its straight path comes within {near:.1f} in of the wall; the robot's {half}."
 
     @property
     def asked(self) -> float | None:
@@ -369,11 +393,6 @@ class ContactEvidence:
         place = contact_text(self.met.contact, self._seen.spec)
         return f"{place}, {side_text(self.met.contact)}, after {row.went:.1f} in{turned} of {row.shown}"
 
-    @property
-    def sentences(self) -> tuple[str, ...]:
-        """The sentences about it that the moments do not have."""
-        return (belief_text(self.met.belief), shown_tried(self.tried))
-
 
 def belief_text(belief: BeliefRow | None) -> str:
     """Error of a belief, and its spread as the program sent it."""
@@ -393,11 +412,6 @@ def shown_tried(tried: Iterable[Counterfactual]) -> str:
             listed = " or ".join(filter(None, (", ".join(changes[:-1]), changes[-1])))
             parts.append(f"It would have touched {touched} {listed}.")
     return " ".join(parts)
-
-
-def movements_text(errors: DriveErrors) -> str:
-    """The movements that drive errors belong to."""
-    return "the movement" if errors.count == 1 else f"the last {counted(errors.count, 'movement')}"
 
 
 def _right(rows: Columns, sensor: SensorSpec) -> BoolArray:

@@ -14,11 +14,10 @@ from simmer_tui.report.sensor_sample import by_sensor, sample_of
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.table import Columns
-from simmer_tui.sim.arrays import BoolArray, FloatArray
+from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.command import counted
-from simmer_tui.sim.specs import DriveSpec, SensorSpec
+from simmer_tui.sim.specs import DriveSpec
 
-_WITHIN = "within the declared error"
 _NAMED = 3
 """Devices named in a sentence."""
 
@@ -51,53 +50,21 @@ def health_of(seen: Attempt) -> DeviceHealth:
         return DeviceHealth()
     readings = movements = 0
     for spec, rows in by_sensor(history, seen.within(history.readings)):
-        off, allowed = _off_readings(history, rows, spec)
+        sample = sample_of(history, rows, spec) if len(rows) else None
         # Answers of yes or no are wrong at a declared rate, not by a declared size.
-        if not spec.is_yes_or_no:
-            readings += len(off)
-            beyond[spec.code] = int((off > allowed).sum())
+        if sample is not None and not spec.is_yes_or_no:
+            readings += len(sample.values)
+            beyond[spec.code] = int((np.abs(sample.off(sample.expected)) > sample.tolerance).sum())
     moves, names = seen.within(history.movements), history.code_names
     for drive in (each for each in seen.spec.drives if each.code in names):
-        off, allowed, _ = _off_movements(history, moves[moves["code"] == names.index(drive.code)], drive)
+        off, allowed = _off_movements(history, moves[moves["code"] == names.index(drive.code)], drive)
         movements += len(off)
         beyond[drive.code] = int((off > allowed).sum())
     return DeviceHealth(readings, movements, tuple(each for each in beyond.most_common() if each[1]))
 
 
-def few_readings(history: RunHistory, rows: Columns, sensor: SensorSpec) -> str:
-    """The readings of a sensor beside what its set expects, in words; empty where that is not known."""
-    off, allowed = _off_readings(history, rows, sensor)
-    return _in_words(off > allowed) if len(off) else ""
-
-
-def few_movements(history: RunHistory, moves: Columns, drive: DriveSpec) -> str:
-    """The movements of a drive beside what its set expects on its own axis, in words; empty where that is not
-    known."""
-    off, allowed, shares = _off_movements(history, moves, drive)
-    if not len(off):
-        return ""
-    by = f", by {100.0 * float(np.median(shares)):+.0f} %" if (off > allowed).all() else ""
-    return f"{_in_words(off > allowed)}{by}"
-
-
-def _in_words(beyond: BoolArray) -> str:
-    if not beyond.any():
-        return _WITHIN
-    return f"{'each' if beyond.all() else 'some'} beyond the declared error"
-
-
-def _off_readings(history: RunHistory, rows: Columns, sensor: SensorSpec) -> tuple[FloatArray, FloatArray]:
-    """Sizes of the errors beside what the set expects, and the errors allowed for, (n,) each."""
-    sample = sample_of(history, rows, sensor) if len(rows) else None
-    if sample is None:
-        return np.empty(0), np.empty(0)
-    return np.abs(sample.off(sample.expected)), sample.tolerance
-
-
-def _off_movements(
-    history: RunHistory, moves: Columns, drive: DriveSpec
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """The same of movements on the drive's own axis, and the errors as shares of the commands, (n,) each."""
+def _off_movements(history: RunHistory, moves: Columns, drive: DriveSpec) -> tuple[FloatArray, FloatArray]:
+    """Sizes of the errors of movements on the drive's own axis, and the errors allowed for, (n,) each."""
     moves = moves[np.isfinite(moves["total_x"]) & np.isfinite(moves["asked"]) & (moves["asked"] != 0.0)]
     direction = np.array([drive.kind.direction.x, drive.kind.direction.y, drive.kind.direction.r])
     own = int(np.flatnonzero(direction)[0])
@@ -105,4 +72,4 @@ def _off_movements(
     expected = asked * direction[own] * (1.0 + set_rule(history, moves, drive).biases[:, own])
     off = moves[f"total_{axis}"] - expected
     allowed = (LEAST_SHARE + SIGMAS * getattr(drive.error, axis)) * np.abs(asked)
-    return np.abs(off), allowed, off * direction[own] / np.where(asked, asked, np.nan)
+    return np.abs(off), allowed

@@ -8,7 +8,6 @@ import numpy as np
 
 from simmer_tui.document.formats import COUNT, PASSAGE, number
 from simmer_tui.document.model import DataColumn, DataTable, data_table
-from simmer_tui.report.device_health import few_movements, few_readings
 from simmer_tui.report.finding import FEWEST, Finding
 from simmer_tui.report.run_evidence import RunEvidence
 from simmer_tui.run.table import Columns
@@ -17,8 +16,6 @@ from simmer_tui.sim.command import counted
 
 NO_TRUTH = "this run has no truth: a real robot"
 """Text of rows that need the true pose, for a run without one."""
-_FEWEST = 3
-"""Readings or movements from which each is compared with the errors that the set declares. Judged."""
 _LISTED = 6
 """Faults and codes named in a row."""
 
@@ -67,7 +64,7 @@ def _commands(run: RunEvidence) -> Iterator[tuple[object, ...]]:
     yield "refused", len(refused), _by_code(refused["code"], names)
     faults = run.fault_texts
     yield "faults on the wire", len(faults), "; ".join(faults[:_LISTED])
-    unread = [each.code for each in run.never_read]
+    unread = [s.code for s in seen.spec.sensors if s.enabled and s.code not in history.sensor_codes]
     yield "sensors never read", len(unread), " ".join(unread)
     alone = run.unseen_block
     text = "" if alone is None else f"the block, in sight at {alone.since:.1f} s: {' '.join(alone.codes)}"
@@ -120,8 +117,7 @@ def _devices(run: RunEvidence) -> Iterator[tuple[object, ...]]:
         mine = readings[readings["sensor"] == place]
         errors = mine["error"][np.isfinite(mine["error"])]
         mean = float(errors.mean()) if len(errors) and not history.is_twin else None
-        few = few_readings(history, mine, sensor) if _FEWEST <= len(mine) < FEWEST["set"] else ""
-        yield sensor.code, "sensor", len(mine), mean, _told(run, sensor.code, len(mine), "reading", few)
+        yield sensor.code, "sensor", len(mine), mean, _told(run, sensor.code, len(mine), "reading")
     for drive in (each for each in seen.spec.drives if each.enabled):
         place = history.code_names.index(drive.code) if drive.code in history.code_names else -1
         mine = moves[(moves["code"] == place) & np.isfinite(moves["asked"]) & (moves["asked"] != 0.0)]
@@ -130,11 +126,10 @@ def _devices(run: RunEvidence) -> Iterator[tuple[object, ...]]:
             axis = "total_r" if drive.kind.turns else "total_x" if drive.kind.direction.x else "total_y"
             sign = drive.kind.direction.x + drive.kind.direction.y + drive.kind.direction.r
             gain = float(np.median(mine[axis] * sign / mine["asked"]))
-        few = few_movements(history, mine, drive) if _FEWEST <= len(mine) < FEWEST["set"] else ""
-        yield drive.code, "drive", len(mine), gain, _told(run, drive.code, len(mine), "movement", few)
+        yield drive.code, "drive", len(mine), gain, _told(run, drive.code, len(mine), "movement")
 
 
-def _told(run: RunEvidence, code: str, count: int, noun: str, few: str) -> str:
+def _told(run: RunEvidence, code: str, count: int, noun: str) -> str:
     found: list[Finding] = [each for each in run.findings if each.of == code]
     if run.seen.history.is_twin:
         return NO_TRUTH
@@ -144,9 +139,7 @@ def _told(run: RunEvidence, code: str, count: int, noun: str, few: str) -> str:
         return "never read" if noun == "reading" else "never used"
     if code in run.declared:
         return f"as its set says: {run.declared[code]}"
-    if count >= FEWEST["set"]:
-        return "as its set says"
-    return f"{counted(count, noun)}{f', {few}' if few else ': too few to compare'}"
+    return "as its set says" if count >= FEWEST["set"] else f"{counted(count, noun)}: too few to compare"
 
 
 # -- beliefs -----------------------------------------------------------------------------------------------

@@ -42,6 +42,7 @@ class FindingKind(StrEnum):
     SWAPPED = "swapped"
     SIGN = "sign"
     LIMIT = "limit"
+    STEPS = "steps"
     NOISE = "noise"
     MISSED = "missed"
     DRIFT = "drift"

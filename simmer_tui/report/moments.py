@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from simmer_tui.document.formats import COUNT, PASSAGE, Format, number
 from simmer_tui.document.model import DataColumn, DataTable, data_table
-from simmer_tui.report.cause_order import wrong_text
+from simmer_tui.report.cause_order import lost_text
 from simmer_tui.report.causes import Cause, MomentKind
 from simmer_tui.report.run_evidence import RunEvidence
 from simmer_tui.report.why import looks_there, shown_range
@@ -180,15 +180,12 @@ def _person(run: RunEvidence) -> Iterator[Moment]:
 
 
 def _lost(run: RunEvidence) -> Iterator[Moment]:
-    lost = run.lost
+    lost = run.seen.beliefs[1]
     if lost is None or run.seen.history.is_twin:
         return
-    _, _, said = wrong_text(lost).partition(" s on ")
-    never = "it never found its place: " if run.localized is None else "it was lost: "
     off = f", {lost.error_text} off" if lost.deviation.off_place else ""
-    yield Moment(
-        MomentKind.LOST, lost.elapsed, f"{never}{said}{off}", lost.line, place=(lost.true_x, lost.true_y)
-    )
+    text = f"{lost_text(run, lost)}{off}"
+    yield Moment(MomentKind.LOST, lost.elapsed, text, lost.line, place=(lost.true_x, lost.true_y))
 
 
 def _deciding(run: RunEvidence) -> Iterator[Moment]:
@@ -200,17 +197,16 @@ def _deciding(run: RunEvidence) -> Iterator[Moment]:
         by = board_place(row.ended.command.source)
         sent = f"{by} set {row.shown}" if by else f"{row.shown} was sent"
         yield Moment(MomentKind.COMMAND, met.sent, sent, row.line, code)
-        if met.looks is None or not looks_there(met.looks):
-            text, code, at = "no sensor looks at the place that was touched", "", met.sent
-        elif last is None:
-            code, at = met.looks.codes[0], met.sent
-            text = f"{met.looking(code)} had never been read"
-        else:
-            code, at = last.code, last.time
-            off = abs(last.value - last.true) > 1.0
-            true = f"; the true distance was {shown_range(last.true)}" if off else ""
-            text = f"{met.looking(code)} read {shown_range(last.value)}{true}"
-        yield Moment(MomentKind.SIGHT, at, text, code=code)
+        text, sight, at = "no sensor looks at the place that was touched", "", met.sent
+        if met.looks is not None and looks_there(met.looks):
+            sight = met.looks.codes[0] if last is None else last.code
+            who = f"{sight}, which looks there," if met.looks_at(sight) else f"{sight}, the nearest sensor,"
+            text = f"{who} had never been read"
+            if last is not None:
+                at, off = last.time, abs(last.value - last.true) > 1.0
+                true = f"; the true distance was {shown_range(last.true)}" if off else ""
+                text = f"{who} read {shown_range(last.value)}{true}"
+        yield Moment(MomentKind.SIGHT, at, text, code=sight)
     grip = run.last_grip
     if grip is not None:
         block = (grip.grip.block.x, grip.grip.block.y)

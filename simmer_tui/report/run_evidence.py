@@ -13,7 +13,7 @@ from simmer_tui.config.mission_plan import cells_of
 from simmer_tui.report.belief_facts import BeliefFacts, has_read_range, listed_movements, ranges_fit_text
 from simmer_tui.report.command_audit import multiplied_corrections
 from simmer_tui.report.contact_evidence import ContactEvidence
-from simmer_tui.report.device_health import DeviceHealth, health_of
+from simmer_tui.report.device_health import health_of
 from simmer_tui.report.finding import FEWEST, Basis, Disagreement, Finding, kept_disagreements
 from simmer_tui.report.sensor_sample import world_without_block
 from simmer_tui.report.set_errors import set_errors
@@ -29,7 +29,7 @@ from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import counted, parse_value
 from simmer_tui.sim.sensors import ObservingSensor, modelled_sensor
 from simmer_tui.sim.sensors.base import World
-from simmer_tui.sim.specs import BLOCK, CELL_SIZE, SensorSpec
+from simmer_tui.sim.specs import BLOCK, CELL_SIZE
 
 # Judged: a program that computes for so long between two commands has stopped.
 _QUIET, _QUIET_SHARE = 5.0, 0.25
@@ -151,38 +151,24 @@ class RunEvidence:
     @property
     def refused_action(self) -> RefusalRow | None:
         """The last command of the run for a drive or the gripper, if it was refused."""
-        seen = self.seen
-        codes = {row.code for row in seen.spec.drive_rows}
-        rows = [row for row in seen.refusals if row.result.command.code in codes]
-        if not rows:
-            return None
-        moves = seen.within(seen.history.movements)
-        return None if (moves["order"] > rows[-1].order).any() else rows[-1]
+        last = self.seen.within(self.seen.history.movements)["order"].max(initial=0)
+        return next((row for row in self.undone[-1:] if row.order > last), None)
 
     @cached_property
     def undone(self) -> list[RefusalRow]:
         """Commands for drives and the gripper that were refused after the last goal and never carried out
         later, the first first. Of the gripper only its closing counts."""
         seen, last = self.seen, self.goals[-1].order if self.goals else 0
-        spec, names = seen.spec, seen.history.code_names
-        gripper = "" if spec.gripper is None else spec.gripper.code
-        codes = {row.code for row in (*spec.drive_rows, *spec.velocities)}
-        moves, closings = seen.within(seen.history.movements), seen.closings
-        found = []
-        for row in seen.refusals:
-            command = row.result.command
-            if command.code not in codes or row.order < last:
-                continue
-            if command.code == gripper:
-                later = any(order > row.order for order in closings)
-            else:
-                mine = moves[moves["order"] > row.order]
-                mine = mine[[names[number] == command.code for number in mine["code"]]]
-                value = parse_value(command.argument)
-                later = bool(len(mine) if isinstance(value, str) else np.isclose(mine["asked"], value).any())
-            if not later:
-                found.append(row)
-        return found
+        codes = {row.code for row in (*seen.spec.drive_rows, *seen.spec.velocities)}
+        rows = (row for row in seen.refusals if row.result.command.code in codes and row.order >= last)
+        return [row for row in rows if not seen.is_carried_out(row)]
+
+    def refused_before(self, lost: BeliefRow) -> RefusalRow | None:
+        """The movement that was refused, and never carried out, between a lost belief and the one before
+        it."""
+        orders = self.belief.rows["order"]
+        since = orders[orders < lost.order].max(initial=0)
+        return next((row for row in self.undone if since < row.order < lost.order), None)
 
     @cached_property
     def last_command(self) -> tuple[str, float, float] | None:
@@ -272,12 +258,6 @@ class RunEvidence:
         out."""
         known = {each.of for each in self.findings}
         return {code: text for code, text in set_errors(self.seen).items() if code not in known}
-
-    @cached_property
-    def never_read(self) -> list[SensorSpec]:
-        """The enabled sensors of the set that were never read."""
-        read = set(self.seen.history.sensor_codes)
-        return [each for each in self.seen.spec.sensors if each.enabled and each.code not in read]
 
     @cached_property
     def unseen_block(self) -> Unseen | None:
@@ -439,17 +419,7 @@ class RunEvidence:
         times = counted(len(seen.graspable), "movement")
         return seen.graspable[0], f"closed: {times} ended with the block between its jaws", 1
 
-    @property
-    def lost(self) -> BeliefRow | None:
-        """The first of the unbroken row of wrong beliefs at the end."""
-        return self.seen.beliefs[1]
-
     # -- what fits -----------------------------------------------------------------------------------------
-
-    @cached_property
-    def health(self) -> DeviceHealth:
-        """The readings and movements beside the errors that the run's set declares."""
-        return health_of(self.seen)
 
     @property
     def health_text(self) -> str:
@@ -459,7 +429,7 @@ class RunEvidence:
         # The share is of what was answered in time; what a program sent arrived all the same.
         sent = of if len(self.seen.typed) else max(of, self.seen.commands)
         arrived = f"{counted(sent, 'command')} arrived, {refused} refused."
-        exact = "" if self.findings or self.declared else self.health.text
+        exact = "" if self.findings or self.declared else health_of(self.seen).text
         return f"{arrived} {exact}".rstrip()
 
     @property

@@ -37,6 +37,9 @@ _BETTER = 1.1
 _AT_LIMIT = 0.1
 """Share of readings of something beyond the least or largest one that are near it by chance. They are off by
 more than the tolerance, four standard deviations; judged, for outliers."""
+_ON_GRID, _TRULY_ON_GRID = 0.02, 0.5
+"""Share of a step within which a reading lies on its grid, as numbers are rounded; and share of true values
+on that grid from which the robot stands on it, as in the middles of cells. Judged."""
 _ONE_VALUE = 0.1
 """Share of the expected value, or least error, within which eight values in ten are one: there a gain and an
 offset are the same. Judged."""
@@ -54,10 +57,10 @@ def sensor_tests(device: DeviceUnderTest, sample: SensorSample) -> list[Claim]:
         return tests
     if sample.least == 0.5 and sample.spec.is_yes_or_no:
         return [*tests, _wrong(device, sample)]
-    limits = _limits(device, sample.inside())
-    if any(each.finding is not None for each in limits):
-        return [*tests, *limits]
     inside = sample.inside()
+    shaped = [*_limits(device, inside), *_steps(device, inside)]
+    if any(each.finding is not None for each in shaped):
+        return [*tests, *shaped]
     return [*tests, *_fitted(device, inside)] if len(inside.values) >= fewest else tests
 
 
@@ -147,6 +150,26 @@ def _limits(device: DeviceUnderTest, sample: SensorSample) -> list[Claim]:
     return found
 
 
+def _steps(device: DeviceUnderTest, sample: SensorSample) -> list[Claim]:
+    """The claim of a coarse resolution: all readings lie on a grid on which the truth does not lie."""
+    levels = np.unique(sample.values)
+    if not sample.spec.kind.is_range or len(levels) < FEWEST["nominal"]:
+        return []
+    step, count = float(np.diff(levels).min()), len(sample.values)
+    if step < max(sample.least, 2.0 * sample.spec.resolution):
+        return []
+    near, truly = (
+        np.abs((each - np.sort(each)[count // 2] + step / 2) % step - step / 2) <= _ON_GRID * step
+        for each in (sample.values, sample.expected)
+    )
+    if not near.all() or truly.mean() > _TRULY_ON_GRID:
+        return []
+    # The first two define the grid.
+    probability = binomial_tail(count - 2, count - 2, 2 * _ON_GRID)
+    what = f"reads in steps of {step:.1f} {sample.spec.unit}"
+    return [device.claim(probability, FindingKind.STEPS, step, what, count, unit=sample.spec.unit)]
+
+
 # -- shares ------------------------------------------------------------------------------------------
 
 
@@ -198,12 +221,37 @@ def _fitted(device: DeviceUnderTest, sample: SensorSample) -> list[Claim]:
     }
     single = min(singles, key=lambda kinds: fits[kinds].rough)
     kinds = single if fits[single].rough <= _BETTER * fits[double].rough else double
-    fit = fits[kinds]
+    fit, design = fits[kinds], np.column_stack([columns[each] for each in kinds])
     tests = [_figure(device, sample, kind, fit, place) for place, kind in enumerate(kinds)]
+    for grown, per in ((sample.seconds, "s"), (sample.gone, "in driven")):
+        growing = np.column_stack((grown, np.ones(len(grown))))
+        if counts or len(grown) < len(residuals) or np.ptp(grown) == 0.0:
+            continue
+        drift = robust_fit(growing, residuals, sample.spread)
+        if _BETTER * drift.rough < fit.rough and abs(drift.values[0]) * np.ptp(grown) >= sample.least:
+            fit, design, tests = drift, growing, [_drift(device, sample, drift, float(grown[-1]), per)]
     if counts and sample.first is not None:
         tests.append(_first_offset(device, sample, *sample.first))
-    left = residuals - np.column_stack([columns[each] for each in kinds]) @ fit.values
-    return [*tests, _noise(device, sample, left)]
+    return [*tests, _noise(device, sample, residuals - design @ fit.values)]
+
+
+def _drift(device: DeviceUnderTest, sample: SensorSample, fit: RobustFit, last: float, per: str) -> Claim:
+    """The claim of a drift in each second, or each inch driven, of which the last reading had `last`."""
+    unit, value, end = sample.spec.unit, float(fit.values[0]), float(fit.values @ (last, 1.0))
+    shown = f"{abs(value):.2g} {unit}/{per}" if per == "s" else f"{abs(value):.2g} {unit} for each {per}"
+    what = f"drifts by {shown}, to {abs(end):.1f} {unit} {_too(end, sample)} at its last reading"
+    interval, per_unit = fit.interval(0), f"{unit}/{per.partition(' ')[0]}"
+    bounds = f"{interval[0]:.3g} to {interval[1]:.3g}"
+    return device.claim(
+        fit.probability(0),
+        FindingKind.DRIFT,
+        value,
+        what,
+        fit.count,
+        interval=interval,
+        bounds=bounds,
+        unit=per_unit,
+    )
 
 
 def _figure(

@@ -67,7 +67,9 @@ class SensorSample(Struct, frozen=True):
     missed: int = 0
     looked: int = 0
     seconds: FloatArray = field(default_factory=lambda: np.empty(0))
-    """Of a counting sensor: seconds between its readings, (n,)."""
+    """Seconds since the run's beginning, of a counting sensor those between its readings, (n,)."""
+    gone: FloatArray = field(default_factory=lambda: np.empty(0))
+    """Of an observing sensor: inches driven by each reading, (n,)."""
     first: tuple[float, float] | None = None
     """Of a counting sensor: error of its first reading, and its standard deviation."""
 
@@ -100,7 +102,9 @@ class SensorSample(Struct, frozen=True):
         if not self.spec.kind.is_range:
             return self
         kept = self.values > self.spec.min_range
-        return replace(self, values=self.values[kept], expected=self.expected[kept], spread=self.spread[kept])
+        names = ("values", "expected", "spread", "seconds", "gone")
+        columns = {name: getattr(self, name) for name in names}
+        return replace(self, **{name: each[kept] if len(each) else each for name, each in columns.items()})
 
     def off(self, expected: FloatArray) -> FloatArray:
         """Values less expected ones, (n,)."""
@@ -157,7 +161,8 @@ def _observed(
     spec = sensor.spec
     base = _base(sensor, _true(history, rows, spec))
     # A restart sets simulated time to 0; drift that is declared follows it.
-    expected = spec.gain * base + spec.bias + spec.drift * (rows["taken"] - history.clock.before)
+    seconds = rows["taken"] - history.clock.before
+    expected = spec.gain * base + spec.bias + spec.drift * seconds
     # A log changed by hand may have any number; one that is too large has an unbounded spread.
     with np.errstate(over="ignore"):
         spread = np.sqrt(
@@ -177,6 +182,8 @@ def _observed(
         spread[usable],
         missed=int((within & ~there).sum()),
         looked=int(within.sum()),
+        seconds=seconds[usable],
+        gone=rows["gone"][usable].astype(np.float64),
     )
     others = *_late(expected, usable), *inverted_compass(sample, base[usable])
     return sample.against((*stuck(sample), *others, *_swapped(history, rows[usable], sample, alike)))

@@ -81,13 +81,16 @@ def _misleads(own: SensorSpec, rows: Columns) -> str:
     if own.is_yes_or_no:
         wrong = int((np.abs(errors) > 0.5).sum())
         return f"was wrong in {wrong} of {len(errors)} readings" if 2 * wrong > len(errors) else ""
+    if own.kind.is_range and own.resolution >= _LARGE["in"]:
+        return f"reads in steps of {own.resolution:g} {own.unit}"
     if own.gain == 1.0 and not any(getattr(own, field) for field in _SYSTEMATIC if own.kind.has(field)):
         return ""
     mean = float(errors.mean()) if len(errors) else 0.0
     if abs(mean) < _LARGE.get(own.unit, np.inf):
         return ""
     words = ("too long", "too short") if own.kind.is_range else ("too high", "too low")
-    return f"reads {abs(mean):.1f} {own.unit} {words[mean < 0.0]} on average"
+    drifts = f"drifts by {own.drift:g} {own.unit}/s and " if own.drift else ""
+    return f"{drifts}reads {abs(mean):.1f} {own.unit} {words[mean < 0.0]} on average"
 
 
 def _of_drives(seen: Attempt) -> Iterator[tuple[str, str]]:

@@ -29,7 +29,7 @@ from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.table import Columns, Newest, RowT, RowTable
 from simmer_tui.sim.arrays import BoolArray, IntArray
 from simmer_tui.sim.block import Block
-from simmer_tui.sim.command import PEOPLE
+from simmer_tui.sim.command import PEOPLE, parse_value
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.gripper import can_take, in_global_frame
 from simmer_tui.sim.legs import Leg
@@ -212,8 +212,10 @@ class Attempt:
         they were sent again until the robot had stopped."""
         moves, names = self.within(self.history.movements), self.history.code_names
         rows, last = self._rows(self.history.refusals), moves["number"].max(initial=-1)
+        rows = [row for row in rows if row.result.command.source not in PEOPLE]
         drives = {each.code for each in self.spec.drive_rows}
         trailing = {each.result.command.code for each in rows if each.result.number > last} & drives
+        is_alone = sum(row.result.is_early for row in rows) == 1
         found = []
         for row in rows:
             result = row.result
@@ -224,9 +226,20 @@ class Attempt:
                 if place == len(moves)
                 else names[moves["code"][place]] == result.command.code
             )
-            if result.command.source not in PEOPLE and not (result.is_early and again):
+            if not result.is_early or not (self.is_carried_out(row) if is_alone else again):
                 found.append(row)
         return found
+
+    def is_carried_out(self, row: RefusalRow) -> bool:
+        """True if a refused command of a drive was carried out later, or if the gripper closed later."""
+        command, gripper = row.result.command, self.spec.gripper
+        if gripper is not None and command.code == gripper.code:
+            return any(order > row.order for order in self.closings)
+        moves, names = self.within(self.history.movements), self.history.code_names
+        mine = np.isin(moves["code"], [place for place, name in enumerate(names) if name == command.code])
+        moves = moves[mine & (moves["order"] > row.order)]
+        value = parse_value(command.argument)
+        return bool(len(moves) if isinstance(value, str) else np.isclose(moves["asked"], value).any())
 
     @property
     def refused(self) -> int:

@@ -204,6 +204,21 @@ def test_a_large_error_that_the_set_declares_is_named() -> None:
     assert "u1" not in cause.text
 
 
+@pytest.mark.parametrize(
+    ("fields", "said"),
+    [
+        ({"drift": 0.1}, r"u5 drifts by 0\.1 in/s and reads 5\.\d in too long on average\."),
+        ({"resolution": 4.0}, r"u5 reads in steps of 4 in\."),
+    ],
+)
+def test_a_declared_drift_and_coarse_steps_are_told_as_such(fields: dict[str, float], said: str) -> None:
+    mission = begin(change=lambda sensor: replace(sensor, **fields) if sensor.code == "u5" else sensor)
+    mission.give("u1", "u5", "u5", "u5")
+    cause = mission.why(code=3)
+    assert re.search(f"By this robot's set, {said}", cause.text)
+    assert cause.culprits == ("u5",)
+
+
 def test_what_arrived_stands_beside_what_the_belief_moved() -> None:
     mission = begin()
     mission.believe()
@@ -509,7 +524,7 @@ def test_a_program_that_hangs_is_silent_from_its_last_command_on(limit: str) -> 
     run = RunEvidence(mission.attempt)
     cause = cause_of(run)
     assert cause.kind is Kind.SILENCE
-    assert cause.text == f"No command came after {last:.1f} s. The run was ended at {limit}."
+    assert cause.text.startswith(f"No command came after {last:.1f} s. The run was ended at {limit}.")
     [end] = [each for each in moments_of(run, cause) if each.is_cause]
     assert end.text == f"no command came any more; the run was ended at {limit}"
 
@@ -551,7 +566,9 @@ def test_who_is_lost_at_its_end_is_told_where_it_was() -> None:
     mission.believe(ahead=-4.0)
     cause = mission.why(1, words="failed")
     assert cause.kind is Kind.LOST
-    assert re.search(r"believed to be at \(26\.0, 43\.0\) and was at \(30\.0, 43\.0\)\. Then the", cause.text)
+    assert re.search(
+        r"believed to be at \(26\.0, 43\.0\) and was at \(30\.0, 43\.0\)\. .* Then the", cause.text
+    )
 
 
 def test_who_never_knew_where_it_was_is_told_so() -> None:
@@ -560,10 +577,10 @@ def test_who_never_knew_where_it_was_is_told_so() -> None:
         mission.give("u5", "s1-0.5")
         mission.believe(spread=20.0)
     cause = mission.why(1, words="failed")
-    assert (cause.kind, cause.text) == (
-        Kind.LOST,
+    assert cause.kind is Kind.LOST
+    assert cause.text.startswith(
         "It never found out where it was: its last belief was off by 0.0 in and 0 deg, "
-        "with a spread of 20.0 in. Then the program ended by itself.",
+        "with a spread of 20.0 in. Then the program ended by itself."
     )
 
 

@@ -39,7 +39,7 @@ def test_the_cause_says_since_when_a_grid_gave_the_true_cell_nearly_nothing() ->
     believe(mission, 3, 5, 0)
     cause = mission.why()
     assert cause.kind is Kind.LOST
-    assert " s on it gave the true cell 0 %" in cause.text
+    assert " s: it gave the true cell 0 %" in cause.text
     assert mission.history.beliefs[-1].elapsed == cause.elapsed
 
 

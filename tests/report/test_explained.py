@@ -1,0 +1,212 @@
+"""Runs whose failure has an explanation: it stands before what came of it."""
+
+from __future__ import annotations
+
+import math
+import re
+
+import pytest
+from msgspec.structs import replace
+
+from simmer_tui.config.mission_plan import Cell
+from simmer_tui.report.cause_order import cause_of
+from simmer_tui.report.causes import Kind
+from simmer_tui.report.finding import Basis, Finding, FindingKind
+from simmer_tui.report.moments import moments_of
+from simmer_tui.report.run_evidence import RunEvidence
+from tests.report.test_causes import Mission, begin
+
+
+def placed_wrong(mission: Mission, rounds: int = 12) -> None:
+    """Beliefs that are one column off, all of them."""
+    for _ in range(rounds):
+        mission.give("u5", "w1-0.3", "s1-0.3")
+        mission.believe(ahead=12.0)
+
+
+# -- the order --------------------------------------------------------------------------------------
+
+
+def test_a_wrong_map_stands_before_the_contact_it_led_to() -> None:
+    mission = begin()
+    placed_wrong(mission)
+    mission.give("u2", "w1-9")
+    cause = mission.why()
+    assert cause.kind is Kind.LOST
+    assert cause.text.index("as with a map") < cause.text.index("Then w1-9 was sent")
+
+
+@pytest.mark.parametrize("rounds", [12, 3])
+def test_a_wrong_map_stands_before_the_silence_it_led_to(rounds: int) -> None:
+    mission = begin()
+    placed_wrong(mission, rounds)
+    mission.referee.check(400.0)
+    cause = cause_of(RunEvidence(mission.attempt))
+    # Few beliefs that are wrong explain nothing.
+    assert cause.kind is (Kind.LOST if rounds == 12 else Kind.SILENCE)
+    assert cause.text.endswith("The run was ended at the time limit. It never entered the loading zone.")
+    assert "No command came after" in cause.text
+
+
+def test_a_wrong_sensor_stands_before_the_silence_it_led_to() -> None:
+    mission = begin()
+    mission.give("u1", "d1-1")
+    mission.referee.check(400.0)
+    found = Finding("u1", FindingKind.OFFSET, 3.0, 2.9, 3.1, "in", 9, Basis.SET, "u1 reads 3.0 in too long")
+    cause = cause_of(RunEvidence(mission.attempt, findings=(found,)))
+    assert (cause.kind, cause.culprits) == (Kind.SENSOR_WRONG, ("u1",))
+
+
+def test_a_declared_error_stands_before_the_time_that_it_cost() -> None:
+    mission = begin(limit=60.0, change=lambda sensor: replace(sensor, read_time=2.0))
+    for _ in range(6):
+        mission.give("u5")
+        mission.simulator.advance(max(mission.simulator.time, 50.5 + 2.0 * mission.attempt.commands))
+    mission.give("u2", "w1-1", "s1-1")
+    cause = mission.why()
+    assert cause.kind is Kind.TOO_SLOW
+    slow = "By this robot's set, u5 takes 2 s for a reading"
+    assert 0 <= cause.text.index(slow) < cause.text.index("Most of its time went to reading")
+
+
+@pytest.mark.parametrize("commands", [("w1-3.3",), ("w1-9",), ("d1-16.5",)])
+def test_a_declared_error_stands_before_the_contact_it_led_to(commands: tuple[str, ...]) -> None:
+    mission = begin(change=lambda sensor: replace(sensor, resolution=4.0))
+    mission.give("u1", "u2", "u4", "u5", "t1", *commands)
+    text = mission.why().text
+    assert "Contact at " in text
+    assert text.index("u2 reads in steps of 4 in.") < text.index("Contact at ")
+
+
+def test_a_refused_movement_explains_the_belief_that_counted_on_it() -> None:
+    mission = begin()
+    mission.give("u1")
+    mission.believe()
+    mission.give("d1-6,0")
+    mission.believe(ahead=6.0)
+    mission.give("u1", "r1-5")
+    mission.believe(ahead=6.0)
+    cause = mission.why(1, words="failed")
+    assert (cause.kind, cause.culprits) == (Kind.REFUSED, ("d1",))
+    assert re.match(r"d1-6,0 was refused at 50\.\d s: .* It was lost since 50\.\d s: it believed", cause.text)
+
+
+# -- lost -------------------------------------------------------------------------------------------
+
+
+def test_who_was_right_once_was_lost_since_and_who_never_was_never_found_its_place() -> None:
+    told = []
+    for right in (True, False):
+        mission = begin()
+        mission.give("u1")
+        mission.believe(ahead=0.0 if right else 5.0)
+        mission.give("w1-1", "u1")
+        mission.believe(ahead=-4.0)
+        run = mission.evidence(1, words="failed")
+        cause = cause_of(run)
+        assert cause.kind is Kind.LOST
+        [moment] = [each for each in moments_of(run, cause) if each.is_cause]
+        assert moment.text[0] + moment.text[1:14] in cause.text[0].lower() + cause.text[1:]
+        told.append(cause.text)
+    assert re.match(r"It was lost since 50\.\d s: it believed to be at", told[0])
+    assert re.match(r"It never found its place: from 50\.\d s on it believed to be at", told[1])
+
+
+# -- contacts ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("first", "since"), [("u3", "not read since 50.1 s"), ("u4", "never read")])
+def test_the_sensor_that_looks_at_the_contact_and_was_not_read_is_named(first: str, since: str) -> None:
+    mission = begin((30.0, 42.0, 90.0))
+    mission.give(first, "r1--90", "u1", "d1--60")
+    cause = mission.why()
+    assert (cause.kind, cause.culprits) == (Kind.UNREAD, ("u3",))
+    assert f"u3 looks there and was {since}." in cause.text
+    mission = begin((30.0, 42.0, 90.0))
+    mission.give(first, "r1--90", "u1")
+    mission.believe()
+    mission.give("d1--60")
+    cause = mission.why()
+    assert cause.kind is Kind.KNOWN_WALL
+    assert f"u3 looks there and was {since}." in cause.text
+
+
+def test_a_straight_path_that_is_too_narrow_says_how_near_it_comes_to_the_wall() -> None:
+    mission = begin((42.0, 33.5, 0.0))
+    mission.give("u1", "u2", "u4", "u5", "t1", "d1-20")
+    cause = mission.why()
+    assert cause.kind is Kind.KNOWN_WALL
+    said = "Its straight path comes within 2.5 in of the wall; the robot's radius is 3 in."
+    assert said in cause.text
+
+
+def test_turns_and_walls_straight_ahead_are_no_narrow_path() -> None:
+    mission = begin((28.0, 42.0, 180.0))
+    mission.give("d1-4", "p1-1", "l1", "u1", "u2", "u4", "w1--2", *["r1-90"] * 4)
+    assert "straight path" not in mission.why().text
+    mission = begin((42.0, 33.5, 0.0))
+    mission.give("u1", "u2", "u4", "u5", "t1", "vv-6;0;0", "wt-10")
+    assert mission.attempt.too_many_contacts
+    assert "straight path" not in mission.why().text
+
+
+# -- zones ------------------------------------------------------------------------------------------
+
+
+def test_a_program_that_never_entered_the_loading_zone_is_told_so() -> None:
+    mission = begin()
+    mission.give("u5", "d1-1")
+    assert "It never entered the loading zone." in mission.why(1, words="failed").text
+    mission = begin((18.0, 42.0, 180.0))
+    mission.give("u5", "d1-0.5")
+    assert "loading zone" not in mission.why(1, words="failed").text
+
+
+@pytest.mark.parametrize("zone", [Cell(66.0, 42.0), Cell(30.0, 42.0)])
+def test_a_program_that_holds_the_block_and_never_entered_the_drop_zone_is_told_so(zone: Cell) -> None:
+    mission = begin((28.0, 42.0, 180.0), zone=zone)
+    mission.give("d1-4", "p1-1", "u1", "d1--8", "d1-2", "r1-1")
+    text = mission.why(1, words="failed").text
+    has_been_there = zone.holds(mission.simulator.pose.x, mission.simulator.pose.y)
+    assert ("never entered the drop zone" in text) is not has_been_there
+    assert "loading zone" not in text
+
+
+# -- commands that came too early -------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("after", [(), ("u1",)])
+def test_a_command_that_came_too_early_once_before_the_end_is_refused(after: tuple[str, ...]) -> None:
+    mission = begin()
+    mission.give("u1", "d1-2", "r1-15")
+    mission.ask_while_moving("d1-3")
+    mission.give(*after)
+    run = mission.evidence(1, words="failed")
+    cause = cause_of(run)
+    assert (run.refused_share[0], cause.kind) == (1, Kind.REFUSED)
+    assert cause.text.startswith("Its last command was refused, d1-3 at 50.")
+    assert "the robot is still moving" in cause.text
+
+
+def test_a_command_that_came_too_early_once_and_was_given_up_is_refused() -> None:
+    mission = begin()
+    mission.give("u1", "d1-2")
+    mission.believe()
+    mission.ask_while_moving("d1-3")
+    mission.believe(ahead=3.0)
+    mission.give("u1", "d1-1")
+    mission.believe(ahead=3.0)
+    cause = mission.why(1, words="failed")
+    assert cause.kind is Kind.REFUSED
+    assert re.match(r"d1-3 was refused at .* still moving\. It was lost since", cause.text)
+
+
+def test_a_command_that_was_sent_again_when_the_robot_stood_is_not_refused() -> None:
+    mission = begin()
+    mission.give("u1", "d1-2")
+    mission.ask_while_moving("d1-3")
+    mission.give("d1-3", "u1")
+    run = mission.evidence(1, words="failed")
+    assert run.refused_share[0] == 0
+    assert math.isclose(mission.simulator.pose.x, 35.0)
+    assert cause_of(run).kind is Kind.ENDED
