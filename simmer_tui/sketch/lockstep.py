@@ -333,7 +333,7 @@ class Lockstep:
                 board.waited.append(BoardWait(begun.pin, place, begun.time, record.time))
                 begun = None
             elif record.kind == Told.BAUD:
-                board.baud[record.pin] = record.value
+                board.baud[record.pin] = record.value if record.value > 0 else _USUAL_BAUD
             else:
                 board.records.append(record)
                 board.waits = True

@@ -135,6 +135,10 @@ class SketchFacts:
         self._arrays: dict[str, tuple[_Row, ...]] = {}
         self._changed: set[str] = set()
         self._parameters: dict[str, list[str]] = {}
+        self._methods: dict[str, list[str]] = defaultdict(list)
+        """The methods of a class with a body."""
+        self._members: dict[str, int] = {}
+        """Places of the members of structs among their values."""
         self._steps = 0
         self._defined: tuple[int, Token] | None = None
         """The end of the last definition of an object, and its class."""
@@ -199,6 +203,26 @@ class SketchFacts:
             one = self.values(tokens[half + 1 : end], function, depth + 1, bound)
             other = self.values(tokens[end + 1 :], function, depth + 1, bound)
             return None if one is None or other is None else one | other
+        if (
+            first.is_name
+            and len(marks) > 4
+            and marks[1] == "["
+            and marks[-2] == "."
+            and marks[-1] in self._members
+        ):
+            # The member of a struct in an array.
+            end = _partners(tokens).get(1, 0)
+            if end != len(tokens) - 3:
+                return None
+            place = self._members[marks[-1]]
+            picked_rows = [
+                row
+                for rows in self._arrays_of(first.text, function, bound)
+                for row in self._picked(rows, tokens[2:end], function, depth, bound)
+            ]
+            if not picked_rows or any(place >= len(row) for row in picked_rows):
+                return None
+            return _union(self.values(row[place], "", depth + 1) for row in picked_rows)
         if first.is_name and marks[1] == "[" and marks[-1] == "]":
             end = _partners(tokens).get(1, len(tokens) - 1)
             items: list[tuple[Token, ...]] = []
@@ -308,6 +332,13 @@ class SketchFacts:
         for function in by_function:
             yield from walk(function, None, 0, function)
             yield None
+        # An object without a name of its own, `Motor(5, 7, 8)`, has the methods of its class.
+        for call in self.calls:
+            if call.type or call.object or call.name not in self._methods[call.name]:
+                continue
+            for method in dict.fromkeys(self._methods[call.name]):
+                yield from walk(method, self.bindings(call, None), 0, call.name)
+                yield None
 
     def objects(self, kind: str) -> Iterator[SketchCall]:
         """The definitions of objects of a class with arguments, in an array and by `new` as well."""
@@ -413,7 +444,7 @@ class SketchFacts:
                 continue
             if after in _CHANGED or before in ("++", "--"):
                 self._changed.add(token.text)
-            elif after == "=" and before not in (".", "->"):
+            elif after == "=" and (before not in (".", "->") or (at > 1 and tokens[at - 2].text == "this")):
                 self._read_value(tokens, at, partners, function)
             elif after == "[":
                 self._read_array(tokens, at, partners)
@@ -423,13 +454,14 @@ class SketchFacts:
     def _find_functions(self, tokens: Sequence[Token], partners: Mapping[int, int]) -> None:
         """Find the bodies of functions, by the index of their brace, and the names of their parameters."""
         self._bodies: dict[int, str] = {}
+        self._find_classes(tokens, partners)
         for at, token in enumerate(tokens):
             if token.text != "{" or at < 3 or tokens[at - 1].text != ")":
                 continue
             end, members = at - 1, []
             start = partners.get(end, 0)
             # A constructor's `: en(a), in1(b)` before its body.
-            while start > 2 and tokens[start - 2].text in (",", ":"):
+            while start > 2 and tokens[start - 2].text in (",", ":") and tokens[start - 3].text == ")":
                 members.append((tokens[start - 1].text, tuple(tokens[start + 1 : end])))
                 mark, end = tokens[start - 2].text, start - 3
                 start = partners.get(end, 0)
@@ -439,9 +471,36 @@ class SketchFacts:
             if not name.is_name or name.text in _KEYWORDS:
                 continue
             self._bodies[at] = name.text
+            if start > 2 and tokens[start - 2].text == "::":
+                self._methods[tokens[start - 3].text].append(name.text)
+            else:
+                self._methods[self._class_at(start)].append(name.text)
             self._parameters[name.text] = [_parameter(each) for each in _split(tokens[start + 1 : end])]
             for member, value in members[:_MOST_VALUES]:
                 self._values[member].append((value, name.text))
+
+    def _find_classes(self, tokens: Sequence[Token], partners: Mapping[int, int]) -> None:
+        """Find the bodies of classes, and the places of the members of structs among their values."""
+        self._classes: list[tuple[int, int, str]] = []
+        for at, token in enumerate(tokens[:-2]):
+            if token.text not in ("class", "struct") or not tokens[at + 1].is_name:
+                continue
+            begin = at + 2
+            while begin < len(tokens) and tokens[begin].text not in ("{", ";", "(", "="):
+                begin += 1
+            end = partners.get(begin)
+            if begin == len(tokens) or tokens[begin].text != "{" or end is None:
+                continue
+            self._classes.append((begin, end, tokens[at + 1].text))
+            body = tokens[begin + 1 : end]
+            if not any(each.text in "({" for each in body):
+                # Each member stands before a comma or the end of its declaration.
+                members = [one.text for one, other in pairwise(body) if other.text in (",", ";", "[")]
+                self._members |= {name: place for place, name in enumerate(members[:_MOST_VALUES])}
+
+    def _class_at(self, place: int) -> str:
+        """The class in whose body a token is; empty outside."""
+        return next((name for begin, end, name in self._classes if begin < place < end), "")
 
     def _read_value(
         self, tokens: Sequence[Token], at: int, partners: Mapping[int, int], function: str

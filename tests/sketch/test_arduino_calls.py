@@ -72,6 +72,19 @@ void serialEvent() { Serial.write(Serial.read()); }
 int helped() { return 8; }
 """
 
+LOW_LEVEL = """
+volatile int count;
+void low() { if (++count == 3) detachInterrupt(digitalPinToInterrupt(2)); }
+void setup() {
+  Serial.begin(9600);
+  pinMode(2, INPUT);
+  attachInterrupt(digitalPinToInterrupt(2), low, LOW);
+  delay(1);
+  Serial.println(count);
+}
+void loop() {}
+"""
+
 
 def text_of(folder: Path, sketch: str, sent: bytes = b"") -> str:
     configuration = made_set(folder / "set", ROVER, {"rover.ino": sketch})
@@ -86,3 +99,15 @@ def test_a_sketch_has_its_own_names(tmp_path: Path) -> None:
 def test_calls_of_avr_libc(tmp_path: Path) -> None:
     made = "7\n1\n7\n0\n1\n30\n32767\n-2147483648\n2.25\n8\n"
     assert text_of(tmp_path, CALLS, b"x") == f"{made}x"
+
+
+def test_an_interrupt_of_a_low_level_comes_at_once_and_again(tmp_path: Path) -> None:
+    assert text_of(tmp_path, LOW_LEVEL) == "3\n"
+
+
+def test_a_port_has_a_rate_whatever_it_is_begun_with(tmp_path: Path) -> None:
+    sketch = (
+        "void setup() { Serial.begin(0); Serial.print(1); Serial.flush(); Serial.begin(4000000000UL); }\n"
+        "void loop() { if (Serial.available()) Serial.write(Serial.read()); }\n"
+    )
+    assert text_of(tmp_path, sketch, b"x") == "1x"

@@ -111,6 +111,24 @@ MOTORS = {
         " digitalWrite(rightForward, 1); } else { digitalWrite(leftBack, 1); digitalWrite(rightBack, 1); } }",
         [("hbridge", 4, 5), ("hbridge", 2, 3)],
     ),
+    "a class that keeps its pins": (
+        "class Wheel { int p, m, s; public: Wheel(int pp, int mm, int ss) { p = pp; m = mm; this->s = ss; }"
+        " void run(int v) { digitalWrite(p, v > 0); digitalWrite(m, v < 0); analogWrite(s, v); } };\n"
+        "Wheel left(7, 8, 5), right(2, 4, 6);\nvoid loop() { left.run(9); right.run(9); }",
+        [("hbridge", 7, 8, 5), ("hbridge", 2, 4, 6)],
+    ),
+    "objects without a name": (
+        "Wheel::Wheel(int p, int m, int s) { this->p = p; this->m = m; this->s = s; }\n"
+        "void Wheel::run(int v) { analogWrite(s, v); digitalWrite(p, v > 0); digitalWrite(m, v < 0); }\n"
+        "Car car;\nvoid setup() { car.begin(Wheel(7, 8, 5), Wheel(2, 4, 6)); }",
+        [("hbridge", 7, 8, 5), ("hbridge", 2, 4, 6)],
+    ),
+    "structs in an array": (
+        "struct Motor { byte en; int a, b; };\nMotor motors[] = {{5, 7, 8}, {6, 2, 4}};\n"
+        "void run(int i, int v) { digitalWrite(motors[i].a, v > 0); digitalWrite(motors[i].b, v < 0);"
+        " analogWrite(motors[i].en, v); }\nvoid loop() { run(0, 9); run(1, 9); }",
+        [("hbridge", 7, 8, 5), ("hbridge", 2, 4, 6)],
+    ),
     "lamps and relays": (
         "int led1 = 8, led2 = 9, pump = 4, valve = 5;\n"
         "void f() { digitalWrite(led1, 1); digitalWrite(led2, 0);"

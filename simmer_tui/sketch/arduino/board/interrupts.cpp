@@ -21,6 +21,9 @@ void clear(Vector& vector) {
   if (vector.pending) --pending_count;
   vector.pending = false;
 }
+
+// True if an interrupt of a low level is to come: it does so at once, and again as long as the level lasts.
+bool is_low(const Vector& vector, int pin) { return vector.mode == LOW && vector.function && !input_level(pin); }
 }  // namespace
 
 Nanoseconds off_since = NEVER, last_off = NEVER, last_on = 0;
@@ -51,8 +54,8 @@ void run_interrupt() {
     pass(cost::INTERRUPT_ENTRY);
     if (vector.function) vector.function();
     pass(cost::INTERRUPT_EXIT);
-    if (vector.mode == LOW && vector.function && !input_level(pin) && !vector.pending) {
-      vector.pending = true;  // a level interrupt comes again as long as the level lasts
+    if (is_low(vector, pin) && !vector.pending) {
+      vector.pending = true;
       ++pending_count;
     }
     set_interrupts(true);
@@ -65,6 +68,10 @@ void attach(int pin, void (*function)(), int mode) {
   clear(vectors[pin]);
   vectors[pin].function = function;
   vectors[pin].mode = mode;
+  if (!is_low(vectors[pin], pin)) return;
+  vectors[pin].pending = true;
+  ++pending_count;
+  plan_stop();
 }
 
 void note_edge(int pin, bool high) {
@@ -74,6 +81,7 @@ void note_edge(int pin, bool high) {
   if (!meant) return;
   ++vector.edges;
   if (vector.pending) {
+    if (vector.mode == LOW) return;  // it comes again as long as the level lasts: nothing is lost
     make_room(2);
     tell(Told::LostEdge, pin, static_cast<int>(place));
     tell(Told::Edges, pin, vector.edges);

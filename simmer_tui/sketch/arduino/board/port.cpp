@@ -7,6 +7,7 @@ namespace board {
 
 namespace {
 constexpr unsigned int QUEUE = 64;   // SERIAL_RX_BUFFER_SIZE; one place stays free
+constexpr unsigned int FASTEST = 2000000;  // the clock's 16 MHz by 8 (ATmega328P, 19.3.1)
 constexpr int MOST_PORTS = 16;
 constexpr unsigned int BITS = 10;    // start, eight, stop
 Port* ports[MOST_PORTS];
@@ -42,7 +43,7 @@ Port::~Port() {
 }
 
 void Port::open(unsigned int baud) {
-  baud_ = baud ? baud : 9600;
+  baud_ = baud ? (baud < FASTEST ? baud : FASTEST) : 9600;
   byte_time_ = BITS * SECOND / baud_;
   open_ = true;
   drop_received();
