@@ -14,6 +14,7 @@ from simmer_tui.whole_file import whole_file, write_whole
 
 PACKAGE = Path(__file__).parent.parent / "simmer_tui"
 TEMPORARY = {
+    "grade/board_build.py": "a temporary folder",
     "grade/submission_copy.py": "a copy that is removed if it fails",
     "runlog/header.py": "a temporary folder",
     "trials/cluster.py": "a temporary folder on another machine",

@@ -21,8 +21,9 @@ NO_COMPILER = (
     "no C++ compiler was found. Install g++ (Debian: apt install g++; macOS: xcode-select --install), "
     "or: pip install ziglang"
 )
-# A first run of ziglang fills its cache for 150 s; a compiler that hangs must end.
-COMPILE_LIMIT = 600.0
+# A first run of ziglang fills its cache: for 150 s, and for more than 600 on a busy machine. A compiler
+# that hangs must end.
+COMPILE_LIMIT = 1800.0
 """Real seconds that one run of a compiler may take."""
 
 

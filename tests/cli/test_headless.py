@@ -593,7 +593,8 @@ def test_a_mission_that_failed_says_why_and_its_log_says_the_same(tmp_path: Path
     assert code == 1
     told = err.splitlines()[-1]
     assert re.match(
-        r"verdict: Failed after .*: w1-200 was sent\. No range sensor had been read\. Contact at", told
+        r"verdict: Failed after .*: w1-200 was sent\. No range sensor had been read; u2 looks there .*\. Contact at",
+        told,
     ), err
     assert "The program sent no belief." in err
     assert "1 command arrived, 0 refused." in err

@@ -35,6 +35,12 @@ def cost(name: str) -> float:
         ("and to leave it | {} us, {} us |", ("INTERRUPT_ENTRY", "INTERRUPT_EXIT")),
         ("| `Serial.available`, `read`, `peek` | {} us |", ("SERIAL_LOOK",)),
         ("and each byte of `print` | {} us |", ("SERIAL_WRITE",)),
+        (
+            "`print` of a number besides, and each of its digits | {} us, {} us |",
+            ("PRINT_NUMBER", "PRINT_DIGIT"),
+        ),
+        ("and each of its decimals | {} us, {} us |", ("PRINT_FLOAT", "PRINT_DECIMAL")),
+        ("`Serial` receives: its interrupt | {} us |", ("SERIAL_RECEIVE",)),
         ("`attached` | {} us a `write` |", ("SERVO_WRITE",)),
         ("`EEPROM[i]` | {} us to read", ("EEPROM_READ",)),
     ],

@@ -26,9 +26,15 @@ WaitScope::~WaitScope() {
   waiting.kind = Waits::Not;
 }
 
+namespace {
+Nanoseconds taken = 0;
+}
+
+void take_time(Nanoseconds duration) { taken += duration; }
+
 void plan_stop() {
   next_stop = horizon < next_event() ? horizon : next_event();
-  if (interrupt_waits() && now < next_stop) next_stop = now;
+  if (next_interrupt() < next_stop) next_stop = next_interrupt();
 }
 
 void service() {
@@ -36,6 +42,13 @@ void service() {
     // First everything that is known outside up to now. So it does not matter how far the last grant went.
     if (now >= horizon) exchange(Reason::Horizon);
     apply_events();
+    if (taken) {
+      const Nanoseconds duration = taken;
+      taken = 0;
+      plan_stop();
+      pass(duration);
+      continue;
+    }
     if (!interrupt_waits()) break;
     run_interrupt();
   }

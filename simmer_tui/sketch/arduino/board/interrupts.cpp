@@ -16,14 +16,20 @@ struct Vector {
 Vector vectors[PINS];
 int pending_count = 0;
 bool enabled = true;
+// After an interrupt the processor carries out an instruction of the program, of about two cycles, before the next
+// one: so a program goes on, slowly, while a level interrupt comes again and again.
+constexpr Nanoseconds INSTRUCTION = 125;
+Nanoseconds instruction_end = 0;  // after a level interrupt
 
 void clear(Vector& vector) {
   if (vector.pending) --pending_count;
   vector.pending = false;
 }
 
-// True if an interrupt of a low level is to come: it does so at once, and again as long as the level lasts.
-bool is_low(const Vector& vector, int pin) { return vector.mode == LOW && vector.function && !input_level(pin); }
+void set(Vector& vector) {
+  if (!vector.pending) ++pending_count;
+  vector.pending = true;
+}
 }  // namespace
 
 Nanoseconds off_since = NEVER, last_off = NEVER, last_on = 0;
@@ -43,21 +49,28 @@ void set_interrupts(bool on) {
   plan_stop();
 }
 
-bool interrupt_waits() { return enabled && pending_count > 0; }
+Nanoseconds next_interrupt() {
+  if (!enabled || pending_count == 0) return NEVER;
+  return now < instruction_end ? instruction_end : now;
+}
+
+bool interrupt_waits() { return next_interrupt() <= now; }
 
 void run_interrupt() {
   for (int pin = 0; pin < PINS; ++pin) {
     Vector& vector = vectors[pin];
     if (!vector.pending) continue;
-    clear(vector);
+    const bool by_level = vector.mode == LOW;
+    if (by_level && input_level(pin)) {
+      clear(vector);  // a level is not remembered
+      continue;
+    }
+    if (!by_level) clear(vector);
     set_interrupts(false);
     pass(cost::INTERRUPT_ENTRY);
     if (vector.function) vector.function();
     pass(cost::INTERRUPT_EXIT);
-    if (is_low(vector, pin) && !vector.pending) {
-      vector.pending = true;
-      ++pending_count;
-    }
+    if (by_level) instruction_end = now + INSTRUCTION;
     set_interrupts(true);
     return;
   }
@@ -68,27 +81,28 @@ void attach(int pin, void (*function)(), int mode) {
   clear(vectors[pin]);
   vectors[pin].function = function;
   vectors[pin].mode = mode;
-  if (!is_low(vectors[pin], pin)) return;
-  vectors[pin].pending = true;
-  ++pending_count;
+  // A level that is there already counts: the interrupt comes at once, and again as long as the level lasts.
+  if (function && mode == LOW && !input_level(pin)) set(vectors[pin]);
   plan_stop();
 }
 
 void note_edge(int pin, bool high) {
   Vector& vector = vectors[pin];
   if (!vector.function) return;
+  if (vector.mode == LOW) {
+    high ? clear(vector) : set(vector);
+    return;
+  }
   const bool meant = vector.mode == CHANGE || (vector.mode == RISING) == high;
   if (!meant) return;
   ++vector.edges;
   if (vector.pending) {
-    if (vector.mode == LOW) return;  // it comes again as long as the level lasts: nothing is lost
     make_room(2);
     tell(Told::LostEdge, pin, static_cast<int>(place));
     tell(Told::Edges, pin, vector.edges);
     return;
   }
-  vector.pending = true;
-  ++pending_count;
+  set(vector);
 }
 
 }  // namespace board

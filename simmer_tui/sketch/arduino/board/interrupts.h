@@ -10,6 +10,7 @@ extern Nanoseconds last_off, last_on;     // the interval before
 bool interrupts_on();
 void set_interrupts(bool on);
 bool interrupt_waits();                   // true if an interrupt may run now
+Nanoseconds next_interrupt();             // the time at which one may run; NEVER if none waits
 void run_interrupt();
 void attach(int pin, void (*function)(), int mode);
 void note_edge(int pin, bool high);       // the level of an input has changed

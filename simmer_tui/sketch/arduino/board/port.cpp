@@ -83,6 +83,7 @@ int Port::peek() {
 void Port::arrived(uint8_t value, unsigned int baud, Nanoseconds time) {
   const Nanoseconds took = BITS * SECOND / (baud ? baud : 9600);
   if (!open_) return;
+  take_time(receiving());
   if (!receives(time > took ? time - took : 0) || head_ - tail_ >= QUEUE - 1) {
     overflow_ = true;
     tell(Told::LostByte, rx_, static_cast<int>(place));

@@ -26,6 +26,7 @@ class Port : public Stream {
   void shut();
   void set_pins(int rx, int tx) { rx_ = rx; tx_ = tx; }
   virtual bool receives(Nanoseconds begin) const { (void)begin; return true; }
+  virtual Nanoseconds receiving() const { return 0; }  // time of the interrupt that takes a byte off the line
   void leave(uint8_t value, Nanoseconds end);
   void drop_received() { head_ = tail_; }
 

@@ -13,6 +13,9 @@ class HardwareSerial : public board::Port {
   using Print::write;
   size_t write(uint8_t value) override;
   explicit operator bool() const { return true; }
+
+ protected:
+  board::Nanoseconds receiving() const override { return board::cost::SERIAL_RECEIVE; }
 };
 
 extern HardwareSerial Serial;

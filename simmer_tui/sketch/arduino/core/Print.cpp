@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <cstring>
 
+#include "../board/clock.h"
 #include "Text_numbers.h"
 
 size_t Print::write(const uint8_t* data, size_t size) {
@@ -22,6 +23,7 @@ size_t Print::print(const __FlashStringHelper* text) { return write(reinterpret_
 static size_t print_natural(Print& target, uint32_t value, int base) {
   char text[40];
   ultoa(value, text, base < 2 ? 10 : base);
+  board::pass(board::cost::PRINT_NUMBER + std::strlen(text) * board::cost::PRINT_DIGIT);
   for (char* at = text; *at; ++at)
     if (*at >= 'a') *at = static_cast<char>(*at - 'a' + 'A');
   return target.write(text);
@@ -45,6 +47,7 @@ size_t Print::print(double given, int digits) {
   if (std::isnan(given)) return write("nan");
   if (std::isinf(given)) return write("inf");
   if (given > 4294967040.0 || given < -4294967040.0) return write("ovf");
+  board::pass(board::cost::PRINT_FLOAT);
   float number = static_cast<float>(given);
   size_t sent = 0;
   if (number < 0.0f) {
@@ -59,6 +62,7 @@ size_t Print::print(double given, int digits) {
   sent += print_natural(*this, whole, 10);
   if (digits > 0) sent += write(static_cast<uint8_t>('.'));
   while (digits-- > 0) {
+    board::pass(board::cost::PRINT_DECIMAL);
     rest *= 10.0f;
     const unsigned int digit = static_cast<unsigned int>(rest);
     sent += print_natural(*this, digit, 10);

@@ -12,5 +12,6 @@ class Servo {
   bool attached() const { return pin_ >= 0; }
 
  private:
+  void send() const;
   int pin_ = -1, shortest_ = 544, longest_ = 2400, width_ = 1500;
 };

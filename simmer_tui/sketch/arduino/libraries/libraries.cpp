@@ -89,7 +89,8 @@ unsigned char Servo::attach(int pin, int shortest, int longest) {
   shortest_ = shortest;
   longest_ = longest;
   pinMode(pin, OUTPUT);
-  writeMicroseconds(width_);
+  // The pulse begins as it is, 1500 us if nothing was written. Only what is written later has these limits.
+  send();
   return 0;
 }
 void Servo::detach() {
@@ -105,6 +106,9 @@ void Servo::write(int value) {
 }
 void Servo::writeMicroseconds(int width) {
   width_ = constrain(width, shortest_, longest_);
+  send();
+}
+void Servo::send() const {
   pass(cost::SERVO_WRITE);
   if (pin_ < 0) return;
   tell(Told::Servo, pin_, width_);
