@@ -304,9 +304,9 @@ class ConsolePane(Vertical):
         if not value.strip():
             return self._status
         width = self._hint.size.width
-        taken = length(self._reply)
-        room = width - taken - _GAP if 0 < taken <= width // 2 else width
-        return between(shortened(self._completions(value), room), self._reply, width)
+        reply = shortened(self._reply, width // 2)
+        room = width - length(reply) - _GAP if reply else width
+        return between(shortened(self._completions(value), room), reply, width)
 
     def _completions(self, value: str) -> StyledLine:
         """The meaning of a text that is being typed, or how it may go on."""
