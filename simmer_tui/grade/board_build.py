@@ -21,7 +21,7 @@ from msgspec import Struct
 
 from simmer_tui import platform_has
 from simmer_tui.errors import ConfigurationError, GradeError, Problem, ProgramError, reason_of
-from simmer_tui.grade.bubblewrap import Bubblewrap
+from simmer_tui.grade.bubblewrap import Bubblewrap, seen_folders
 from simmer_tui.grade.limits import Limits
 from simmer_tui.grade.sandbox import SANDBOXED_FILES
 from simmer_tui.sim.command import cut
@@ -39,6 +39,7 @@ _LARGEST_ANSWER = 32_000_000
 _LONGEST_TEXT, _MOST_WARNINGS = 300, 10
 """Characters of a message of the compiler, and number of warnings that are kept."""
 _ANSWER_FILE = "built.json"
+NO_COMPILER = "teams hand in sketches, which need g++ or clang++ on this machine: apt install g++"
 _EXCEEDED = (
     *("signal terminated program", "out of memory", "memory exhausted", "cannot allocate memory"),
     *("std::bad_alloc", "No space left", "File too large", "File size limit"),
@@ -80,14 +81,16 @@ class BoardCompiler:
         found = find_compiler()
         # The cache of ziglang fills for minutes at first, and a sandbox begins without it.
         if found is None or len(found.command) > 1:
-            raise GradeError(
-                "teams hand in sketches, which need g++ or clang++ on this machine: apt install g++"
-            )
+            raise GradeError(NO_COMPILER)
         self._compiler: Compiler = found
         self._limits = limits
         # A compiler elsewhere than in the system's folders is visible if the course says so.
         place = Path(found.command[0]).resolve()
         self._extra = [each for each in read_only if place.is_relative_to(Path(each).resolve())]
+        if not any(place.is_relative_to(each.resolve()) for each in seen_folders(self._extra)):
+            raise GradeError(
+                f"no sandbox sees the compiler {place}: name its folder in the course's read_only"
+            )
 
     def build_all(
         self, asked: Sequence[tuple[Path, Path, Mapping[str, BoardSketch]]], jobs: int | None = None

@@ -337,11 +337,10 @@ def submitted_team(team: Team, files: Path, command: str) -> Team:
 
 
 def _usual_config(folder: Path) -> str:
-    """The usual place of a team's robot set; empty if it has none. With a wiring.toml in it the folder is
-    the set, as for --sketch."""
-    if (folder / WIRING_FILE).is_file():
-        return "."
-    return next((name for name in USUAL_CONFIGS if (folder / name).exists()), "")
+    """The usual place of a team's robot set; empty if it has none. Without one the folder is the set if it
+    has a wiring.toml, as for --sketch."""
+    usual = "." if (folder / WIRING_FILE).is_file() else ""
+    return next((name for name in USUAL_CONFIGS if (folder / name).exists()), usual)
 
 
 def _listed(file: TomlFile, home: Path, command: str) -> list[Team]:

@@ -26,8 +26,8 @@ from simmer_tui.config.device_trust import DeviceUse
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.set_sketches import WIRING_FILE
 from simmer_tui.errors import ConfigurationError, GradeError, Problem, ProgramError
-from simmer_tui.grade.board_build import BoardBuild, BoardCompiler, kept_build
-from simmer_tui.grade.board_submission import sketches_to_compile
+from simmer_tui.grade.board_build import NO_COMPILER, BoardBuild, BoardCompiler, kept_build
+from simmer_tui.grade.board_submission import sketches_to_compile, tabs_left_out
 from simmer_tui.grade.course import (
     LONG,
     PLAN_FILE,
@@ -49,6 +49,7 @@ from simmer_tui.grade.submission_reader import SubmissionReader
 from simmer_tui.grade.wiring_rules import missing_for_boards
 from simmer_tui.program.program_command import words_of
 from simmer_tui.sim.noise import SEED_BITS
+from simmer_tui.sketch.compiler import find_compiler
 from simmer_tui.sketch.sketch_robot import compile_set
 from simmer_tui.trials.run import OUTPUT, PACKED_LOG
 from simmer_tui.trials.sequential import Decision, SequentialTest, sequential_test
@@ -359,6 +360,8 @@ class GradeFolder:
 def _compiled_here(check: SubmissionCheck) -> SubmissionCheck:
     """A team's boards compiled with the access of this process, for `--isolation none`."""
     assert check.sketches is not None, "it has boards"
+    if find_compiler() is None:
+        raise GradeError(NO_COMPILER)
     try:
         made = compile_set(check.sketches.wiring, check.folder)
     except ConfigurationError as error:
@@ -370,7 +373,8 @@ def _with_build(check: SubmissionCheck, build: BoardBuild) -> SubmissionCheck:
     """A team's boards with their compiled sketches."""
     assert check.sketches is not None, "it has boards"
     if build.problems:
-        return SubmissionCheck(None, build.problems)
+        hints = tabs_left_out(check.sketches.wiring, check.folder)
+        return SubmissionCheck(None, (*build.problems, *hints))
     return replace(check, sketches=structs.replace(check.sketches, built=build.built))
 
 

@@ -20,7 +20,13 @@ from simmer_tui.config.settings import ServerSettings, all_settings, settings_fr
 from simmer_tui.config.settings_file import Override, load_settings
 from simmer_tui.config.toml_file import TomlFile
 from simmer_tui.errors import ConfigurationError, Problem
-from simmer_tui.grade.board_submission import submitted_boards, takes_boards, wiring_source
+from simmer_tui.grade.board_submission import (
+    has_sketches,
+    submitted_boards,
+    takes_boards,
+    unwired_text,
+    wiring_source,
+)
 from simmer_tui.grade.course import ROBOT_FILES, Rules, Team
 from simmer_tui.grade.robot_rules import rule_problems
 from simmer_tui.sim.command import cut
@@ -63,6 +69,8 @@ def check_submission(team: Team, home: Path, course: Configuration, rules: Rules
             configuration = _checked(own, _composed(home, own, course.directory, rules), course, rules)
         configuration = _without_a_name(configuration)
         if source is None:
+            if not team.command and takes_boards(rules, course) and has_sketches(files):
+                return SubmissionCheck(None, (Problem(WIRING_FILE, unwired_text(course)),))
             return SubmissionCheck(configuration)
         sketches = submitted_boards(source, files, configuration, course)
         configuration = replace(configuration, files={**configuration.files, WIRING_FILE: source.text})

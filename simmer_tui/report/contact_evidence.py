@@ -204,9 +204,13 @@ class ContactEvidence:
         # Behind the place touched another wall may be ahead.
         far = min(math.hypot(totals.x, totals.y), met.row.went + 2.0 * body.reach)
         walls = Obstacles.of_maze(Maze(self._seen.spec.maze).walls)
-        steps = np.arange(0.0, far + _STEP, _STEP).tolist()
-        near = min(walls.clearance(start.x + d * math.cos(way), start.y + d * math.sin(way)) for d in steps)
-        if not _STEP < near < body.reach - _STEP:
+        # A path that would reach the wall just behind its end does not pass it: it leads there.
+        steps = np.arange(0.0, far + body.reach + _STEP, _STEP).tolist()
+        gaps = [walls.clearance(start.x + d * math.cos(way), start.y + d * math.sin(way)) for d in steps]
+        if min(gaps) <= _STEP:
+            return ""
+        near = min(gap for step, gap in zip(steps, gaps, strict=True) if step <= far)
+        if near >= body.reach - _STEP:
             return ""
         half = f"radius is {body.radius:g} in" if body.radius else f"corners reach {body.reach:.1f} in"
         return f" Its straight path comes within {near:.1f} in of the wall; the robot's {half}."
@@ -274,7 +278,12 @@ class ContactEvidence:
                 found.append(
                     ShownPlace(sensor.code, float(last["value"]), float(last["elapsed"]), ago, is_last)
                 )
-        return max(found, key=lambda each: each.elapsed, default=None)
+        # One that looks at the place says more than one that looks aside, if the robot has stood since.
+        return max(
+            found,
+            key=lambda each: (each.ago <= _STOOD and self.looks_at(each.code), each.elapsed),
+            default=None,
+        )
 
     @cached_property
     def ignored(self) -> ShownPlace | None:

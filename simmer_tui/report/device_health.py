@@ -38,9 +38,9 @@ class DeviceHealth(Struct, frozen=True):
         if not done:
             return ""
         if not self.beyond:
-            return f"Robot: {done}, all as exact as its set says."
+            return f"Robot: {done} compared, all as exact as its set says."
         listed = ", ".join(f"{code} {count}" for code, count in self.beyond[:_NAMED])
-        return f"Robot: {done}, of which some are further off than its set says: {listed}."
+        return f"Robot: {done} compared, of which some are further off than its set says: {listed}."
 
 
 def health_of(seen: Attempt) -> DeviceHealth:

@@ -353,6 +353,7 @@ def runtime_object(compiler: Compiler, kind: BoardKind) -> Path:
         _run(
             compiler, [*_flags(kind), "-O2", "-c", str(RUNTIME / "runtime.cpp"), "-o", str(part)], RUNTIME, ()
         )
+        part.chmod(0o644)  # a sandbox reads it with another user ID
         part.replace(made)
     return made
 

@@ -53,6 +53,7 @@ OWN = "_of_sketch"
 """Ending of a name of the C library that a sketch has as its own."""
 _ARGUMENTS = re.compile(r"\([^()]*\)")
 _DEFINED = re.compile(r"(?:[\w>]\s|[*&,])\s*([A-Za-z_]\w*)\s*(?=[(=;\[,{]|\Z|\n)")
+_METHOD = re.compile(r"(?:[\w>]\s|[*&])\s*([A-Za-z_]\w*)\s*(?=\()")
 _CLASS = re.compile(r"\b(?:class|struct)\b[^;{}]*\{(.*?)\};", re.DOTALL)
 _CONDITION = re.compile(
     r"^[ \t]*#[ \t]*(?P<kind>ifdef|ifndef|if|elif|else|endif)\b(?:[^\n]*\\\n)*[^\n]*", re.MULTILINE
@@ -139,27 +140,36 @@ def board_source(source: str, own_names: frozenset[str] = frozenset()) -> str:
 
 
 def own_c_names(sources: Sequence[str]) -> frozenset[str]:
-    """The names of the C library for which a sketch has variables or functions of its own."""
+    """The names of the C library for which a sketch has variables or functions of its own. One that a class
+    of the sketch has for a value is there with a dot before it too."""
     found: set[str] = set()
-    members: set[str] = set()
+    methods: set[str] = set()
+    values: set[str] = set()
     for source in sources:
         plain = _plain_text(source)
         flat = _global_text(plain)
         while (closed := _ARGUMENTS.sub("", flat)) != flat:
             flat = closed
         found.update(C_NAMES.intersection(_DEFINED.findall(flat)))
-        # One that a class has as well stays: its calls are those of its objects.
-        members.update(name for body in _CLASS.findall(plain) for name in _DEFINED.findall(body))
-    return frozenset(found - members)
+        # One that a class has as a function stays: its calls are those of its objects.
+        for body in _CLASS.findall(plain):
+            methods.update(_METHOD.findall(body))
+            values.update(_DEFINED.findall(body))
+    found -= methods
+    return frozenset(found | {f".{name}" for name in found & values})
 
 
 def _renamed(source: str, names: frozenset[str]) -> str:
-    """The source with names of the sketch in place of those of the C library, but for members of objects."""
+    """The source with names of the sketch in place of those of the C library; of the members of objects,
+    those that are among them with a dot."""
     if not names:
         return source
 
     def named(match: re.Match[str]) -> str:
-        if match["word"] not in names or source[: match.start()].rstrip().endswith((".", "->")):
+        if match["word"] not in names:
+            return match[0]
+        of_object = source[: match.start()].rstrip().endswith((".", "->"))
+        if of_object and f".{match['word']}" not in names:
             return match[0]
         return f"{match[0]}{OWN}"
 

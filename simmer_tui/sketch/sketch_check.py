@@ -221,7 +221,9 @@ def _motor_duty(facts: SketchFacts, motor: WiredMotor) -> Iterator[Problem]:
         pin in (facts.pins(call) or ()) for pin in motor.pins.values() for call in facts.named("analogWrite")
     )
     unknown = any(facts.pins(call) is None for call in facts.named("analogWrite"))
-    if no_speed and not unknown:
+    # A bridge whose enable pin is wired high has no PWM: its motor is on or off.
+    is_switched = motor.driver is MotorDriver.HBRIDGE and "en" not in motor.pins
+    if no_speed and not unknown and not is_switched:
         what = "no analogWrite of the sketch is on a pin of this motor: it has full speed or none"
         yield Problem(motor.place, f"{what} ({facts.file})")
 

@@ -332,6 +332,8 @@ def _motor_tables(board: BoardDraft, wheels: list[str]) -> Iterator[str]:
     if board.loose:
         pins = ", ".join(_pin(board, pin) for pin in board.loose)
         yield f"# ? {board.name} has analogWrite on {pins} as well: a motor, or a lamp\n"
+    elif not board.motors and board.facts.named("analogWrite"):
+        yield f"# ? {board.name} has analogWrite on pins that were not found: add [[motors]] by hand\n"
 
 
 def _sensor_tables(board: BoardDraft, ranges: _Codes, others: _Codes) -> Iterator[str]:

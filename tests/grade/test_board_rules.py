@@ -91,6 +91,19 @@ def test_a_sketch_alone_runs_on_the_courses_board(check: Check) -> None:
     assert found.sketches.wiring.boards["rover"].sketch == "rover.ino"
 
 
+def test_a_sketch_of_another_name_than_the_courses_is_told_so(check: Check) -> None:
+    (said,) = texts(check({"my_robot.ino": SOLVES}, WIRING, ""))
+    assert said == (
+        "wiring.toml: the course's names rover.ino, which is not there: rename your sketch, or hand in a "
+        "wiring.toml"
+    )
+
+
+def test_a_sketch_without_any_wiring_is_told_so(check: Check) -> None:
+    (said,) = texts(check({"my_robot.ino": SOLVES}, config=""))
+    assert said.startswith("wiring.toml: is missing: it says what is wired")
+
+
 def test_a_program_alone_needs_no_board_of_the_courses(check: Check) -> None:
     found = check({"main.py": "pass"}, WIRING, "")
     assert (texts(found), found.sketches) == ([], None)
@@ -197,8 +210,7 @@ def test_boards_have_no_sandbox_of_an_engine(tmp_path: Path, engine: str) -> Non
     ada, bo = folder.entries
     (said,) = map(str, ada.problems)
     assert said == f"wiring.toml: boards have no sandbox of {engine} yet: grade with --isolation bwrap"
-    assert folder.is_open(bo)
-    assert folder.trial(bo, 1).command == "python main.py"
+    assert "is missing" in str(bo.problems[0])
 
 
 @pytest.mark.usefixtures("reads_here")

@@ -239,6 +239,9 @@ def test_what_the_course_says_of_a_team_goes_before_its_own_file(tmp_path: Path)
         (tmp_path / name).touch()
         found = submitted_team(Team("a", tmp_path, ""), tmp_path, "./course")
         assert (found.command, found.config) == ("./course", name)
+    # The set is in its usual place, wherever the wiring is.
+    (tmp_path / "wiring.toml").touch()
+    assert submitted_team(Team("a", tmp_path, ""), tmp_path, "./course").config == "config"
 
 
 def test_names_of_files_tell_teams_apart() -> None:

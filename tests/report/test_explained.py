@@ -144,10 +144,22 @@ def test_turns_and_walls_straight_ahead_are_no_narrow_path() -> None:
     mission = begin((28.0, 42.0, 180.0))
     mission.give("d1-4", "p1-1", "l1", "u1", "u2", "u4", "w1--2", *["r1-90"] * 4)
     assert "straight path" not in mission.why().text
+    # One that ends beyond the contact, before the wall's own face, leads there as well.
+    mission = begin((90.0, 42.0, 180.0))
+    mission.give("u1", "d1-5.9")
+    assert mission.attempt.too_many_contacts
+    assert "straight path" not in mission.why().text
     mission = begin((42.0, 33.5, 0.0))
     mission.give("u1", "u2", "u4", "u5", "t1", "vv-6;0;0", "wt-10")
     assert mission.attempt.too_many_contacts
     assert "straight path" not in mission.why().text
+
+
+def test_the_reading_of_a_sensor_that_looks_at_the_wall_is_told_before_one_that_looks_aside() -> None:
+    mission = begin((90.0, 42.0, 180.0))
+    mission.give("u1", "u2", "u4", "d1-3.6")
+    cause = mission.why()
+    assert cause.text.startswith("u1 read ")
 
 
 # -- zones ------------------------------------------------------------------------------------------

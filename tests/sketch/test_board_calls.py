@@ -84,3 +84,29 @@ def test_a_servo_begins_at_its_middle_or_where_it_was_written(tmp_path: Path) ->
     assert [each.what for each in done if each.what.startswith("servo")] == [
         *("servo 9 1500", "servo 10 1000", "servo 9 1600")
     ]
+
+
+MISTAKES = """
+#include <Servo.h>
+Servo jaw, none;
+void setup() {
+  Serial.begin(9600);
+  pinMode(OUTPUT, 7);
+  pinMode(1, 200);
+  none.attach(200);
+  none.write(90);
+  jaw.attach(9, 500, 3500);
+  jaw.write(180);
+  Serial.print(jaw.readMicroseconds());
+}
+void loop() {}
+"""
+
+
+def test_arguments_that_no_board_knows_are_what_the_core_makes_of_them(tmp_path: Path) -> None:
+    """In a grading a board that tells anything else is ended as a cheat."""
+    sketch = tmp_path / "rover.ino"
+    sketch.write_text(MISTAKES, "utf-8")
+    done = run_ours(sketch, Stimuli(servos=(9,)), 0.05)
+    assert text_of(done) == "3500"
+    assert [each.what for each in done if each.what.startswith("servo")] == ["servo 9 1500", "servo 9 3000"]

@@ -123,6 +123,14 @@ def test_a_function_after_an_attribute_keeps_the_words_before_it() -> None:
     assert prototypes(source)[0] == ["void g();", "void h();"]
 
 
+def test_a_name_of_the_c_library_may_be_a_variable_and_a_value_of_a_class() -> None:
+    source = "struct Filter { int buf[4]; int index; void read(); };\nint index = 0;\nvoid read() {}\n"
+    names = own_c_names([source])
+    assert names == {"index", ".index"}
+    made = board_source("f.index = index; p->index++; f.read(); read();", names)
+    assert made == "f.index_of_sketch = index_of_sketch; p->index_of_sketch++; f.read(); read();"
+
+
 def test_a_sketch_may_have_names_of_the_c_library() -> None:
     source = (
         "int signal = 5, time;\nfloat y0[3];\nvoid close(int angle) { grip.write(angle); read(); }\n"

@@ -346,3 +346,15 @@ def test_a_path_that_wiring_toml_does_not_take_is_refused(tmp_path: Path, name: 
     (tmp_path / name / "robot.ino").write_text(ROVER, "utf-8")
     with pytest.raises(ConfigurationError, match=r"rename or move the sketch"):
         draft([tmp_path / name / "robot.ino"], tmp_path / "set", [], [])
+
+
+def test_motors_whose_pins_are_not_found_are_to_be_added_by_hand(tmp_path: Path) -> None:
+    sketch = tmp_path / "rover.ino"
+    sketch.write_text(
+        "struct Pins { int en, in; };\nvoid run(Pins &m, int s) { analogWrite(m.en, s); }\n"
+        "void setup() {}\nvoid loop() {}\n",
+        "utf-8",
+    )
+    assert "# ? rover has analogWrite on pins that were not found: add [[motors]] by hand" in draft(
+        [sketch], tmp_path, ["u1"], []
+    )

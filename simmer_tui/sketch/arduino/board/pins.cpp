@@ -69,6 +69,8 @@ using namespace board;
 void pinMode(int number, int mode) {
   pass(cost::PIN_MODE);
   Pin* pin = pin_of(number);
+  // As the core: what is neither of the inputs is an output, such as the 7 of pinMode(OUTPUT, 7).
+  if (mode != INPUT && mode != INPUT_PULLUP) mode = OUTPUT;
   if (!pin || pin->mode == mode) return;
   pin->mode = static_cast<uint8_t>(mode);
   tell(Told::Mode, number, mode);

@@ -85,7 +85,7 @@ size_t SoftwareSerial::write(uint8_t value) {
 // -- Servo -------------------------------------------------------------------------------------------
 
 unsigned char Servo::attach(int pin, int shortest, int longest) {
-  pin_ = pin;
+  pin_ = pin >= 0 && pin < DIGITAL_PINS ? pin : -1;
   shortest_ = shortest;
   longest_ = longest;
   pinMode(pin, OUTPUT);
@@ -111,7 +111,8 @@ void Servo::writeMicroseconds(int width) {
 void Servo::send() const {
   pass(cost::SERVO_WRITE);
   if (pin_ < 0) return;
-  tell(Told::Servo, pin_, width_);
+  // A pulse that is longer moves no servo farther.
+  tell(Told::Servo, pin_, constrain(width_, 0, 3000));
   exchange(Reason::Output);
 }
 int Servo::read() const { return map(width_ + 1, shortest_, longest_, 0, 180); }
