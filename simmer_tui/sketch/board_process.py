@@ -245,7 +245,9 @@ class BoardProcess:
     def _end(self, host: BoardHost) -> str:
         """The sentence about the end of the process."""
         told, ended = host.end()
-        if not self.exchanges and not told and not self._is_hung:
+        # By a signal ends what has begun: values of the sketch are made before the first exchange.
+        by_signal = ended.startswith(("signal ", "exit code -"))
+        if not self.exchanges and not told and not self._is_hung and not by_signal:
             return f"board {self.name} could not be started: {ended}"
         died = re.search(r"simmer-board died (\d{1,3}) (\d{1,10}) (\d{1,10}) (\d{1,10})\n", told)
         # Where it died may be a function of C; the last block is the sketch's own.

@@ -7,20 +7,13 @@ longer than the turn: two boards are four times as fast on one. Elsewhere than o
 from __future__ import annotations
 
 import contextlib
+import os
 import sys
 import time
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
-if sys.platform == "linux":
-    from os import sched_getaffinity, sched_setaffinity
-else:
-
-    def sched_getaffinity(pid: int, /) -> set[int]:
-        return set()
-
-    def sched_setaffinity(pid: int, mask: Collection[int], /) -> None: ...
-
+from simmer_tui import platform_has
 
 _THREAD = Path("/proc/thread-self/stat")
 _PROCESSOR = 36
@@ -33,7 +26,10 @@ class SharedProcessor:
     """The processor of one thread and of processes that it waits for."""
 
     def __init__(self) -> None:
-        self._own = sched_getaffinity(0)
+        self._own: set[int] = set()
+        """The thread's own processors; empty where they cannot be chosen."""
+        if sys.platform == "linux" and platform_has.LINUX:
+            self._own = os.sched_getaffinity(0)
         self._processor = -1
         self._until = 0.0
         self._placed: tuple[int, ...] = ()
@@ -41,12 +37,12 @@ class SharedProcessor:
     @contextlib.contextmanager
     def turns(self, processes: tuple[int, ...]) -> Iterator[None]:
         """Keep the calling thread and these processes, by their numbers, on one processor."""
-        if len(self._own) < 2:
+        if sys.platform != "linux" or len(self._own) < 2:
             yield
             return
         try:
             self._place(processes)
-            sched_setaffinity(0, {self._processor})
+            os.sched_setaffinity(0, {self._processor})
         except OSError:  # a container may forbid it, and the set of processors may have changed
             self._own = set()
             yield
@@ -55,9 +51,11 @@ class SharedProcessor:
             yield
         finally:
             with contextlib.suppress(OSError):
-                sched_setaffinity(0, self._own)
+                os.sched_setaffinity(0, self._own)
 
     def _place(self, processes: tuple[int, ...]) -> None:
+        if sys.platform != "linux":
+            return
         now = time.monotonic()
         if now >= self._until:
             self._until = now + _KEPT
@@ -68,4 +66,4 @@ class SharedProcessor:
             self._placed = processes
             for each in processes:
                 with contextlib.suppress(ProcessLookupError):  # its end is told where it is read
-                    sched_setaffinity(each, {self._processor})
+                    os.sched_setaffinity(each, {self._processor})
