@@ -39,7 +39,7 @@ _LARGEST_ANSWER = 32_000_000
 _LONGEST_TEXT, _MOST_WARNINGS = 300, 10
 """Characters of a message of the compiler, and number of warnings that are kept."""
 _ANSWER_FILE = "built.json"
-NO_COMPILER = "teams hand in sketches, which need g++ or clang++ on this machine: apt install g++"
+NEEDS_COMPILER = "teams hand in sketches, which need g++ or clang++ on this machine: apt install g++"
 _EXCEEDED = (
     *("signal terminated program", "out of memory", "memory exhausted", "cannot allocate memory"),
     *("std::bad_alloc", "No space left", "File too large", "File size limit"),
@@ -81,7 +81,7 @@ class BoardCompiler:
         found = find_compiler()
         # The cache of ziglang fills for minutes at first, and a sandbox begins without it.
         if found is None or len(found.command) > 1:
-            raise GradeError(NO_COMPILER)
+            raise GradeError(NEEDS_COMPILER)
         self._compiler: Compiler = found
         self._limits = limits
         # A compiler elsewhere than in the system's folders is visible if the course says so.

@@ -26,7 +26,7 @@ from simmer_tui.config.device_trust import DeviceUse
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.set_sketches import WIRING_FILE
 from simmer_tui.errors import ConfigurationError, GradeError, Problem, ProgramError
-from simmer_tui.grade.board_build import NO_COMPILER, BoardBuild, BoardCompiler, kept_build
+from simmer_tui.grade.board_build import NEEDS_COMPILER, BoardBuild, BoardCompiler, kept_build
 from simmer_tui.grade.board_submission import sketches_to_compile, tabs_left_out
 from simmer_tui.grade.course import (
     LONG,
@@ -361,7 +361,7 @@ def _compiled_here(check: SubmissionCheck) -> SubmissionCheck:
     """A team's boards compiled with the access of this process, for `--isolation none`."""
     assert check.sketches is not None, "it has boards"
     if find_compiler() is None:
-        raise GradeError(NO_COMPILER)
+        raise GradeError(NEEDS_COMPILER)
     try:
         made = compile_set(check.sketches.wiring, check.folder)
     except ConfigurationError as error:
