@@ -245,8 +245,9 @@ class BoardProcess:
     def _end(self, host: BoardHost) -> str:
         """The sentence about the end of the process."""
         told, ended = host.end()
-        # By a signal ends what has begun: values of the sketch are made before the first exchange.
-        by_signal = ended.startswith(("signal ", "exit code -"))
+        # Values of the sketch are made before the first exchange. A sandbox ends by a signal too what is too
+        # large to begin.
+        by_signal = ended.startswith("exit code -")
         if not self.exchanges and not told and not self._is_hung and not by_signal:
             return f"board {self.name} could not be started: {ended}"
         died = re.search(r"simmer-board died (\d{1,3}) (\d{1,10}) (\d{1,10}) (\d{1,10})\n", told)
