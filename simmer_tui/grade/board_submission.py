@@ -58,11 +58,6 @@ def wiring_source(own: Path | None, files: Path, course: Configuration) -> Wirin
     return None
 
 
-def has_sketches(files: Path) -> bool:
-    """True if a team's files have a sketch."""
-    return any(each.suffix.lower() in SKETCH_ENDINGS for each in files.rglob("*"))
-
-
 def unwired_text(course: Configuration) -> str:
     """The sentence for a team with sketches that no wiring names, and no program."""
     wiring = read_wiring(course.files.get(WIRING_FILE, ""), parts_of(course), [])

@@ -15,13 +15,13 @@ from typing import Any
 from simmer_tui.config import drive_csv, robot_csv, sensors_csv
 from simmer_tui.config.given_path import given_path
 from simmer_tui.config.leftovers import has_environment_name, is_leftover, is_leftover_folder
-from simmer_tui.config.set_sketches import SKETCH_ENDINGS, WIRING_FILE
+from simmer_tui.config.set_sketches import WIRING_FILE
 from simmer_tui.config.sets import MISSION_SET, find_set
 from simmer_tui.config.toml_file import TomlFile
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.grade.archives import is_archive
 from simmer_tui.grade.limits import LIMITS, Limits
-from simmer_tui.grade.submission_folder import has_program
+from simmer_tui.grade.submission_folder import has_program, has_sketches
 from simmer_tui.program.shell_syntax import shell_command, shell_syntax
 from simmer_tui.sim.rules import FlagRule, IntegerRule, NamesRule, NumberRule, Rule, TextRule
 from simmer_tui.sim.values import Value
@@ -330,8 +330,7 @@ def submitted_team(team: Team, files: Path, command: str) -> Team:
         else:
             own = TomlFile.read(path, problems).values((_COMMAND, _CONFIG))
     said = {"command": command, "config": _usual_config(files), **own, **team.given}
-    has_sketches = any(each.suffix.lower() in SKETCH_ENDINGS for each in files.rglob("*"))
-    if has_sketches and _COMMAND.name not in {**own, **team.given} and not has_program(files, command):
+    if has_sketches(files) and _COMMAND.name not in {**own, **team.given} and not has_program(files, command):
         said["command"] = ""
     return replace(team, command=said["command"], config=said["config"], problems=tuple(problems))
 

@@ -21,7 +21,6 @@ from simmer_tui.config.settings_file import Override, load_settings
 from simmer_tui.config.toml_file import TomlFile
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.grade.board_submission import (
-    has_sketches,
     submitted_boards,
     takes_boards,
     unwired_text,
@@ -29,6 +28,7 @@ from simmer_tui.grade.board_submission import (
 )
 from simmer_tui.grade.course import ROBOT_FILES, Rules, Team
 from simmer_tui.grade.robot_rules import rule_problems
+from simmer_tui.grade.submission_folder import has_sketches
 from simmer_tui.sim.command import cut
 from simmer_tui.sim.specs import RobotSpec
 from simmer_tui.sim.values import CourseRule

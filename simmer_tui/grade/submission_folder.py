@@ -12,6 +12,7 @@ from contextlib import suppress
 from fnmatch import fnmatchcase
 from pathlib import Path, PurePosixPath
 
+from simmer_tui.config.set_sketches import SKETCH_ENDINGS
 from simmer_tui.errors import ProgramError
 from simmer_tui.grade.archives import is_archive
 from simmer_tui.grade.submission_copy import ENVIRONMENT
@@ -82,6 +83,11 @@ def unpacking_advice(files: Path, command: str) -> str:
 def has_program(files: Path, command: str) -> bool:
     """True if a command names something in the folder, or something that is in another place than it says."""
     return any(_has(files, word) for word in _words(command)) or bool(unpacking_advice(files, command))
+
+
+def has_sketches(files: Path) -> bool:
+    """True if a team's files have a sketch."""
+    return any(each.suffix.lower() in SKETCH_ENDINGS for each in files.rglob("*"))
 
 
 def _words(command: str) -> list[str]:
