@@ -127,7 +127,7 @@ def test_a_board_sees_its_sketch_and_no_network(tmp_path: Path) -> None:
     """It prints what it can open and reach; the laptop's program keeps it as its output."""
     asks = (
         f'void setup() {{ Serial.begin(9600); const char* all[] = {{"{tmp_path}/out/grade.json", '
-        f'"{tmp_path}/teams/good/rover.ino", "/program/rover.ino", "/program/board.exe", "/root"}};\n'
+        f'"{tmp_path}/teams/good/rover.ino", "/program/rover.ino", "/program/board.exe", "/etc/hosts"}};\n'
         "for (auto each : all) Serial.print(open(each, 0) >= 0);\n"
         "unsigned char a[16] = {2, 0, 0, 53, 127, 0, 0, 53}; Serial.print(connect(socket(2, 1, 0), a, 16));\n"
         "Serial.print(socket(17, 3, 0)); Serial.print('!'); }\nvoid loop() { delay(100); }\n"
