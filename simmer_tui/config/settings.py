@@ -372,7 +372,7 @@ class WebSettings(Struct, frozen=True, kw_only=True):
 class ScreenSettings(Struct, frozen=True, kw_only=True):
     """Appearance of the terminal app, and lengths of its keys' drives."""
 
-    fps: Annotated[int, _whole(1, 20, "pictures a second")] = 15
+    fps: Annotated[int, _whole(1, 20, "pictures a second")] = 16
     pace: Annotated[
         float,
         Setting(

@@ -5,6 +5,7 @@ the changes of a style. Of scattered cells, those of one style come one after th
 36 bytes, a jump 8. `textual_internals` installs it.
 """
 
+import unicodedata
 from collections.abc import Iterable, Iterator
 from functools import lru_cache
 from typing import Final
@@ -33,6 +34,9 @@ _SEEN_ON_BLANKS = 1 << 3 | 1 << 6 | 1 << 8 | 0b1111 << 9
 """Bits of the attributes that are visible on a blank."""
 _ANY = ""
 """Foreground of a blank: none is visible."""
+# Terminals of East Asian settings show ambiguous characters, as those of boxes, in two cells.
+_SURE_WIDTHS = ("N", "Na", "H")
+"""East Asian widths of characters that every terminal shows in one cell."""
 _UNKNOWN = -1
 """A cell with unknown content; it differs from every other."""
 # Code points have 21 bits.
@@ -80,6 +84,8 @@ class DeltaWriter:
         """By row, the columns that have changed and are not sent yet."""
         # The cursor's position; -1 if it is not known.
         self._row = self._column = -1
+        self._is_sure = False
+        """True if every terminal has its cursor there, whatever width it gives to ambiguous characters."""
         self._pen = 0
 
     def begin(self, width: int, height: int, colors: ColorSystem, *, is_full: bool = False) -> None:
@@ -171,17 +177,17 @@ class DeltaWriter:
         """Send the cells that have changed, in the order that takes fewer bytes."""
         places = [(row, at) for row in sorted(self._changed) for at in sorted(self._changed[row])]
         self._changed.clear()
-        before, begin = (self._row, self._column, self._pen), len(self._out)
+        before, begin = (self._row, self._column, self._is_sure, self._pen), len(self._out)
         self._send(places)
         if len(places) > _SCATTERED:
             return
-        after, by_rows = (self._row, self._column, self._pen), self._out[begin:]
+        after, by_rows = (self._row, self._column, self._is_sure, self._pen), self._out[begin:]
         del self._out[begin:]
-        self._row, self._column, self._pen = before
+        self._row, self._column, self._is_sure, self._pen = before
         self._send(self._by_style(places))
         if sum(map(len, by_rows)) <= sum(map(len, self._out[begin:])):
             self._out[begin:] = by_rows
-            self._row, self._column, self._pen = after
+            self._row, self._column, self._is_sure, self._pen = after
 
     def _by_style(self, places: list[tuple[int, int]]) -> list[tuple[int, int]]:
         """Places, which are in the order of rows, in that of their styles; cells beside each other that can
@@ -196,11 +202,10 @@ class DeltaWriter:
             else:
                 runs.append([(row, at)])
                 styles.append(pen)
-        order = sorted(
-            range(len(runs)),
-            key=lambda each: (styles[each].background, styles[each].attributes, styles[each].foreground),
-        )
-        return [place for each in order for place in runs[each]]
+        by_pen: dict[Pen, list[tuple[int, int]]] = {}
+        for run, pen in zip(runs, styles, strict=True):
+            by_pen.setdefault(pen, []).extend(run)
+        return [place for pen in _in_order(by_pen) for place in by_pen[pen]]
 
     def _send(self, places: Iterable[tuple[int, int]]) -> None:
         """Send the cells of some places."""
@@ -216,25 +221,31 @@ class DeltaWriter:
                     change = changes[self._pen, number] = self._change(number)
                 out.append(change[0])
                 self._pen = change[1]
-            out.append(chr(cell & _CHARACTER))
+            character = chr(cell & _CHARACTER)
+            out.append(character)
+            self._is_sure = self._is_sure and _is_narrow(character)
             self._column = at + 1
             if self._column >= self._screen[0]:
                 self._row = -1  # the terminal may have wrapped the line, or not
 
     def _go(self, row: int, column: int) -> None:
-        """Move the cursor. A few equal cells are written again instead."""
-        if self._row != row:
-            self._out.append(f"\x1b[{row + 1};{column + 1}H")
-        else:
-            # By its number, not by a distance: a terminal may show some characters as wide.
-            sent = f"\x1b[{column + 1}G"
+        """Move the cursor by the shortest sequence. A few equal cells are written again instead."""
+        sent, is_sure = f"\x1b[{row + 1};{column + 1}H", True
+        aside = f"\x1b[{column + 1}G"
+        if self._is_sure:
+            aside = _shortest(aside, _aside(column - self._column))
+        if self._row == row:
+            sent = aside
             between = self._rows[row][self._column : column]
             ahead = 0 <= column - self._column <= _BRIDGE
             if ahead and all(self._fits(cell) for cell in between):
                 again = "".join(chr(cell & _CHARACTER) for cell in between)
-                sent = again if len(again.encode()) <= len(sent) else sent
-            self._out.append(sent)
-        self._row, self._column = row, column
+                if len(again.encode()) <= len(sent):
+                    sent, is_sure = again, self._is_sure and all(map(_is_narrow, again))
+        elif self._row >= 0 and self._is_sure:
+            sent = _shortest(sent, _down(row - self._row) + aside)
+        self._out.append(sent)
+        self._row, self._column, self._is_sure = row, column, is_sure
 
     def _fits(self, cell: int) -> bool:
         """True if a cell can be written with the present pen."""
@@ -274,6 +285,47 @@ class DeltaWriter:
             end = min(column + begin + strip.cell_length, len(cells))
             cells[column + begin : end] = [_UNKNOWN] * max(end - column - begin, 0)
         self._row = -1
+
+
+def _is_narrow(character: str) -> bool:
+    """True if every terminal shows a character in one cell."""
+    return unicodedata.east_asian_width(character) in _SURE_WIDTHS
+
+
+def _shortest(*sequences: str) -> str:
+    """The first of the shortest sequences."""
+    return min(sequences, key=len)
+
+
+def _aside(columns: int) -> str:
+    """The sequence that moves the cursor to the right, or to the left if negative."""
+    if columns > 0:
+        return _moved(columns, "C")
+    return _shortest("\b" * -columns, _moved(-columns, "D"))
+
+
+def _down(rows: int) -> str:
+    """The sequence that moves the cursor down, or up if negative."""
+    return _moved(rows, "B") if rows > 0 else _moved(-rows, "A")
+
+
+def _moved(cells: int, final: str) -> str:
+    """A cursor sequence; a distance of one is its default."""
+    return f"\x1b[{cells if cells > 1 else ''}{final}" if cells else ""
+
+
+def _in_order(pens: Iterable[Pen]) -> list[Pen]:
+    """Pens in an order in which a change of the background keeps the foreground, where both are the same."""
+    grounds: dict[tuple[str, int], list[Pen]] = {}
+    for pen in pens:
+        grounds.setdefault((pen.background, pen.attributes), []).append(pen)
+    order: list[Pen] = []
+    last = _ANY
+    for ground in sorted(grounds):
+        # Blanks fit any foreground.
+        order += sorted(grounds[ground], key=lambda pen: (pen.foreground not in (_ANY, last), pen.foreground))
+        last = order[-1].foreground or last
+    return order
 
 
 def _joint(one: Pen, other: Pen) -> Pen | None:

@@ -191,7 +191,7 @@ def test_other_robots_are_compared_only_when_that_is_wanted(
     [
         ("mission.toml", "time_limit = 300", "time_limit = 300.0  # five minutes"),
         ("maze.csv", "\n", "\r\n"),
-        ("settings.toml", "fps = 15", "fps = 5"),
+        ("settings.toml", "fps = 16", "fps = 5"),
         ("settings.toml", "port = 9000", "port = 9010"),
     ],
 )
