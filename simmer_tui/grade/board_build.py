@@ -110,7 +110,8 @@ class BoardCompiler:
             raise GradeError(f"the runtime of boards cannot be compiled: {error}") from None
 
     def build(self, files: Path, goal: Path, sketches: Mapping[str, BoardSketch]) -> BoardBuild:
-        """Compile a team's sketches, unless `goal` has the result already. Raises GradeError."""
+        """Compile a team's sketches, unless `goal` has the result already. It is kept there, unless the
+        compiler ran out of real time: that may be this machine's fault. Raises GradeError."""
         kept = kept_build(goal)
         if kept is not None:
             return kept
@@ -118,7 +119,9 @@ class BoardCompiler:
         problems: list[tuple[str, str]] = []
         try:
             for name, sketch in sketches.items():
-                answer = self._answer(files, sketch)
+                answer, is_late = self._answer(files, sketch)
+                if is_late:
+                    return BoardBuild(problems=tuple(Problem(*each) for each in answer.problems))
                 if answer.problems or not answer.program:
                     problems += [_cut_pair(each) for each in answer.problems[:MOST_ERRORS]]
                     continue
@@ -135,8 +138,8 @@ class BoardCompiler:
             raise GradeError(f"{error.filename or goal}: {reason_of(error)}") from None
         return kept_build(goal) or BoardBuild()
 
-    def _answer(self, files: Path, sketch: BoardSketch) -> BuildAnswer:
-        """The answer of a compiler in a sandbox."""
+    def _answer(self, files: Path, sketch: BoardSketch) -> tuple[BuildAnswer, bool]:
+        """The answer of a compiler in a sandbox; True if it ran out of real time."""
         runtime = self._runtime(sketch.kind)
         order = BuildOrder(
             compiler=self._compiler.command,
@@ -161,8 +164,8 @@ class BoardCompiler:
             sandbox.close()
         limit = limits[0] if limits else ""
         if is_late:
-            limit = f"ended: it took more than {self._limits.time:g} s"
-        return _answer_of(data, said, limit, sketch, self._limits)
+            limit = f"ended: it took more than {self._limits.time:g} s; grade again when this machine is idle"
+        return _answer_of(data, said, limit, sketch, self._limits), is_late
 
 
 def _answer_of(data: bytes, said: bytes, limit: str, sketch: BoardSketch, limits: Limits) -> BuildAnswer:

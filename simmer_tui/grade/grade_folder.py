@@ -331,8 +331,8 @@ class GradeFolder:
         self._compile(entries)
 
     def _compile(self, entries: Iterable[Entry]) -> None:
-        """Compile the sketches of teams with boards, in sandboxes. Raises GradeError if there can be none, or
-        without a compiler."""
+        """Compile the sketches of teams with boards, in sandboxes. Raises GradeError if this machine or the
+        isolation has none for them, or without a compiler."""
         asked = []
         for entry in entries:
             check, files = entry.check, self.home(entry.team) / PROGRAM
@@ -340,9 +340,11 @@ class GradeFolder:
                 continue
             if self.plan.isolation in (Isolation.DOCKER, Isolation.PODMAN):
                 engine = self.plan.isolation.value
-                what = f"boards have no sandbox of {engine} yet: grade with --isolation {Isolation.BWRAP}"
-                entry.check = SubmissionCheck(None, (Problem(WIRING_FILE, what),))
-            elif self.plan.isolation is Isolation.NONE:
+                raise GradeError(
+                    f"team {entry.team.name} has boards, for which {engine} is no sandbox: "
+                    f"grade with --isolation {Isolation.BWRAP}"
+                )
+            if self.plan.isolation is Isolation.NONE:
                 entry.check = _compiled_here(check)
             else:
                 goal = self.home(entry.team) / _BOARDS

@@ -9,6 +9,7 @@ from contextlib import closing
 from pathlib import Path
 
 import pytest
+from msgspec import structs
 
 from simmer_tui.cli.grade_command import run_grade
 from simmer_tui.errors import BoardError, GradeError
@@ -197,6 +198,14 @@ def test_a_compiled_sketch_is_kept_and_its_lines_are_known(home: Path) -> None:
         assert name == "rover.ino"
         assert "analogWrite" in lines[int(number) - 1] or "d" in lines[int(number) - 1]
         assert board.line_of(0) == board.line_of(2**32 - 1) == ""
+
+
+@pytest.mark.usefixtures("isolation")
+def test_a_compiler_that_runs_out_of_real_time_is_asked_again(home: Path) -> None:
+    """Another's work may have held it up."""
+    build = built(home, {"rover.ino": END}, structs.replace(COMPILE_LIMITS, time=0.001))
+    assert str(build.problems[0]).endswith("it took more than 0.001 s; grade again when this machine is idle")
+    assert built(home, {}).built
 
 
 @pytest.mark.usefixtures("isolation")
