@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator
 from itertools import islice
 from pathlib import Path
@@ -17,6 +18,10 @@ CODE_ENDINGS = (".h", ".hpp", ".hh", ".c", ".cpp", ".cc", ".cxx")
 """Endings of headers and sources beside a sketch."""
 # More is no sketch of a student's; reading a home directory by mistake would take minutes.
 _MOST_FILES = 400
+_SETUP = re.compile(rb"^[ \t]*void\s+setup\s*\(", re.MULTILINE)
+"""A function that each sketch has once, in one of its files."""
+_MOST_BYTES = 1_000_000
+"""Bytes of a file that are searched for it; sketches have up to 100 kB."""
 
 
 def is_sketch_path(path: Path) -> bool:
@@ -27,13 +32,14 @@ def is_sketch_path(path: Path) -> bool:
 def main_files(sketch: Path) -> list[Path]:
     """The .ino files of a sketch, its main one first, as Arduino joins them; none of a folder without one.
 
-    `sketch` is a file or its folder. A file alone in a folder of another name is a sketch of its own.
+    `sketch` is a file or its folder. A folder may have another name than its sketch, as one that was handed
+    in. Then it may hold several sketches, each alone in its file.
     """
     folder = sketch if sketch.is_dir() else sketch.parent
     name = folder.resolve().name
-    if not sketch.is_dir() and sketch.stem != name:
-        return [sketch]
     files = [each for each in _files(folder) if each.suffix.lower() in SKETCH_ENDINGS]
+    if not sketch.is_dir() and sketch.stem != name and any(map(_has_setup, set(files) - {sketch})):
+        return [sketch]
     main = [each for each in files if (each.stem == name if sketch.is_dir() else each == sketch)]
     return main + [each for each in files if each not in main]
 
@@ -66,6 +72,11 @@ def library_paths(folder: Path) -> Iterator[tuple[Path, str]]:
 
 def _files(folder: Path) -> list[Path]:
     return [each for each in sorted(folder.iterdir()) if not is_leftover(each.name) and each.is_file()]
+
+
+def _has_setup(path: Path) -> bool:
+    with path.open("rb") as file:
+        return _SETUP.search(file.read(_MOST_BYTES)) is not None
 
 
 def _is_code(path: Path) -> bool:

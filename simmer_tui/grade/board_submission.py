@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from simmer_tui.config.loader import Configuration
-from simmer_tui.config.set_sketches import SKETCH_ENDINGS, WIRING_FILE
+from simmer_tui.config.set_sketches import WIRING_FILE
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.grade.board_build import BoardSketch
 from simmer_tui.grade.course import Rules
@@ -65,25 +65,6 @@ def unwired_text(course: Configuration) -> str:
         return "is missing: it says what is wired to the pins of your board, see simmer-tui init --sketch"
     named = " and ".join(cut(each.sketch) for each in wiring.boards.values())
     return f"the course's names {named}, which is not there: rename your sketch, or hand in a wiring.toml"
-
-
-def tabs_left_out(wiring: Wiring, folder: Path) -> list[Problem]:
-    """Hints for sketches that stand beside other .ino files in a folder of another name: Arduino joins only
-    those in a folder of the sketch's own name."""
-    hints = []
-    named = {(folder / each.sketch).resolve() for each in wiring.boards.values()}
-    for board in wiring.boards.values():
-        path = folder / board.sketch
-        if path.is_file() and path.stem != path.resolve().parent.name:
-            others = sorted(
-                each.name
-                for each in path.parent.iterdir()
-                if each.suffix.lower() in SKETCH_ENDINGS and each.resolve() not in named
-            )
-            if others:
-                what = f"{cut(others[0])} is no part of {path.name}: put both into a folder {path.stem}/"
-                hints.append(Problem(board.place_of("sketch"), f"{what} if it is a tab of it"))
-    return hints
 
 
 def submitted_boards(

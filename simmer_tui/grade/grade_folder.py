@@ -27,7 +27,7 @@ from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.set_sketches import WIRING_FILE
 from simmer_tui.errors import ConfigurationError, GradeError, Problem, ProgramError
 from simmer_tui.grade.board_build import NEEDS_COMPILER, BoardBuild, BoardCompiler, kept_build
-from simmer_tui.grade.board_submission import sketches_to_compile, tabs_left_out
+from simmer_tui.grade.board_submission import sketches_to_compile
 from simmer_tui.grade.course import (
     LONG,
     PLAN_FILE,
@@ -375,8 +375,7 @@ def _with_build(check: SubmissionCheck, build: BoardBuild) -> SubmissionCheck:
     """A team's boards with their compiled sketches."""
     assert check.sketches is not None, "it has boards"
     if build.problems:
-        hints = tabs_left_out(check.sketches.wiring, check.folder)
-        return SubmissionCheck(None, (*build.problems, *hints))
+        return SubmissionCheck(None, build.problems)
     return replace(check, sketches=structs.replace(check.sketches, built=build.built))
 
 

@@ -227,6 +227,17 @@ def test_many_headers_hide_no_sketch_and_another_encoding_is_told(tmp_path: Path
         load(tmp_path / "mine")
 
 
+def test_tabs_beside_the_only_sketch_are_its_own_whatever_the_folder_is_called(tmp_path: Path) -> None:
+    """As Arduino has them in a folder of the sketch's name; a hand-in often has another."""
+    tab, rover, other = (tmp_path / name for name in ("motors.ino", "rover.ino", "sensor.ino"))
+    tab.write_text("// as void setup() says\nvoid drive() {}\n", "utf-8")
+    rover.write_text("int a;\nvoid  setup () {}\n", "utf-8")
+    assert main_files(rover) == [rover, tab]
+    other.write_text("#define A\n\tvoid setup()\n{}\n", "utf-8")
+    assert main_files(rover) == [rover]
+    assert main_files(other) == [other]
+
+
 def test_a_set_with_a_wiring_is_copied_whole_and_checked(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
