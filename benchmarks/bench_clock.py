@@ -48,8 +48,11 @@ from tests.tui.maze.test_headings import VIEWS  # noqa: E402
 from tests.tui.test_seen import cells_of, maze_within, shown_color  # noqa: E402
 from tests.tui.test_tmux import UNKNOWN_TO_PYTE  # noqa: E402
 
-MAIN = [sys.executable, "-m", "simmer_tui", "--seed", "7", "--belief-port", "0"]
-WANDER = [sys.executable, str(ROOT / "scripts" / "wander.py"), "--seed", "7"]
+PORTS = ("--port", "0", "--reply-port", "0", "--belief-port", "0")
+MAIN = [sys.executable, "-m", "simmer_tui", "--seed", "7", *PORTS]
+WANDER = f'"{sys.executable}" "{ROOT / "scripts" / "wander.py"}" --seed 7'
+SPIN = f'"{sys.executable}" "{Path(__file__)}" --spin'
+"""A program that turns and reads as fast as it can."""
 UPDATE_ENDS = b"\x1b[?2026l"
 STARTS_WITHIN = 60.0
 """Seconds until the app must have started, on a busy machine."""
@@ -59,21 +62,23 @@ _AWAY, _ASIDE = 1.5, 15.0
 
 
 class Terminal:
-    """The app on a pty with synchronized updates."""
+    """The app on a pty with synchronized updates, and a program that drives."""
 
     def __init__(
-        self, size: tuple[int, int], *options: str, each: Callable[[bytes], None] = lambda update: None
+        self,
+        size: tuple[int, int],
+        pace: str,
+        program: str,
+        each: Callable[[bytes], None] = lambda update: None,
     ) -> None:
         """`each` is called with the bytes written up to the end of each update."""
-        self.commands, self.replies = _free_ports(2)
         self.master, slave = os.openpty()
         fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", size[1], size[0], 0, 0))
         self._folder = tempfile.TemporaryDirectory()
         environment = {"TERM": "xterm-256color", "COLORTERM": "truecolor", "LC_ALL": "C.UTF-8"}
         environment |= {"COLUMNS": str(size[0]), "LINES": str(size[1]), "XDG_DATA_HOME": self._folder.name}
-        ports = ["--port", str(self.commands), "--reply-port", str(self.replies), "--belief-port", "0"]
         self.process = subprocess.Popen(
-            [*MAIN, *ports, *options],
+            [*MAIN, "--pace", pace, "--run", program],
             stdin=slave,
             stdout=slave,
             stderr=slave,
@@ -125,50 +130,21 @@ class Terminal:
 
 @contextlib.contextmanager
 def terminal(
-    size: tuple[int, int], *options: str, each: Callable[[bytes], None] = lambda update: None
+    size: tuple[int, int], pace: str, program: str, each: Callable[[bytes], None] = lambda update: None
 ) -> Iterator[Terminal]:
-    made = Terminal(size, *options, each=each)
+    made = Terminal(size, pace, program, each)
     try:
         yield made
     finally:
         made.close()
 
 
-def _free_ports(count: int) -> list[int]:
-    import socket
-
-    with contextlib.ExitStack() as stack:
-        sockets = [stack.enter_context(socket.create_server(("127.0.0.1", 0))) for _ in range(count)]
-        return [int(each.getsockname()[1]) for each in sockets]
-
-
-@contextlib.contextmanager
-def program(app: Terminal, spins: bool = False) -> Iterator[None]:
-    """A program that drives: `wander.py`, or one that turns and reads as fast as it can."""
-    if not spins:
-        command = [*WANDER, "--port", str(app.commands), "--reply-port", str(app.replies)]
-        process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        try:
-            yield
-        finally:
-            process.kill()
-            process.wait()
-        return
-    over = threading.Event()
-
-    def spin() -> None:
-        with Robot("127.0.0.1", app.commands, app.replies) as robot:
-            while not over.is_set():
-                robot.send("r1-37")
-                robot.read("u1", "u3")
-
-    thread = threading.Thread(target=spin)
-    thread.start()
-    try:
-        yield
-    finally:
-        over.set()
-        thread.join()
+def spin() -> None:
+    """Turn and read until the app ends."""
+    with Robot() as robot:
+        while True:
+            robot.send("r1-37")
+            robot.read("u1", "u3")
 
 
 # -- pictures that contradict themselves -----------------------------------------------------------
@@ -233,10 +209,10 @@ class Judge:
 def measure_agreement(pictures: int) -> dict[str, float]:
     """Shares of the pictures that contradict themselves, for three programs."""
     figures: dict[str, float] = {}
-    cases = (("wander", "off", False), ("wander at pace", "4", False), ("spin", "off", True))
-    for name, pace, spins in cases:
+    cases = (("wander", "off", WANDER), ("wander at pace", "4", WANDER), ("spin", "off", SPIN))
+    for name, pace, program in cases:
         judge = Judge()
-        with terminal((120, 36), "--pace", pace, each=judge.take) as app, program(app, spins):
+        with terminal((120, 36), pace, program, judge.take):
             time.sleep(1.0)
             judge.counts = True
             end = time.monotonic() + STARTS_WITHIN
@@ -255,7 +231,7 @@ def measure_agreement(pictures: int) -> dict[str, float]:
 
 def measure_cost(size: tuple[int, int], pace: str, seconds: float) -> dict[str, float]:
     """Kilobytes and pictures a second, gaps between pictures, and the screen's thread, with `wander.py`."""
-    with terminal(size, "--pace", pace) as app, program(app):
+    with terminal(size, pace, WANDER) as app:
         time.sleep(3.0)
         sent, used, first, started = app.bytes, app.screen_seconds(), len(app.drawn), time.perf_counter()
         time.sleep(seconds)
@@ -275,7 +251,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--quick", action="store_true", help="shorter runs")
     parser.add_argument("--json", metavar="FILE", type=Path, help="write the figures to a file too")
+    parser.add_argument("--spin", action="store_true", help="be the program of one of the cases")
     options = parser.parse_args()
+    if options.spin:
+        spin()
     figures: dict[str, float] = {}
     seconds = 4.0 if options.quick else 15.0
     for size, pace, goal in (
