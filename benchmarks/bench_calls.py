@@ -133,11 +133,14 @@ def trips_of(options: Sequence[str], commands: Sequence[str]) -> list[Trip]:
     """The trip of each command of a run with these options; the run is done in this process."""
     profile, begin = Profile(), Server.start
     trips: list[Trip] = []
+    program = threading.Thread(target=lambda: trips.extend(exchange(programmed[0], profile, commands)))
+    programmed: list[Server] = []
 
     def start(server: Server, *arguments: Any, **named: Any) -> None:
         begin(server, *arguments, **named)
         server.call(sys.setprofile, profile.note)
-        threading.Thread(target=lambda: trips.extend(exchange(server, profile, commands))).start()
+        programmed.append(server)
+        program.start()
 
     with tempfile.TemporaryDirectory() as folder:
         named = [f"--log={Path(folder) / 'run.jsonl'}" if each == "--log" else each for each in options]
@@ -148,6 +151,8 @@ def trips_of(options: Sequence[str], commands: Sequence[str]) -> list[Trip]:
             contextlib.redirect_stderr(nothing),
         ):
             simmer([*RUN, *named])
+        # The run ends when the program has closed its connections.
+        program.join()
     return trips
 
 

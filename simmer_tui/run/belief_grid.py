@@ -120,6 +120,17 @@ class GridBelief(Struct, frozen=True, gc=False, omit_defaults=True):
         turned = self.first + 360.0 * heading / self.headings
         return Pose(x0 + (column + 0.5) * width, y1 - (row + 0.5) * height, half_turn(turned))
 
+    @property
+    def best_place(self) -> tuple[float, float, float]:
+        """Middle of the most probable cell, inches, and its probability: all headings together, as in a
+        picture. Of the most probable state where a log left the cells out."""
+        if not self.cells:
+            return self.best_pose.x, self.best_pose.y, self.best_probability
+        places, (width, height) = self.places(), self.cell_size
+        row, column = divmod(int(places.argmax()), self.columns)
+        x0, _, _, y1 = self.bounds
+        return x0 + (column + 0.5) * width, y1 - (row + 0.5) * height, float(places[row, column])
+
     def places(self) -> Probabilities:
         """Probability of each cell, all its headings together, (rows, columns): of those that are logged."""
         levels = np.frombuffer(self.cells, dtype=np.uint8).reshape(self.shape)

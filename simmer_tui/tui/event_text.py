@@ -98,9 +98,9 @@ def truth_text(grid: GridBelief) -> str:
 
 def grid_lines(grid: GridBelief) -> tuple[str, str]:
     """A grid in two lines: its best cell, and its entropy beside that of a uniform grid."""
-    best, most = grid.best_pose, math.log2(grid.states)
+    (x, y, share), most = grid.best_place, math.log2(grid.states)
     return (
-        f"best {best.x:.1f}, {best.y:.1f} in {_percent(grid.best_probability)}, {truth_text(grid)}",
+        f"best {x:.1f}, {y:.1f} in {_percent(share)}, {truth_text(grid)}",
         f"entropy {grid.entropy:.1f} of {most:.1f} bit, spread {grid.spread:.0f}",
     )
 

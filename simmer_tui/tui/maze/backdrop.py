@@ -41,7 +41,6 @@ class Backdrop:
         keeps_wall: cells that are mostly wall; lines leave those alone.
         has_wall: cells that are wall at all.
         named: cells of a zone's name, or of a number of the heat map.
-        likeliest: the number of the heat map's most likely cell, for where nothing covers it; None without.
         walls: wall cells of the maze, (maze rows, maze columns), the first row on top.
     """
 
@@ -60,7 +59,6 @@ class Backdrop:
         takes the place of tiles and zones, at each pixel by its level, (pixel rows, pixel columns): as dots,
         and as a tint if `tinted`."""
         self.viewport, self.signs, self.palette = viewport, signs, palette
-        self.likeliest: HeatNumber | None = None
         self.walls: Mask = np.array(scene.maze.cells) == WALL
         zones = zones_of(scene)
         self.pixels = self._grounds(scene, zones, heat if tinted else None, loud=loud)

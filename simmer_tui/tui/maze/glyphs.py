@@ -118,7 +118,7 @@ class Signs(Struct, frozen=True):
     `arrows` point to 0, 45 ... 315 degrees. `frame` draws the edge of the outer wall: its left, top, right
     and bottom side, and its corners clockwise from the top left. Its last two are an upright and a flat line
     where the maze continues beyond the window. `heats` are the levels of a grid's belief, from possible to
-    most likely.
+    most likely, and `peak` marks its best cell.
     """
 
     across: int
@@ -130,6 +130,7 @@ class Signs(Struct, frozen=True):
     fills: Mapping[Role, tuple[str, Role]] = field(default_factory=dict)
     frame: str = "▐▄▌▀▗▖▘▝│─"
     heats: str = "⡈⢕⣿"
+    peak: str = "◆"
 
     @property
     def pixels(self) -> int:
@@ -234,9 +235,11 @@ _SIGNS = {
     GlyphMode.SEXTANT: Signs(2, 3, _sextants(), True, ARROWS),
     GlyphMode.QUADRANT: Signs(2, 2, _QUADRANTS, True, ARROWS),
     # WGL4 has no single quadrants for the corners.
-    GlyphMode.HALF: Signs(1, 2, _HALVES, False, _PAIRS, _HALF_LINES, frame="▐▄▌▀▄▄▀▀│─", heats="░▒▓"),
+    GlyphMode.HALF: Signs(
+        1, 2, _HALVES, False, _PAIRS, _HALF_LINES, frame="▐▄▌▀▄▄▀▀│─", heats="░▒▓", peak="♦"
+    ),
     # Its fills are the same at every depth: without blocks only they distinguish areas.
     GlyphMode.ASCII: Signs(
-        1, 1, (BLANK, ord("#")), False, _PLAIN_ARROWS, _PLAIN_LINES, _PLAIN_FILLS, "########|-", ",%@"
+        1, 1, (BLANK, ord("#")), False, _PLAIN_ARROWS, _PLAIN_LINES, _PLAIN_FILLS, "########|-", ",%@", "!"
     ),
 }

@@ -43,6 +43,15 @@ class HeatNumber(Struct, frozen=True):
     text: str
 
 
+class HeatPeak(Struct, frozen=True):
+    """The most likely cell of a grid: the cell of the window in which its middle is, and its percentage;
+    none where cells have room for their own."""
+
+    row: int
+    column: int
+    text: str
+
+
 class HeatMap:
     """The levels of one window from grid to grid: a new map changes as few of them as possible."""
 
@@ -57,7 +66,11 @@ class HeatMap:
         if old is not None and old.grid is not mark.grid:
             is_early = not mark.stands and 0.0 <= mark.time - old.time < HEAT_PERIOD
             same_grid = (old.grid.shape, old.grid.bounds) == (mark.grid.shape, mark.grid.bounds)
-            return old if is_early and same_grid else mark
+            return (
+                old
+                if is_early and same_grid and old.grid.best_place[:2] == mark.grid.best_place[:2]
+                else mark
+            )
         return mark if old is None else old
 
     def levels(self, mark: HeatMark, maze: MazeSpec, viewport: Viewport, across: int, down: int) -> Levels:
@@ -95,18 +108,19 @@ def heat_numbers(grid: GridBelief, viewport: Viewport, *, tinted: bool) -> list[
     return found
 
 
-def likeliest(grid: GridBelief, maze: MazeSpec, viewport: Viewport) -> HeatNumber | None:
-    """Percentage of the most likely cell, in the middle of it. None while no cell stands out, and where cells
-    have room for their own."""
-    places, (width, height) = grid.places(), grid.cell_size
-    row, column = divmod(int(places.argmax()), grid.columns)
-    share = float(places[row, column])
-    if _has_room(grid, viewport) or share < _STANDS_OUT * even_share(grid, maze):
+def stands_out(grid: GridBelief, maze: MazeSpec) -> bool:
+    """True if one cell is more likely than those of an even belief."""
+    return grid.best_place[2] >= _STANDS_OUT * even_share(grid, maze)
+
+
+def peak_of(grid: GridBelief, maze: MazeSpec, viewport: Viewport) -> HeatPeak | None:
+    """The most likely cell; None while none stands out."""
+    if not stands_out(grid, maze):
         return None
-    x0, _, _, y1 = grid.bounds
-    middle, line = viewport.place(x0 + (column + 0.5) * width, y1 - (row + 0.5) * height)
-    text = f"{100 * share:.0f}%"
-    return HeatNumber(math.floor(line / 2), math.floor(middle + len(text) / 2 - 0.5), text)
+    x, y, share = grid.best_place
+    middle, line = viewport.place(x, y)
+    text = "" if _has_room(grid, viewport) else f"{100 * share:.0f}%"
+    return HeatPeak(math.floor(line / 2), math.floor(middle), text)
 
 
 def _has_room(grid: GridBelief, viewport: Viewport) -> bool:

@@ -15,7 +15,7 @@ from simmer_tui.sim.specs import RobotSpec
 from simmer_tui.tui.maze import shapes
 from simmer_tui.tui.maze.canvas import Canvas
 from simmer_tui.tui.maze.glyphs import Mask, dot_patterns, heading_arrow
-from simmer_tui.tui.maze.heat import HeatNumber
+from simmer_tui.tui.maze.heat import HeatPeak
 from simmer_tui.tui.maze.palette import Role
 from simmer_tui.tui.maze.scene import BeliefMark, Scene, SensorView
 
@@ -158,12 +158,15 @@ def draw_codes(canvas: Canvas, rays: Sequence[DrawnRay]) -> None:
                 break
 
 
-def draw_likeliest(canvas: Canvas, number: HeatNumber) -> None:
-    """Write the percentage of the most likely cell on it, or beside what covers it."""
-    text = f" {number.text} "
+def draw_peak(canvas: Canvas, peak: HeatPeak) -> None:
+    """Mark the most likely cell of a heat map, on all that covers it, with its percentage beside."""
+    canvas.text(peak.row, peak.column, canvas.signs.peak, Role.BELIEF, Role.BACKGROUND)
+    text = f" {peak.text} "
     taken = canvas.bodies | canvas.contacts | canvas.backdrop.named | canvas.backdrop.has_wall
-    for down, right in _BESIDE:
-        row, begin = number.row + down, number.column - len(number.text) + right
+    if canvas.holds(peak.row, peak.column):
+        taken[peak.row, peak.column] = True
+    for down, right in _BESIDE if peak.text else ():
+        row, begin = peak.row + down, peak.column - len(text) // 2 + right
         inside = canvas.holds(row, begin) and canvas.holds(row, begin + len(text) - 1)
         if inside and not taken[row, begin : begin + len(text)].any():
             canvas.text(row, begin, text, Role.BELIEF)

@@ -16,7 +16,7 @@ from simmer_tui.tui.maze import bodies, lines
 from simmer_tui.tui.maze.backdrop import Backdrop
 from simmer_tui.tui.maze.canvas import Canvas
 from simmer_tui.tui.maze.glyphs import Cells, blank_cells, signs_for
-from simmer_tui.tui.maze.heat import HeatMap, HeatMark, heat_numbers, likeliest
+from simmer_tui.tui.maze.heat import HeatMap, HeatMark, heat_numbers, peak_of, stands_out
 from simmer_tui.tui.maze.palette import DEFAULT, HEATS, Attribute, Look, Palette, Role, palette_for
 from simmer_tui.tui.maze.robot import DrawnRobot
 from simmer_tui.tui.maze.scene import FloorMode, Scene, zones_of
@@ -91,8 +91,10 @@ class Painter:
         if scene.contact is not None:
             bodies.draw_contact(canvas, scene, scene.contact)
         lines.draw_codes(canvas, rays)
-        if canvas.backdrop.likeliest is not None:
-            lines.draw_likeliest(canvas, canvas.backdrop.likeliest)
+        if self.heat and scene.heat is not None:
+            peak = peak_of(scene.heat.grid, scene.maze, viewport)
+            if peak is not None:
+                lines.draw_peak(canvas, peak)
         return canvas.cells
 
     def _ground(self, scene: Scene, viewport: Viewport) -> Backdrop:
@@ -138,7 +140,6 @@ class Painter:
             levels = self._heat_map.levels(mark, scene.maze, viewport, signs.across, signs.down)
             made = Backdrop(scene, viewport, signs, self.palette, loud=False, heat=levels, tinted=self.tints)
             made.write_numbers(heat_numbers(mark.grid, viewport, tinted=self.tints))
-            made.likeliest = likeliest(mark.grid, scene.maze, viewport)
             return made
 
         return self._kept("heat", scene, viewport, draw, mark.grid)
@@ -227,7 +228,10 @@ def _ground_entries(scene: Scene, painter: Painter) -> list[LegendEntry]:
             LegendEntry(2 * sign, Role.HEAT_DOTS, word, dark if painter.tints else None)
             for (dark, _), sign, word in reversed(list(levels))
         ]
-        return [*shown, LegendEntry("", Role.TEXT, "else ruled out")]
+        shown.append(LegendEntry("", Role.TEXT, "else ruled out"))
+        if stands_out(scene.heat.grid, scene.maze):
+            shown.append(LegendEntry(painter.signs.peak, Role.BELIEF, "best"))
+        return shown
     if not scene.is_loud(painter.floor):
         return []
     black = painter.signs.fills.get(Role.LOUD_BLACK)

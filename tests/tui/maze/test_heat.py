@@ -230,5 +230,8 @@ def test_the_most_likely_small_cell_has_its_percentage_also_beside_a_robot(glyph
     assert float(told[1]) == pytest.approx(100 * 20.0 / (20.0 + 28.7), abs=4.0)
     assert abs(told.start() - 27) <= 12
     assert row <= 7
+    # Its mark lies over the robot too: the middle of the cell is at x = 42, y = 42.
+    x, y = WINDOW.place(42.0, 42.0)
+    assert written[int(y // 2)][int(x)] == painter.signs.peak
     even = replace(scene, heat=mark(np.ones((12, 24))))
     assert not re.search(r"\d%", "\n".join(rows_of(painter, even)))
