@@ -124,7 +124,7 @@ class GridBelief(Struct, frozen=True, gc=False, omit_defaults=True):
     def best_place(self) -> tuple[float, float, float]:
         """Middle of the most probable cell, inches, and its probability: all headings together, as in a
         picture. Of the most probable state where a log left the cells out."""
-        if not self.cells:
+        if not (self.cells and self.has_headings):
             return self.best_pose.x, self.best_pose.y, self.best_probability
         places, (width, height) = self.places(), self.cell_size
         row, column = divmod(int(places.argmax()), self.columns)
