@@ -10,13 +10,13 @@ from simmer_tui.live.snapshot import Snapshot
 from simmer_tui.run.events import TwinReading
 from simmer_tui.run.reducer import HISTORY
 from simmer_tui.run.state import SensorRow
-from simmer_tui.sim.angles import half_turn
 from simmer_tui.sim.command import counted
 from simmer_tui.sim.records import LidarScan
 from simmer_tui.sim.scan_rays import extremes
 from simmer_tui.sim.specs import CELL_SIZE, SensorKind, SensorSpec
 from simmer_tui.tui.gauges import bearing_sign, gauge, heading_sign, scale_end, span_text, sparkline
 from simmer_tui.tui.line_panel import StyledLine, between, heading, length
+from simmer_tui.tui.maze.scene import has_left
 from simmer_tui.tui.terminal import GlyphMode
 
 SHORT, NEAR = CELL_SIZE / 4, CELL_SIZE / 2
@@ -34,10 +34,6 @@ RANGE_SCALE = 4 * CELL_SIZE
 """Least end of the gauges of ranges, inches."""
 
 
-# A program reads again after each of its movements; below these a reading still holds (the errors of ranges
-# are about as large).
-_MOVED, _TURNED = 1.0, 5.0
-"""Inches and degrees from the pose of a reading beyond which it is old."""
 _OLD = 2.0
 """Simulated seconds after which a reading is old if the robot has moved since."""
 _LEAST_AGE = 1.0
@@ -47,15 +43,13 @@ _LEAST_AGE = 1.0
 def age_of_reading(row: SensorRow, snapshot: Snapshot) -> float | None:
     """Age of a reading that is old, simulated seconds; None while it still holds.
 
-    A reading is old once the robot is more than 1 in or 5 degrees away from the reading's pose, or 2 s later
-    if anything has moved meanwhile. Time after the end of the run does not count.
+    A reading is old once the robot has left the reading's pose, or 2 s later if anything has moved meanwhile.
+    Time after the end of the run does not count.
     """
     state = snapshot.state
     age = seconds_since(row.time, snapshot)
-    turned = abs(half_turn(state.pose.heading - row.pose.heading))
-    away = math.hypot(state.pose.x - row.pose.x, state.pose.y - row.pose.y)
     moved = state.moving or row.number < state.moved
-    is_old = moved and (away > _MOVED or turned > _TURNED or age > _OLD)
+    is_old = moved and (has_left(row.pose, state.pose) or age > _OLD)
     return age if is_old else None
 
 

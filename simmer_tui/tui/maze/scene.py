@@ -4,6 +4,7 @@ Units are inches and degrees, the global frame (origin at the maze's bottom-left
 docstring says otherwise.
 """
 
+import math
 from enum import StrEnum
 from typing import NamedTuple
 
@@ -13,6 +14,7 @@ from msgspec import Struct
 from simmer_tui.live.route import TOLERANCE, Route, simplified
 from simmer_tui.live.snapshot import Snapshot
 from simmer_tui.run.state import SensorRow, State
+from simmer_tui.sim.angles import half_turn
 from simmer_tui.sim.arrays import FloatArray, NDArray
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.pose import Pose
@@ -51,6 +53,12 @@ class SensorView(Struct, frozen=True, eq=False):
     reading: float | None = None
 
 
+# A program reads again after each of its movements; below these a reading still holds (the errors of ranges
+# are about as large).
+_MOVED, _TURNED = 1.0, 5.0
+"""Inches and degrees from the pose of a reading beyond which it is old."""
+
+
 class BeliefMark(Struct, frozen=True, eq=False):
     """Pose at which a program believes the robot is.
 
@@ -77,6 +85,7 @@ class Scene(Struct, frozen=True, kw_only=True, eq=False):
         recent: the same of the last seconds; its pieces may be parts of others.
         views: in the order in which they were read. The last is drawn brightly, and so is the one
             of the sensor with the code `chosen`.
+        views_are_old: true if the robot has left their pose; then the last is as faint as the others.
         scans: newest scan of each lidar. `scan_is_newest` is true if one was read after all views.
         contact: last place where the robot touched something.
         past_contacts: places where it touched something before that, oldest first.
@@ -98,6 +107,7 @@ class Scene(Struct, frozen=True, kw_only=True, eq=False):
     trail: tuple[FloatArray, ...] = ()
     recent: tuple[FloatArray, ...] = ()
     views: tuple[SensorView, ...] = ()
+    views_are_old: bool = False
     scans: tuple[ScanRays, ...] = ()
     scan_is_newest: bool = False
     chosen: str = ""
@@ -124,8 +134,8 @@ class Scene(Struct, frozen=True, kw_only=True, eq=False):
         return mode is FloorMode.LOUD
 
     def is_bright(self, view: SensorView) -> bool:
-        """True for the view that was read last and for that of the chosen sensor."""
-        is_newest = view is self.views[-1] and not self.scan_is_newest
+        """True for the view that was read last, while it holds, and for that of the chosen sensor."""
+        is_newest = view is self.views[-1] and not (self.scan_is_newest or self.views_are_old)
         return is_newest or view.sensor == self.chosen != ""
 
 
@@ -149,6 +159,12 @@ def zones_of(scene: Scene) -> Zones:
             if 0 <= row < maze.rows and 0 <= column < maze.columns:
                 cells[row, column] = True
     return zones
+
+
+def has_left(pose: Pose, now: Pose) -> bool:
+    """True once the robot is so far from the pose of a reading that the reading is old."""
+    turned = abs(half_turn(now.heading - pose.heading))
+    return turned > _TURNED or math.hypot(now.x - pose.x, now.y - pose.y) > _MOVED
 
 
 # -- from a snapshot -------------------------------------------------------------------------------
@@ -188,6 +204,7 @@ def scene_of(
         trail=route.pieces,
         recent=tuple(route.since(state.time - RECENT)),
         views=tuple(filter(None, (_view(row, maze) for row in fresh))),
+        views_are_old=bool(rows) and has_left(rows[-1].pose, state.pose),
         scans=tuple(filter(None, map(_scan_rays, rows))),
         scan_is_newest=bool(rows) and rows[-1].reading.scan is not None,
         contact=touched[-1] if touched else None,

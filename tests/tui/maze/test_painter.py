@@ -136,6 +136,16 @@ def test_what_was_read_last_is_bright_and_lies_on_top(painter: Painter, bare: Sc
     assert {column for _, column in ink(turned, painter, Role.RAY_STRONG)} == {4}
 
 
+def test_what_was_read_before_a_movement_is_faint_once_the_robot_has_left(
+    painter: Painter, bare: Scene
+) -> None:
+    views = (ray(270.0),)
+    assert ink(draw(painter, replace(bare, views=views)), painter, Role.RAY_STRONG)
+    old = draw(painter, replace(bare, views=views, views_are_old=True))
+    assert not ink(old, painter, Role.RAY_STRONG)
+    assert ink(old, painter, Role.RAY_WEAK)
+
+
 def test_a_chosen_sensor_is_bright_too(painter: Painter, bare: Scene) -> None:
     views = (replace(ray(270.0), sensor="u2"), replace(ray(180.0), sensor="u3"), ray(0.0))
     cells = draw(painter, replace(bare, views=views, chosen="u2"))
