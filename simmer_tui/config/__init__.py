@@ -2,6 +2,9 @@
 
 In: CSV and TOML files, options of the command line, and foreign configurations.
 Out: a frozen `Configuration`, or one error with all problems and their places.
+
+`settings.py` has all settings and their options. `mission_toml.py` has the keys of a mission, and
+`mission_plan.py` draws its values for one run.
 """
 
 from __future__ import annotations

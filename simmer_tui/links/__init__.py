@@ -4,5 +4,6 @@ answers.
 In: bytes of connections, serial ports and pseudo-terminals.
 Out: messages with their commands to a robot's session, and replies as bytes.
 
-Import each link where it is needed.
+Each `NAME_link.py` serves the ports of one dialect. `course_device.py` speaks packets and binary on a serial
+port. Import each link where it is needed.
 """

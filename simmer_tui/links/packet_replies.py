@@ -1,4 +1,7 @@
-"""The reply port of the connection-per-message dialects: replies wait in a mailbox until a client reads."""
+"""The reply port of the connection-per-message dialects: replies wait in a mailbox until a client reads.
+
+The messages are made in `protocol/packets.py` (`Mailbox`, `Reply.message`).
+"""
 
 from __future__ import annotations
 

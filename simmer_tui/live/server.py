@@ -1,4 +1,4 @@
-"""The robot's own thread: one event loop with the engine and all links."""
+"""The robot's own thread: one event loop with the engine and all links, built from a configuration."""
 
 from __future__ import annotations
 

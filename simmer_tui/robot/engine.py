@@ -230,7 +230,8 @@ class Engine:
             self._set_alarm()
 
     def call_at(self, time: float, call: Callable[[], None]) -> None:
-        """Call a function at a simulated time; a pause delays it as well."""
+        """Call a function at a simulated time; a pause delays it as well. Only for timed motion, after
+        `start`: in instant motion the loop's clock decides, and simulated time may not have passed."""
         self._timers.add(time, call)
         self._set_alarm()
 

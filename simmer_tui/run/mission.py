@@ -329,6 +329,7 @@ class Referee(EventHandler[bool]):
             self._say(time, goal, f"{goal.value} at {time:.1f} s")
 
     def _end(self, result: Result, reason: str, now: float, delivered: float | None = None) -> None:
+        """End the mission. The reducer gets the delivery's event only later, so its time is `delivered`."""
         state = self._reducer.at(now)
         progress = state.mission or MissionProgress()
         goals = {**progress.goals, Goal.DELIVERED: delivered}

@@ -2,4 +2,6 @@
 
 In: frozen snapshots of a run, keys, mouse and lines typed.
 Out: frames in the terminal, and orders of the user.
+
+A panel is a function of one snapshot. Values kept over time are in the snapshot's state (`run/state.py`).
 """

@@ -1,4 +1,7 @@
-"""Sensors as lines of text: direction, reading, and recent readings."""
+"""The panel of all sensors, a line each: direction, reading, and recent readings.
+
+Readings of the past come from `SensorRow` (`run/state.py`). One sensor in detail is in `sensor_facts.py`.
+"""
 
 import math
 from collections.abc import Mapping, Sequence

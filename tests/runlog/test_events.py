@@ -6,7 +6,7 @@ import math
 import random
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -23,6 +23,7 @@ from simmer_tui.run.events import (
 )
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import SensorRow, State, checkpoint_of
+from simmer_tui.runlog import decode
 from simmer_tui.runlog.index import EntryFlag, RunLogIndex
 from simmer_tui.runlog.log_records import CheckpointRecord
 from simmer_tui.runlog.playback import LOOK_BACK, Playback
@@ -33,6 +34,13 @@ from simmer_tui.sim.trajectory import Trajectory
 
 TIMES = (0.0, 0.1, 0.37, 0.5, 0.9, 1.0)
 """Fractions of a movement at which two are compared."""
+
+
+def test_every_kind_of_event_has_its_place_in_reducer_and_log() -> None:
+    # A kind without one makes the log's watcher fail in the middle of a run.
+    kinds = set(get_args(Event))
+    assert set(vars(Reducer)["_TAKES"]) == kinds
+    assert set(vars(decode)["_EVENTS"].values()) == kinds
 
 
 def read(path: Path) -> list[Event]:
