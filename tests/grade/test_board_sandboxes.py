@@ -47,7 +47,7 @@ HARMFUL = {
         "hangs at rover.ino:6 after 0.1 s",
     ),
     "allocates": (
-        "void setup() { delay(100); for (;;) { char* a = new char[1000000]; memset(a, 1, 1000000); } }\n",
+        "void setup() { delay(100); for (;;) { volatile char* a = new char[1000000]; *a = 1; } }\n",
         "died at rover.ino:6 after 0.1",
     ),
     "writes files": (
