@@ -24,6 +24,8 @@ from simmer_tui.sketch.wiring import (
 _READERS = ("digitalRead", "analogRead", *PULSES)
 _MODES = ("pinMode", "digitalPinToInterrupt", "attachInterrupt", "detachInterrupt")
 """Calls that neither write nor read a pin; interrupts are found by their own list."""
+_LINE_ENDS = ("rx", "tx", "from", "to")
+"""Names of the uses of pins by serial lines."""
 _DUTY_PINS = {MotorDriver.HBRIDGE: ("en",), MotorDriver.SHIELD: ("pwm",), MotorDriver.PWM2: ("in1", "in2")}
 """The pins of a driver that get its duty."""
 
@@ -50,6 +52,7 @@ def sketch_problems(
         uses = [use for use in wiring.pin_uses() if use.board == name]
         problems += _unused_pins(board, found, uses)
         problems += _no_outputs(found, uses)
+        problems += _claimed_pins(found, uses)
         problems += _interrupts(found)
         problems += _deaf_ports(found)
         for sensor in wiring.sensors:
@@ -105,7 +108,7 @@ def _unused_pins(board: SketchBoard, facts: SketchFacts, uses: Iterable[PinUse])
     written, read = _touched(facts, writes=True), _touched(facts, writes=False)
     ports = facts.ports()
     for use in uses:
-        if use.name in ("rx", "tx", "from", "to"):
+        if use.name in _LINE_ENDS:
             continue  # serial lines have messages of their own
         pins = written if use.writes else read
         if pins is None or use.pin in pins:
@@ -116,6 +119,19 @@ def _unused_pins(board: SketchBoard, facts: SketchFacts, uses: Iterable[PinUse])
         if any(use.pin in (port.rx or ()) or use.pin in (port.tx or ()) for port in ports):
             what += "; it is a pin of a serial port there"
         yield Problem(use.place, f"{what}; look at its pin numbers")
+
+
+def _claimed_pins(facts: SketchFacts, uses: Iterable[PinUse]) -> Iterator[Problem]:
+    """Pins of parts that the sketch has given to a serial port too."""
+    claims: dict[int, str] = {}
+    for port in facts.ports():
+        for name, pins in (("rx", port.rx), ("tx", port.tx)):
+            if pins is not None and len(pins) == 1:
+                claims.setdefault(next(iter(pins)), f"{name} of {port.name} too ({port.spot})")
+    for use in uses:
+        if use.name not in _LINE_ENDS and use.pin in claims:
+            what = f"pin {facts.kind.pin_name(use.pin)} is {claims[use.pin]}"
+            yield Problem(use.place, f"{what}; give each its own pin")
 
 
 def _no_outputs(facts: SketchFacts, uses: Iterable[PinUse]) -> Iterator[Problem]:

@@ -31,9 +31,12 @@ from simmer_tui.sketch.sketch_scan import (
     SketchStep,
 )
 
-_TRIGGER, _ECHO, _LEFT, _RIGHT = (
-    re.compile(word, re.IGNORECASE) for word in ("trig", "echo", "left", "right")
+_TRIGGER, _ECHO, _LEFT, _RIGHT, _OPEN, _CLOSED = (
+    re.compile(word, re.IGNORECASE)
+    for word in ("trig", "echo", "left", "right", "open|release", "clos|grab|hold")
 )
+_HALF_TURN = 180
+"""The largest angle of a servo; a larger number is a pulse."""
 _LATER = frozenset(
     f"{name}.h"
     for name in (
@@ -373,9 +376,30 @@ class _Codes:
         return f'code = "{self._letter}{number}"  # ? add its row to sensors.csv, such as {row}'
 
 
+def _gripper_angles(facts: SketchFacts, pin: int) -> tuple[int, int]:
+    """The angles that a sketch writes for an open and a closed gripper; 0 and 90 if it has not two."""
+    servos = {call.object for call in facts.named("attach") if facts.pins(call) == Pins({pin})}
+    names: dict[int, str] = {}
+    for write in facts.named("write"):
+        if write.object not in servos:
+            continue
+        found = facts.pins(write) or Pins()
+        calls = [write] if len(found) == 1 else list(facts.named(write.function))
+        for call in calls:
+            angle = _single(facts.pins(call))
+            if angle is not None and angle in found and angle <= _HALF_TURN:
+                names[angle] = f"{names.get(angle, '')} {call.function} {facts.spelled(call)}"
+    if len(names) < 2:
+        return 0, 90
+    first, second = list(names) if len(names) == 2 else (min(names), max(names))
+    is_swapped = _CLOSED.search(names[first]) or _OPEN.search(names[second])
+    return (second, first) if is_swapped else (first, second)
+
+
 def _servo_tables(board: BoardDraft) -> Iterator[str]:
     for at, pin in enumerate(board.servos):
-        angles = (
-            "gripper = { open = 0, closed = 90 }  # ? the angles that the sketch writes\n" if at == 0 else ""
-        )
+        angles = ""
+        if at == 0:
+            opened, closed = _gripper_angles(board.facts, pin)
+            angles = f"gripper = {{ open = {opened}, closed = {closed} }}  # ? which is open\n"
         yield f'[[servos]]\nboard = "{board.name}"\npin = {_pin(board, pin)}\n{angles}'

@@ -12,7 +12,10 @@ import pytest
 from simmer_tui.errors import BoardError, ProgramError
 from simmer_tui.sketch.board_host import BoardHost
 from simmer_tui.sketch.board_process import BoardProcess, BoardRecord, Query, Reason, Told
+from simmer_tui.sketch.boards import UNO
+from simmer_tui.sketch.build import build_sketch
 from simmer_tui.sketch.checked_board import CheckedBoard
+from simmer_tui.sketch.compiler import find_compiler
 
 _REQUEST = struct.Struct("<QBBHiIIQII")
 _RECORD = struct.Struct("<QBBHi")
@@ -195,6 +198,31 @@ def test_a_board_that_cannot_be_started_is_told_as_that() -> None:
             board.receive()
         board.look(1e9)
         board.close()
+
+
+CONSTRUCTED = """
+struct Lamp {
+  Lamp(int pin) { pinMode(pin, OUTPUT); digitalWrite(pin, HIGH); Serial.begin(9600); delay(5); }
+};
+Lamp lamp(5);
+void setup() {}
+void loop() {}
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(find_compiler() is None, reason="there is no C++ compiler")
+def test_constructors_of_globals_tell_at_the_beginning(tmp_path: Path) -> None:
+    sketch = tmp_path / "rover.ino"
+    sketch.write_text(CONSTRUCTED, "utf-8")
+    board = CheckedBoard("rover", build_sketch(sketch, UNO).program, ["--drives", "5"])
+    try:
+        told = [(each.kind, each.pin, each.value, each.time) for each in board.receive()]
+    finally:
+        board.close()
+    assert (Told.LEVEL, 5, 1, 0) in told
+    assert (Told.BAUD, 1, 9600, 0) in told
+    assert board.now == 0
 
 
 def test_a_board_that_ends_before_it_begins_was_not_started(pipes: Pipes) -> None:

@@ -199,6 +199,11 @@ def test_a_wiring_that_fits_its_sketches_has_no_problem(tmp_path: Path, parts: W
         ),
         ("en = 9\n", "en = 12\n", "the sketch never writes pin 12"),
         (
+            "link(A4, A5)",
+            "link(A4, 7)",
+            "wiring.toml:17:motors.1.in2: pin 7 is tx of link too (rover.ino:5); give each its own pin",
+        ),
+        (
             "top_speed = 12",
             "top_speed = 20",
             "wiring.toml:19:motors.1.top_speed: 20 in/s is more than top_speed of [wheels] in settings",

@@ -225,6 +225,26 @@ def test_a_set_for_encoders_alone_has_wheels(tmp_path: Path, monkeypatch: pytest
     assert main(["check", str(tmp_path / "set")]) == 0
 
 
+@pytest.mark.parametrize(
+    ("text", "angles"),
+    [
+        ("void shut() { jaw.write(95); }\nvoid free() { jaw.write(20); }", (95, 20)),
+        ("void close() { jaw.write(95); }\nvoid free() { jaw.write(20); }", (20, 95)),
+        ("void f() { jaw.write(CLOSED); delay(9); jaw.write(WIDE); }", (130, 180)),
+        ("void set(int a) { jaw.write(a); }\nvoid f() { set(95); }\nvoid grab() { set(60); }", (95, 60)),
+        ("void f() { jaw.write(10); jaw.write(90); jaw.write(170); }", (10, 170)),
+        ("void f() { for (int i = 0; i < 90; i++) jaw.write(i); }", (0, 90)),
+        ("void f() { jaw.write(1500); jaw.write(30); }", (0, 90)),
+    ],
+)
+def test_a_gripper_has_the_angles_that_the_sketch_writes(
+    tmp_path: Path, text: str, angles: tuple[int, int]
+) -> None:
+    head = "#include <Servo.h>\n#define WIDE 130\nconst int CLOSED = 180;\nServo jaw;\n"
+    made = drafted(tmp_path, f"{head}void setup() {{ jaw.attach(3); }}\n{text}\nvoid loop() {{}}\n")
+    assert made["servos"][0]["gripper"] == {"open": angles[0], "closed": angles[1]}
+
+
 def test_a_library_that_is_not_there_yet_is_noted(tmp_path: Path) -> None:
     (tmp_path / "s.ino").write_text("#include <Wire.h>\n#include <Servo.h>\n", "utf-8")
     made = draft([tmp_path / "s.ino"], tmp_path, [], [])

@@ -115,8 +115,8 @@ int main(int count, char** arguments) {
   }
   std::atexit(left);
   std::signal(SIGINT, SIG_IGN);  // Ctrl-C is for the simulator, which ends its boards
-  board::open_channel();
   board::now = board::boot;
+  board::open_channel();
   board::exchange(board::Reason::Horizon);
   setup();
   for (;;) {
