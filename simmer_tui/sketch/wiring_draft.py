@@ -30,6 +30,7 @@ from simmer_tui.sketch.sketch_scan import (
     SketchPort,
     SketchStep,
 )
+from simmer_tui.sketch.stepper_draft import draft_steppers
 
 _TRIGGER, _ECHO, _LEFT, _RIGHT, _OPEN, _CLOSED = (
     re.compile(word, re.IGNORECASE)
@@ -41,16 +42,13 @@ _LATER = frozenset(
     f"{name}.h"
     for name in (
         *(
-            "AccelStepper",
-            "MultiStepper",
-            "Stepper",
             "Wire",
             "Adafruit_VL53L0X",
             "VL53L0X",
             "MPU6050",
             "I2Cdev",
         ),
-        *("MPU6050_6Axis_MotionApps20", "LiquidCrystal", "LiquidCrystal_I2C", "PID_v1", "Arduino_FreeRTOS"),
+        *("MPU6050_6Axis_MotionApps20", "Arduino_FreeRTOS"),
         *("BluetoothSerial", "ESP32Servo", "WiFi"),
     )
 )
@@ -62,6 +60,7 @@ _HEAD = """\
 """
 _RANGE_ROW, _LINE_ROW = "ultra{0},u{0},1,3,0,6,0,0.02,5,", "ir{0},i{0},1,2,0,1,0,0.05,40,0.8"
 """Rows of sensors.csv, in front of the robot and beneath it."""
+_STEPS = "steps_per_inch = 100  # ? steps of a turn (with microsteps) / (3.14 x diameter of the wheel)"
 _SPEED = "top_speed = 12  # ? in/s at full duty: time it over a measured distance"
 
 
@@ -91,6 +90,9 @@ class BoardDraft:
         self.ports = facts.ports()
         taken = {pin for each in self.sonars for pin in (each.trig, each.echo)} | {*self.servos}
         taken |= {pin for port in self.ports for pins in (port.rx, port.tx) for pin in pins or ()}
+        taken |= {pin for call in facts.objects("LiquidCrystal") for pin in _all_pins(facts, call)}
+        self.steppers = draft_steppers(facts, taken)
+        taken |= {pin for stepper in self.steppers for pin in stepper.pins.values()}
         ahead = forward_levels(facts)
         found = draft_motors([each for each in steps if each.pin not in taken])
         self.motors = [oriented(each, ahead) for each in found]
@@ -144,6 +146,7 @@ def draft(sketches: Sequence[Path], directory: Path, ranges: Sequence[str], line
     text += _line_tables(boards)
     left = ["left", "right"]
     for board in boards:
+        text += _stepper_tables(board, left)
         text += _motor_tables(board, left)
     codes, others = _Codes(ranges, "u", _RANGE_ROW), _Codes(lines, "i", _LINE_ROW)
     for board in boards:
@@ -205,6 +208,10 @@ def _encoders(facts: SketchFacts, taken: set[int]) -> Iterator[DraftEncoder]:
         is_right = bool(_RIGHT.search(each.function)) or (count > 0 and not _LEFT.search(each.function))
         count += 1
         yield DraftEncoder(a, b, "right" if is_right else "left")
+
+
+def _all_pins(facts: SketchFacts, call: SketchCall) -> set[int]:
+    return {pin for at in range(len(call.arguments)) for pin in facts.pins(call, at) or ()}
 
 
 def _read(facts: SketchFacts, name: str) -> set[int]:
@@ -317,6 +324,17 @@ def _links(boards: Sequence[BoardDraft], ports: Sequence[_Port]) -> list[tuple[_
             if set(one[1].bauds) & set(two[1].bauds) and len(ports) > 2:
                 return [(one, two)]
     return []
+
+
+def _stepper_tables(board: BoardDraft, wheels: list[str]) -> Iterator[str]:
+    for stepper in board.steppers:
+        wheel = wheels.pop(0) if wheels else "left"
+        pins = "\n".join(f"{name} = {_pin(board, pin)}" for name, pin in stepper.pins.items())
+        level = 'enable_on = "high"  # ? most drivers are on at LOW\n' if stepper.enable_high else ""
+        yield (
+            f'[[motors]]\nboard = "{board.name}"\ndriver = "{stepper.driver}"\n{pins}\n{level}'
+            f'wheel = "{wheel}"  # ? which wheel of [wheels] in settings.toml\n{_STEPS}\n'
+        )
 
 
 def _motor_tables(board: BoardDraft, wheels: list[str]) -> Iterator[str]:

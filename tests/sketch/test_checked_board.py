@@ -101,6 +101,8 @@ def begun(pipes: Pipes) -> Begun:
         request(100, record(Told.BYTE, 65, 9_000), record(Told.BYTE, 66, 13_000), reason=Reason.SENT),
         request(100, record(Told.WAITED, 7, 0, pin=1), record(Told.UNTIL)),
         request(100, reason=Reason.QUERY, query=Query.ANALOG, wait=(90, 1)),
+        request(9_000, record(Told.STEP, -7, 1_000), record(Told.STEP, -7, 9_000), wait=(90, 4)),
+        request(100, record(Told.TEXT, 4 << 24 | 1)),
     ],
 )
 def test_what_boards_tell_is_taken(begun: Begun, pipes: Pipes, fine: bytes) -> None:
@@ -128,6 +130,11 @@ def test_what_boards_tell_is_taken(begun: Begun, pipes: Pipes, fine: bytes) -> N
         (request(100, record(Told.LEVEL, 1, pin=70)), "it told of pin 70"),
         (request(100, record(Told.WAITED, 7, 0, pin=9)), "it waited as no board does"),
         (request(100, record(Told.LEVEL, 1, time=101)), "it told what was not then"),
+        (request(9_000, record(Told.STEP, 7, 1_000), record(Told.STEP, 7, 8_999)), "it stepped faster than"),
+        (request(100, record(Told.STEP, 7, 101)), "it told what was not then"),
+        (request(100, record(Told.TEXT, 5 << 24)), "it told 83886080 as TEXT"),
+        (request(100, record(Told.TEXT, -1)), "it told -1 as TEXT"),
+        (request(100, wait=(0, 5)), "it waits as no board does"),
         (request(100, record(Told.BYTE, 65, 1 << 62)), "faster than a line carries them"),
         (request(100, record(Told.BYTE, 65, 9000), record(Told.BYTE, 65, 9001)), "faster than a line"),
     ],

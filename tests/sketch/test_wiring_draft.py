@@ -245,6 +245,72 @@ def test_a_gripper_has_the_angles_that_the_sketch_writes(
     assert made["servos"][0]["gripper"] == {"open": angles[0], "closed": angles[1]}
 
 
+STEPPERS = {
+    "objects": (
+        "#include <AccelStepper.h>\n#define EN 8\nAccelStepper left(AccelStepper::DRIVER, 2, 5);\n"
+        "AccelStepper right = AccelStepper(1, 3, 6);\nvoid setup() { left.setEnablePin(EN); "
+        "left.setPinsInverted(false, false, true); pinMode(EN, OUTPUT); digitalWrite(EN, LOW); }",
+        [("step_dir", 2, 5, 8), ("step_dir", 3, 6, 8)],
+    ),
+    "an array of objects": (
+        "const int kind = 1;\nAccelStepper both[] = {AccelStepper(kind, 4, 7), AccelStepper(kind, 12, 13)};",
+        [("step_dir", 4, 7), ("step_dir", 12, 13)],
+    ),
+    "objects by pins in arrays": (
+        "int s[] = {7, 4}, d[] = {8, 2};\nAccelStepper *m[2];\n"
+        "void setup() { for (int i = 0; i < 2; i++) m[i] = new AccelStepper(1, s[i], d[i]); }",
+        [("step_dir", 7, 8), ("step_dir", 4, 2)],
+    ),
+    "pulses": (
+        "#define STEP_R 9\n#define DIR_R 4\n#define STEP_L 3\n#define DIR_L 10\n#define ENABLE 8\n"
+        "void setup() { digitalWrite(ENABLE, LOW); digitalWrite(DIR_L, HIGH); digitalWrite(DIR_R, LOW); }\n"
+        "void loop() { digitalWrite(STEP_R, HIGH); digitalWrite(STEP_L, HIGH); delayMicroseconds(500);\n"
+        "digitalWrite(STEP_R, LOW); digitalWrite(STEP_L, LOW); delayMicroseconds(500); }",
+        [("step_dir", 9, 4, 8), ("step_dir", 3, 10, 8)],
+    ),
+    "pulses of a parameter": (
+        "void one(int pin, int dirPin, bool ahead) { digitalWrite(dirPin, ahead); digitalWrite(pin, HIGH);\n"
+        "delayMicroseconds(9); digitalWrite(pin, LOW); }\nvoid loop() { one(6, 3, true); one(5, 2, true); }",
+        [("step_dir", 6, 3), ("step_dir", 5, 2)],
+    ),
+    "coils": (
+        "#include <Stepper.h>\nStepper a(200, 2, 3, 4, 5), b(2048, 8, 10, 9, 11);",
+        [("stepper4", 2, 3, 4, 5), ("uln2003", 8, 9, 10, 11)],
+    ),
+    "coils of objects": (
+        "AccelStepper c(AccelStepper::HALF4WIRE, A0, A2, A1, A3), d(4, 5, 6, 7, 8);",
+        [("uln2003", 14, 15, 16, 17), ("stepper4", 5, 6, 7, 8)],
+    ),
+}
+
+
+@pytest.mark.parametrize("name", STEPPERS)
+def test_steppers_are_read_off(tmp_path: Path, name: str) -> None:
+    text, expected = STEPPERS[name]
+    motors = drafted(tmp_path, f"{text}\nvoid more() {{ digitalWrite(LED_BUILTIN, HIGH); }}")["motors"]
+    names = ("driver", "step", "dir", "in1", "in2", "in3", "in4", "enable")
+    found = [tuple(row[key] for key in names if key in row) for row in motors]
+    assert [tuple(14 + int(each[1:]) if str(each)[0] == "A" else each for each in row) for row in found] == [
+        *expected
+    ]
+    assert [row["steps_per_inch"] for row in motors] == [100] * len(expected)
+    assert [row["wheel"] for row in motors][:2] == ["left", "right"]
+    assert not any("enable_on" in row for row in motors)
+
+
+def test_an_enable_that_is_not_inverted_is_drafted_as_the_sketch_has_it(tmp_path: Path) -> None:
+    text = "AccelStepper a(1, 2, 3);\nvoid setup() { a.setEnablePin(4); }"
+    assert drafted(tmp_path, text)["motors"][0]["enable_on"] == "high"
+
+
+def test_the_pins_of_a_display_are_no_motors(tmp_path: Path) -> None:
+    text = (
+        "#include <LiquidCrystal.h>\nLiquidCrystal lcd(12, 11, 5, 4, 3, 2);\n"
+        "void f() { digitalWrite(5, 1); digitalWrite(4, 0); digitalWrite(3, 1); digitalWrite(2, 0); }"
+    )
+    assert "motors" not in drafted(tmp_path, text)
+
+
 def test_a_library_that_is_not_there_yet_is_noted(tmp_path: Path) -> None:
     (tmp_path / "s.ino").write_text("#include <Wire.h>\n#include <Servo.h>\n", "utf-8")
     made = draft([tmp_path / "s.ino"], tmp_path, [], [])
