@@ -108,9 +108,9 @@ def levels_of_functions(
             yield function, found[0].spot, levels
 
 
-def forward_levels(facts: SketchFacts) -> Mapping[int, float]:
+def forward_levels(facts: SketchFacts, pulsed: Collection[int] = ()) -> Mapping[int, float]:
     """The levels that the sketch's own function for driving ahead sets, by its name; none without one."""
-    for function, _, levels in levels_of_functions(facts):
+    for function, _, levels in levels_of_functions(facts, pulsed):
         if _promised(function) == {_AHEAD}:
             return levels
     return {}
@@ -157,24 +157,30 @@ def sketch_motions(
                 yield SketchMotion(function, spot or call_spot, motion, tuple(backward))
 
 
+def is_inverted(facts: SketchFacts, name: str) -> bool:
+    """True if an object of AccelStepper has its direction inverted."""
+    calls = (
+        each
+        for each in facts.methods(name, "setPinsInverted")
+        if 0 < len(each[0].arguments) < _INVERTED_COILS
+    )
+    given = (facts.values(call.arguments[0], call.function, 0, bound) for call, bound in calls)
+    return any(each == {1} for each in given)
+
+
 def _calls_of_steppers(
     facts: SketchFacts, steppers: Sequence[WiredStepper]
 ) -> dict[str, tuple[str, dict[str, float]]]:
     """Functions that let objects of AccelStepper or Stepper step: by name the place of the first call, and
     the sign of the steps by the stepper's label, 0 for both."""
     objects: dict[str, tuple[str, float]] = {}
-    inverted = {
-        call.object
-        for call in facts.named("setPinsInverted")
-        if len(call.arguments) < _INVERTED_COILS and facts.spelled(call) in ("true", "1", "HIGH")
-    }
     for call in (*facts.objects("AccelStepper"), *facts.objects("Stepper")):
         pins = [facts.pins(call, at) for at in range(1, 5)]
         known = {next(iter(each)) for each in pins if each is not None and len(each) == 1}
         for stepper in steppers:
             moving = {pin for name, pin in stepper.pins.items() if name != "enable"}
             if call.type and moving <= known:
-                objects[call.name] = stepper.label, -1.0 if call.name in inverted else 1.0
+                objects[call.name] = stepper.label, -1.0 if is_inverted(facts, call.name) else 1.0
     # Their speeds are turns a minute, without a direction.
     turning = {call.name for call in facts.objects("Stepper")}
     found: dict[str, tuple[str, dict[str, float]]] = {}

@@ -270,6 +270,19 @@ class SketchFacts:
             return rows
         return tuple(rows[each] for each in sorted(found))
 
+    def methods(self, name: str, *called: str) -> Iterator[tuple[SketchCall, Bindings | None]]:
+        """The calls of methods of an object by its name; those of a function that it is passed to with the
+        values of its parameters there."""
+        for call in self.named(*called):
+            names = self._parameters.get(call.function, ())
+            if call.object == name:
+                yield call, None
+            elif call.object in names:
+                at = names.index(call.object)
+                for caller in self._callers[call.function]:
+                    if self.spelled(caller, at) in (name, f"&{name}"):
+                        yield call, self.bindings(caller, None)
+
     def ordered_pins(self, call: SketchCall, index: int, depth: int = 0) -> list[int]:
         """The pins that an argument of a call can be, each once: elements of an array in their order, and
         those of a parameter in the order of the calls. One that is unknown is missing."""

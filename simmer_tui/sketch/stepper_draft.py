@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from msgspec import Struct
 
+from simmer_tui.sketch.motion_check import forward_levels, is_inverted
 from simmer_tui.sketch.sketch_scan import SketchCall, SketchFacts
 
 _DIRECTION, _ENABLE, _STEP = (
@@ -23,6 +24,8 @@ class DraftStepper(Struct, frozen=True):
     driver: str
     pins: Mapping[str, int]
     enable_high: bool = False
+    reversed: bool = False
+    """True if the sketch turns its direction round to drive ahead."""
 
 
 def draft_steppers(facts: SketchFacts, taken: set[int]) -> list[DraftStepper]:
@@ -39,7 +42,9 @@ def _objects(facts: SketchFacts) -> Iterator[DraftStepper]:
             pairs = zip(facts.ordered_pins(call, 1), facts.ordered_pins(call, 2), strict=False)
             for step, way in pairs:
                 pins = {"step": step, "dir": way}
-                yield DraftStepper("step_dir", pins | _enable(facts, call.name), _is_high(facts, call.name))
+                pins |= _enable(facts, call.name)
+                is_high, is_turned = _is_high(facts, call.name), is_inverted(facts, call.name)
+                yield DraftStepper("step_dir", pins, is_high, is_turned)
         elif interface in ("FULL4WIRE", "HALF4WIRE") or number in ({4}, {8}):
             yield from _coils(facts, call, is_geared=False)
     for call in facts.objects("Stepper"):
@@ -60,12 +65,16 @@ def _coils(facts: SketchFacts, call: SketchCall, *, is_geared: bool) -> Iterator
 
 def _enable(facts: SketchFacts, name: str) -> dict[str, int]:
     """The enable pin of an object: its own, or else one that the sketch writes."""
+    for call, bound in facts.methods(name, "setEnablePin"):
+        pins = facts.values(call.arguments[0], call.function, 0, bound) if call.arguments else None
+        if pins is not None and len(pins) == 1:
+            return {"enable": next(iter(pins))}
+    # An object in an array, or behind a pointer, has no name of its own.
+    others = {each.name for each in facts.objects("AccelStepper")}
     for call in facts.named("setEnablePin"):
-        pins = facts.ordered_pins(call, 0)
-        # An object in an array, or behind a pointer, has no name of its own.
-        others = {each.name for each in facts.objects("AccelStepper")} - {name}
-        if len(pins) == 1 and call.object not in others:
-            return {"enable": pins[0]}
+        ordered = facts.ordered_pins(call, 0)
+        if len(ordered) == 1 and call.object not in others:
+            return {"enable": ordered[0]}
     return _written_enable(facts)
 
 
@@ -79,10 +88,10 @@ def _written_enable(facts: SketchFacts) -> dict[str, int]:
 
 def _is_high(facts: SketchFacts, name: str) -> bool:
     """True if an object enables its driver by HIGH: it has an enable pin that is not inverted."""
-    if not any(call.object == name for call in facts.named("setEnablePin")):
+    if not any(facts.methods(name, "setEnablePin")):
         return False
-    inverted = (facts.spelled(call, 2) for call in facts.named("setPinsInverted") if call.object == name)
-    return not any(text in ("true", "1", "HIGH") for text in inverted)
+    calls = (call for call, _ in facts.methods(name, "setPinsInverted"))
+    return not any(facts.spelled(call, 2) in ("true", "1", "HIGH") for call in calls)
 
 
 def _pulsed(facts: SketchFacts, taken: set[int]) -> Iterator[DraftStepper]:
@@ -105,7 +114,8 @@ def _pulsed(facts: SketchFacts, taken: set[int]) -> Iterator[DraftStepper]:
     enable = _written_enable(facts)
     rest = [pin for pin in steps if pin not in taken and pin not in enable.values()]
     for step, way in _paired(rest, [pin for pin in ways if pin not in taken], steps, ways):
-        yield DraftStepper("step_dir", {"step": step, "dir": way} | enable)
+        ahead = forward_levels(facts, steps)
+        yield DraftStepper("step_dir", {"step": step, "dir": way} | enable, reversed=ahead.get(way) == 0.0)
 
 
 def _paired(

@@ -232,6 +232,12 @@ def _kind(facts: SketchFacts) -> BoardKind:
     is_mega = any(call.object in ("Serial1", "Serial2", "Serial3") for call in facts.calls)
     for call in facts.named(*WRITES, *PULSES, "digitalRead", "pinMode"):
         is_mega |= any(UNO.pins <= pin < BOARDS["mega"].pins for pin in facts.pins(call) or ())
+    for kind in ("AccelStepper", "Stepper", "LiquidCrystal"):
+        for call in facts.objects(kind):
+            # The first argument of a stepper is its kind, or its steps a turn.
+            first = 0 if kind == "LiquidCrystal" else 1
+            pins = (facts.pins(call, at) or () for at in range(first, len(call.arguments)))
+            is_mega |= any(UNO.pins <= pin < BOARDS["mega"].pins for each in pins for pin in each)
     duties = {pin for call in facts.named("analogWrite") for pin in facts.pins(call) or ()}
     return BOARDS["mega"] if is_mega or len(duties & (BOARDS["mega"].pwm - UNO.pwm)) > 1 else UNO
 
@@ -330,10 +336,11 @@ def _stepper_tables(board: BoardDraft, wheels: list[str]) -> Iterator[str]:
     for stepper in board.steppers:
         wheel = wheels.pop(0) if wheels else "left"
         pins = "\n".join(f"{name} = {_pin(board, pin)}" for name, pin in stepper.pins.items())
+        turned = f"reversed = true{_MARK}\n" if stepper.reversed else ""
         level = 'enable_on = "high"  # ? most drivers are on at LOW\n' if stepper.enable_high else ""
         yield (
             f'[[motors]]\nboard = "{board.name}"\ndriver = "{stepper.driver}"\n{pins}\n{level}'
-            f'wheel = "{wheel}"  # ? which wheel of [wheels] in settings.toml\n{_STEPS}\n'
+            f'wheel = "{wheel}"  # ? which wheel of [wheels] in settings.toml\n{_STEPS}\n{turned}'
         )
 
 
@@ -353,7 +360,7 @@ def _motor_tables(board: BoardDraft, wheels: list[str]) -> Iterator[str]:
     if board.loose:
         pins = ", ".join(_pin(board, pin) for pin in board.loose)
         yield f"# ? {board.name} has analogWrite on {pins} as well: a motor, or a lamp\n"
-    elif not board.motors and board.facts.named("analogWrite"):
+    elif not board.motors and any(board.facts.named("analogWrite")):
         yield f"# ? {board.name} has analogWrite on pins that were not found: add [[motors]] by hand\n"
 
 

@@ -13,6 +13,7 @@ from simmer_tui.links.backend import Message
 from simmer_tui.links.protocol.replies import ReplyForm, ReplyFormat
 from simmer_tui.run.events import CommandResult, Notice, ProgramEnded
 from simmer_tui.sim.command import parse_command
+from simmer_tui.sketch.checked_board import CheckedBoard
 from simmer_tui.sketch.compiler import find_compiler
 from tests.sketch.avr.cores import Stimuli, run_ours
 from tests.sketch.rovers import ENCODERS, ROVER, Boards, made_set
@@ -167,6 +168,14 @@ def test_accel_stepper_drives_to_its_targets(tmp_path: Path) -> None:
     by_hand = arcs(start.x, start.y, start.heading, (3.0, 3.0), (1.0, -1.0))
     assert (pose.x, pose.y) == pytest.approx(by_hand[:2], abs=1e-3)
     assert pose.heading == pytest.approx(by_hand[2], abs=1e-5)
+
+
+@pytest.mark.parametrize("name", ["accel_stepper", "step_pulses", "stepper_coils", "lcd_pid_line"])
+def test_what_boards_with_them_tell_is_taken_in_a_grading(name: str, tmp_path: Path) -> None:
+    boards = Boards(set_of(FORMS / name, tmp_path / "set"), start_board=CheckedBoard)
+    boards.run_to(1.0)
+    boards.close()
+    assert boards.robot.failed == ""
 
 
 DISPLAYS = """

@@ -16,6 +16,7 @@ from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim.specs import WheelLayout, WheelsSpec
 from simmer_tui.sketch.wiring import WiringParts, missing_sketches, read_wiring
 from simmer_tui.sketch.wiring_draft import draft
+from tests.sketch.running import FORMS
 from tests.sketch.test_sketch_check import EYES, ROVER
 
 
@@ -301,6 +302,26 @@ def test_steppers_are_read_off(tmp_path: Path, name: str) -> None:
 def test_an_enable_that_is_not_inverted_is_drafted_as_the_sketch_has_it(tmp_path: Path) -> None:
     text = "AccelStepper a(1, 2, 3);\nvoid setup() { a.setEnablePin(4); }"
     assert drafted(tmp_path, text)["motors"][0]["enable_on"] == "high"
+
+
+def test_objects_that_are_passed_to_a_function_have_their_enable_and_a_mega_its_pins(tmp_path: Path) -> None:
+    made = drafted(tmp_path, (FORMS / "accel_stepper" / "accel_stepper.ino").read_text("utf-8"))
+    rows = made["motors"]
+    assert [(row["step"], row["dir"], row["enable"]) for row in rows] == [(22, 24, 26), (28, 30, 32)]
+    assert [row.get("reversed", False) for row in rows] == [False, True]
+    assert not any("enable_on" in row for row in rows)
+    assert made["boards"]["sketch1"]["board"] == "mega"
+
+
+def test_a_direction_that_is_low_ahead_is_drafted_as_reversed(tmp_path: Path) -> None:
+    made = drafted(tmp_path, (FORMS / "step_pulses" / "step_pulses.ino").read_text("utf-8"))
+    assert [(row["step"], row["dir"], row["enable"]) for row in made["motors"]] == [(2, 5, 8), (3, 6, 8)]
+    assert [row.get("reversed", False) for row in made["motors"]] == [False, True]
+
+
+def test_a_sketch_without_duties_has_no_note_about_them(tmp_path: Path) -> None:
+    (tmp_path / "s.ino").write_text("void loop() { digitalWrite(5, HIGH); }\n", "utf-8")
+    assert "analogWrite" not in draft([tmp_path / "s.ino"], tmp_path, [], [])
 
 
 def test_the_pins_of_a_display_are_no_motors(tmp_path: Path) -> None:
