@@ -14,7 +14,7 @@ from simmer_tui.sim.arcs import Twist
 from simmer_tui.sim.specs import WheelsSpec
 from simmer_tui.sim.wheels import WheelKinematics
 from simmer_tui.sketch.parts import rim_speed
-from simmer_tui.sketch.sketch_scan import SketchFacts, SketchStep
+from simmer_tui.sketch.sketch_scan import Pins, SketchFacts, SketchStep
 from simmer_tui.sketch.wiring import MotorDriver, WiredMotor, WiredStepper, Wiring
 
 TURN_TIME = 0.2
@@ -159,13 +159,11 @@ def sketch_motions(
 
 def is_inverted(facts: SketchFacts, name: str) -> bool:
     """True if an object of AccelStepper has its direction inverted."""
-    calls = (
-        each
-        for each in facts.methods(name, "setPinsInverted")
-        if 0 < len(each[0].arguments) < _INVERTED_COILS
+    return any(
+        facts.values(call.arguments[0], call.function, 0, bound) == Pins({1})
+        for call, bound in facts.methods(name, "setPinsInverted")
+        if 0 < len(call.arguments) < _INVERTED_COILS
     )
-    given = (facts.values(call.arguments[0], call.function, 0, bound) for call, bound in calls)
-    return any(each == {1} for each in given)
 
 
 def _calls_of_steppers(
