@@ -127,7 +127,6 @@ _BOARDS = dict.fromkeys(
     f"{_NAMES}: most sketches run on one of them as they are",
 )
 _DRIVERS = {
-    "step_dir": "steppers are not there yet: describe the wheel as hbridge, or drive it by a dialect.toml",
     "servo360": "servos that turn all round are not there yet: describe the wheel as hbridge",
 }
 _LATER_PARTS = dict.fromkeys(
@@ -158,35 +157,62 @@ WIRE = (
     _key("to", ENDPOINT, 'pin that receives, with its board: "rover.0"'),
 )
 """The keys of [[wires]]: a wire from a pin that sends to one that receives, of another board."""
-_INPUTS = (
-    _pin("in1", "hbridge: input that is HIGH forward; pwm2: PWM forward"),
-    _pin("in2", "hbridge: input that is HIGH backward; pwm2: PWM backward"),
+_DUTY = (
+    _key("top_speed", NumberRule(0.1, 1000), "rim speed at full duty", "in/s"),
+    _key("dead_band", NumberRule(0, 0.95), "share of full duty that does not turn it", "", 0.1),
 )
-DRIVER_PINS: Mapping[str, tuple[Value, ...]] = {
+# Microsteps of a small wheel, 400 x 32 a turn of 2 in around, are 6,400.
+_STEPS = _key(
+    *("steps_per_inch", NumberRule(0.01, 100_000)),
+    "steppers: steps in an inch of the rim; with four wires full steps, of which a half step is half",
+    "1/in",
+)
+_COILS = tuple(
+    _pin(name, meaning)
+    for name, meaning in (
+        (
+            "in1",
+            "hbridge: HIGH forward; pwm2: PWM forward; stepper4: first end of coil A; uln2003",
+        ),
+        ("in2", "hbridge: HIGH backward; pwm2: PWM backward; stepper4: its other end; uln2003"),
+        ("in3", "stepper4: first end of coil B; uln2003"),
+        ("in4", "stepper4: its other end; uln2003"),
+    )
+)
+DRIVER_KEYS: Mapping[str, tuple[Value, ...]] = {
     "hbridge": (
-        *_INPUTS,
+        *_COILS[:2],
         _pin("en", "hbridge: enable input with the PWM; without it the jumper is on"),
+        *_DUTY,
     ),
     "shield": (
-        _pin("dir", "shield: direction, HIGH forward"),
+        _pin("dir", "shield, step_dir: direction, HIGH forward"),
         _pin("pwm", "shield: PWM"),
         _pin("brake", "shield: brake, HIGH stops"),
+        *_DUTY,
     ),
-    "pwm2": _INPUTS,
+    "pwm2": (*_COILS[:2], *_DUTY),
+    "step_dir": (
+        _pin("step", "step_dir: each rise is a step"),
+        _pin("dir", "shield, step_dir: direction, HIGH forward"),
+        _pin("enable", "step_dir: enable input; without it the driver is on"),
+        _key("enable_on", ChoiceRule(("low", "high")), "step_dir: level at which it is enabled", "", "low"),
+        _STEPS,
+    ),
+    "stepper4": (*_COILS, _STEPS),
+    "uln2003": (*_COILS, _STEPS),
 }
-"""The pins of a motor's driver, by its kind."""
-OPTIONAL_PINS = ("en", "brake", "b")
+"""The keys of a motor's driver, by its kind."""
+OPTIONAL_PINS = ("en", "brake", "enable", "b")
 """Pins that a driver or part may do without."""
 MOTOR = (
     _BOARD_KEY,
-    _key("driver", KindRule(tuple(DRIVER_PINS), refused=_DRIVERS), "kind of the motor's driver"),
+    _key("driver", KindRule(tuple(DRIVER_KEYS), refused=_DRIVERS), "kind of the motor's driver"),
     _key("wheel", TextRule(), "wheel of [wheels] in settings.toml that it turns, such as left"),
-    _key("top_speed", NumberRule(0.1, 1000), "rim speed at full duty", "in/s"),
-    _key("dead_band", NumberRule(0, 0.95), "share of full duty that does not turn it", "", 0.1),
-    _key("reversed", FlagRule(), "true if the motor's two wires are swapped", "", False),
+    _key("reversed", FlagRule(), "true if it turns the other way: two of its wires are swapped", "", False),
 )
-"""The keys of [[motors]], without the pins of their drivers."""
-MOTOR_OPTIONAL = ("dead_band", "reversed")
+"""The keys of [[motors]], without those of their drivers."""
+MOTOR_OPTIONAL = ("dead_band", "reversed", "enable_on")
 PART_KEYS: Mapping[str, tuple[Value, ...]] = {
     "hc-sr04": (
         _pin("trig", "hc-sr04: trigger pin"),
@@ -233,7 +259,7 @@ TABLES = ("boards", "laptop", "wires", "motors", "sensors", "servos")
 
 def all_keys(table: str) -> tuple[Value, ...]:
     """The keys of a table of motors or sensors, with those of every driver or part, each once."""
-    base, kinds = (MOTOR, DRIVER_PINS) if table == "motors" else (PART, PART_KEYS)
+    base, kinds = (MOTOR, DRIVER_KEYS) if table == "motors" else (PART, PART_KEYS)
     found = {value.name: value for value in base}
     for values in kinds.values():
         found |= {value.name: value for value in values if value.name not in found}

@@ -41,7 +41,7 @@ def _turns_wheels(configuration: Configuration) -> bool:
 
 def wiring_problems(wiring: Wiring, team: Configuration, course: Configuration) -> Iterator[Problem]:
     """All that makes the robot of a team's wiring another than the course's."""
-    if wiring.motors and not _turns_wheels(team):
+    if (wiring.motors or wiring.steppers) and not _turns_wheels(team):
         what = "boards turn the wheels by its row wheels, which must be there, and enabled"
         yield Problem(drive_csv.FILE, what)
     model = _reference(course)
@@ -49,7 +49,12 @@ def wiring_problems(wiring: Wiring, team: Configuration, course: Configuration) 
     for motor in wiring.motors:
         yield from _motor(motor, () if model is None else model.motors, fastest)
     if model is None:
+        has_ramp = any(each.start_lag or each.acceleration for each in course.simulation.drives)
+        for stepper in wiring.steppers if has_ramp else ():
+            what = f"a stepper has neither lag nor ramp, which the course's {drive_csv.FILE} has"
+            yield Problem(stepper.place, what)
         return
+    yield from _kinds_of_motors(wiring, model)
     encoders = [each for each in model.sensors if isinstance(each, WiredEncoder)]
     curves = [each.points for each in model.sensors if isinstance(each, WiredAnalog)]
     for sensor in wiring.sensors:
@@ -62,6 +67,24 @@ def wiring_problems(wiring: Wiring, team: Configuration, course: Configuration) 
                 yield Problem(sensor.place_of("edges_per_inch"), what)
         elif isinstance(sensor, WiredAnalog) and curves and sensor.points not in curves:
             yield Problem(sensor.place_of("points"), "its curve is not one of the course's")
+
+
+def _kinds_of_motors(wiring: Wiring, model: Wiring) -> Iterator[Problem]:
+    """Steppers where the course's robot has none, motors where it has one, and steps of another length."""
+    lengths = {each.wheel: each.steps_per_inch for each in model.steppers}
+    others = {each.wheel for each in model.motors}
+    for stepper in wiring.steppers:
+        if stepper.wheel in others or not lengths:
+            yield Problem(stepper.place, "the course's robot has no stepper there")
+            continue
+        # A wheel that the course has wired with nothing has steps as the others.
+        known = [lengths[stepper.wheel]] if stepper.wheel in lengths else list(lengths.values())
+        if all(abs(stepper.steps_per_inch - each) > _ROUNDING for each in known):
+            what = f"its {stepper.steps_per_inch:g} steps an inch are not the course's {known[0]:g}"
+            yield Problem(stepper.place_of("steps_per_inch"), what)
+    for motor in wiring.motors:
+        if motor.wheel in lengths:
+            yield Problem(motor.place, "the course's robot has a stepper there")
 
 
 def _motor(motor: WiredMotor, models: tuple[WiredMotor, ...], fastest: float) -> Iterator[Problem]:

@@ -11,8 +11,11 @@ from simmer_tui.robot.engine import Engine
 from simmer_tui.run.events import LegEnded, Notice, NoticeKind
 from simmer_tui.sim.legs import Leg
 from simmer_tui.sketch.board_process import BoardRecord, BoardWait, Waits
+from simmer_tui.sketch.boards import BoardKind
 from simmer_tui.sketch.lockstep import Board
 from simmer_tui.sketch.parts import SECOND
+from simmer_tui.sketch.steppers import IDLE
+from simmer_tui.sketch.wiring import WiredStepper
 
 # A long wait is rarely over a second, and a second has few legs.
 _KEPT_LEGS, _KEPT_BYTES = 100, 200
@@ -21,7 +24,12 @@ _TOLD_DISTANCE = 0.5
 """Inches that the robot has gone while a byte waited, from which it is told."""
 _TOLD_WAIT = 20_000_000
 """Nanoseconds of a wait at a contact from which it is told, as for those that the board tells itself."""
-_CALLS = {Waits.DELAY: "in delay()", Waits.PULSE: "in pulseIn()", Waits.READ: "in a read with a timeout"}
+_CALLS = {
+    Waits.DELAY: "in delay()",
+    Waits.PULSE: "in pulseIn()",
+    Waits.READ: "in a read with a timeout",
+    Waits.STEPS: "in a stepper's movement",
+}
 
 
 class BoardFacts:
@@ -96,6 +104,22 @@ class BoardFacts:
         self._edges[key] = lost + 1, edges, lines
         if is_told(lost + 1):
             self._tell_edges(key)
+
+    def missed_step(self, stepper: WiredStepper, kind: BoardKind, line: str, reason: str) -> None:
+        """Tell a step that moves nothing: its driver is not enabled, or the wheel cannot follow."""
+        key = (f"{reason} {stepper.label}", line)
+        if not self._is_due(*key):
+            return
+        count = self._counts[key]
+        steps = f"a step of {stepper.label}" if count == 1 else f"{count} steps of {stepper.label}"
+        where = f" at {line}" if line else ""
+        if reason == IDLE:
+            pin = kind.pin_name(stepper.pins["enable"])
+            now, wanted = ("LOW", "HIGH") if stepper.enable_high else ("HIGH", "LOW")
+            what = f"moved nothing{where}: its enable, pin {pin}, is {now}; the driver is on at {wanted}"
+        else:
+            what = f"{'was' if count == 1 else 'were'} lost{where}: faster than {stepper.top_speed:g} in/s"
+        self._tell(f"board {stepper.board}: {steps} {what}", line)
 
     def tell_totals(self) -> None:
         """Tell how many edges were lost in all, at the end of a run."""

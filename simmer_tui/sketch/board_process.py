@@ -95,6 +95,8 @@ class Told(IntEnum):
     LATE_BYTE = 10
     UNTIL = 11
     EDGES = 12
+    STEP = 13
+    TEXT = 14
 
 
 class Waits(IntEnum):
@@ -104,6 +106,7 @@ class Waits(IntEnum):
     DELAY = 1
     PULSE = 2
     READ = 3
+    STEPS = 4
 
 
 class BoardWait(NamedTuple):

@@ -20,6 +20,7 @@ class BoardView(Struct, frozen=True):
         led: True if the LED at pin 13 is on.
         line: the last line that it has sent to the laptop; empty if it has none.
         pins: the pins that its sketch has used.
+        displays: the rows of text on each of its displays.
         failed: why it has ended; empty while it runs.
     """
 
@@ -30,3 +31,4 @@ class BoardView(Struct, frozen=True):
     line: str
     pins: tuple[PinView, ...] = ()
     failed: str = ""
+    displays: tuple[tuple[str, ...], ...] = ()

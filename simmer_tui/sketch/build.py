@@ -25,6 +25,7 @@ from simmer_tui.sketch.preprocess import (
     includes,
     joined_source,
     own_c_names,
+    own_templates,
     sketch_text,
 )
 
@@ -302,13 +303,16 @@ def _compile(
     # Arduino's build names it so too. Debuggers take the name of the unit for that of its first file.
     main = f"{files[0].name}.cpp"
     beside = [each.path for each in sources if not _in_library(each)]
-    names = own_c_names([sketch_text(each) for each in (*files, *beside)])
-    (work / main).write_text(_with_names(joined_source(files, names), known, sources), encoding="utf-8")
+    texts = [sketch_text(each) for each in (*files, *beside)]
+    names, templates = own_c_names(texts), own_templates(texts)
+    joined = joined_source(files, names, templates)
+    (work / main).write_text(_with_names(joined, known, sources), encoding="utf-8")
     for each in sources:
         target = work / each.name
         target.parent.mkdir(parents=True, exist_ok=True)
         own = None if _in_library(each) else known
-        code = board_source(sketch_text(each.path), frozenset() if own is None else names)
+        code = sketch_text(each.path)
+        code = board_source(code) if own is None else board_source(code, names, templates)
         text = f'#line 1 "{each.name}"\n{_with_names(code, own, sources)}'
         if target.suffix in _COMPILED:
             text = f'#include "Arduino.h"\n{text}'

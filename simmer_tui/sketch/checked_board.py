@@ -15,6 +15,7 @@ from simmer_tui.sketch.board_process import NEVER, BoardProcess, BoardRecord, Qu
 from simmer_tui.sketch.boards import BOARDS
 from simmer_tui.sketch.parts import LARGEST_DUTY, SECOND
 from simmer_tui.sketch.sketch_lines import SketchLines
+from simmer_tui.sketch.text_display import DisplayChange
 
 _MOST_PINS = max(each.pins for each in BOARDS.values())
 _SHORTEST_BYTE = 4_000
@@ -24,6 +25,8 @@ _LONGEST_QUEUE = 10 * SECOND
 _LONGEST_PULSE = 3_000
 """Microseconds of a servo's pulse; Servo.h makes 2400 at most."""
 _FASTEST_BAUD = 2_000_000
+_SHORTEST_STEP = 8_000
+"""Nanoseconds between two steps at a pin: it falls and rises, each in a digitalWrite."""
 # Every call that stops a board costs microseconds of its clock: some hundred stops are the most.
 _MILLISECOND, _MOST_STOPS = 1_000_000, 10_000
 """Stops of a board's own in a millisecond of its clock."""
@@ -34,6 +37,7 @@ _HIGHEST: dict[int, tuple[int, int]] = {
     Told.BYTE: (0, 255),
     Told.BAUD: (1, _FASTEST_BAUD),
     Told.MODE: (0, 2),
+    Told.TEXT: (0, (DisplayChange.ON << 24) + 0xFFFFFF),
 }
 """The least and greatest value of a record, by its kind. Those of other kinds are addresses or counts."""
 _KINDS, _REASONS, _QUERIES, _WAITS = (frozenset(map(int, each)) for each in (Told, Reason, Query, Waits))
@@ -55,6 +59,8 @@ class CheckedBoard(BoardProcess):
         super().__init__(name, program, options, start, lines)
         self._sent: dict[int, int] = {}
         """Time of the last byte by the pin that sent it."""
+        self._stepped: dict[int, int] = {}
+        """Time of the last step by its pin."""
         self._since = self._stops = 0
 
     def receive(self) -> list[BoardRecord]:
@@ -97,6 +103,10 @@ class CheckedBoard(BoardProcess):
             self._sent[pin] = time
         elif time > self.now or (time < before and kind not in _SPANS and kind != Told.UNTIL):
             return "it told what was not then"
+        elif kind == Told.STEP:
+            if time < self._stepped.get(pin, -_SHORTEST_STEP) + _SHORTEST_STEP:
+                return "it stepped faster than a pin changes"
+            self._stepped[pin] = time
         return ""
 
     def _stands(self) -> str:

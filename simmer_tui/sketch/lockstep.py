@@ -9,7 +9,7 @@ from __future__ import annotations
 import time as real
 from bisect import bisect_left, insort
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from msgspec import Struct, field
 
@@ -26,6 +26,8 @@ from simmer_tui.sketch.board_process import (
 )
 from simmer_tui.sketch.parts import LARGEST_DUTY, SECOND, EncoderState
 from simmer_tui.sketch.shared_processor import SharedProcessor
+from simmer_tui.sketch.steppers import StepperState
+from simmer_tui.sketch.text_display import TextDisplay
 
 BOARD_SLICE = 20_000_000
 """Nanoseconds that a board runs at most at a time, so that a person's stop is not late."""
@@ -50,6 +52,8 @@ class PinState(Struct):
     level: float = 0.0
     servo: int = 0
     """Microseconds of a servo's pulse; 0 without a servo."""
+    steps: int = 0
+    """Steps of a stepper so far."""
 
 
 class Board(Struct, eq=False):
@@ -61,8 +65,10 @@ class Board(Struct, eq=False):
         sources: the boards whose bytes reach it.
         encoders: encoders at its pins.
         driving: its pins that drive motors or a servo.
+        steppers: steppers by the pins of theirs.
         events: what will reach it, by time: bytes, and echoes.
         pins: its pins that the sketch has used.
+        displays: its displays of text, by their numbers.
         baud: rates of its ports, by pin.
         records: what it has done, and what has not been done to the world yet.
         granted: its last horizon.
@@ -76,8 +82,10 @@ class Board(Struct, eq=False):
     sources: list[Board] = field(default_factory=list)
     encoders: list[EncoderState] = field(default_factory=list)
     driving: frozenset[int] = frozenset()
+    steppers: Mapping[int, Sequence[StepperState]] = {}
     events: list[BoardEvent] = field(default_factory=list)
     pins: dict[int, PinState] = field(default_factory=dict)
+    displays: dict[int, TextDisplay] = field(default_factory=dict)
     baud: dict[int, int] = field(default_factory=dict)
     records: list[BoardRecord] = field(default_factory=list)
     waited: deque[BoardWait] = field(default_factory=lambda: deque(maxlen=_KEPT_WAITS))
@@ -164,7 +172,7 @@ class Lockstep:
         """Bytes for the laptop: when they have arrived there, nanoseconds, and their value."""
         self.laptop_listens = False
         """True if `run` returns before the first byte for the laptop arrives."""
-        self._drivers = tuple(each for each in self.boards if each.driving)
+        self._drivers = tuple(each for each in self.boards if each.driving or each.steppers)
         self._has_begun = False
         self._processor = processor or SharedProcessor()
 
@@ -208,6 +216,7 @@ class Lockstep:
         """A board begins again at its clock, in another process."""
         board.records.clear()
         board.pins.clear()
+        board.displays.clear()
         board.baud.clear()
         board.waited.clear()
         board.granted, board.waits = board.process.now, False
@@ -258,9 +267,14 @@ class Lockstep:
             if record.kind == Told.EDGES and before is not None:
                 self._world.lost_edge(board, before, record.value)
                 continue
+            if record.kind == Told.TEXT:
+                board.displays.setdefault(record.pin, TextDisplay()).change(record.value)
+                continue
             state = board.pin(record.pin)
             kind = record.kind
-            if kind == Told.LEVEL:
+            if kind == Told.STEP:
+                state.steps += 1
+            elif kind == Told.LEVEL:
                 state.level = float(record.value)
             elif kind == Told.DUTY:
                 state.level = record.value / LARGEST_DUTY
@@ -335,6 +349,8 @@ class Lockstep:
             elif record.kind == Told.BAUD:
                 board.baud[record.pin] = record.value if record.value > 0 else _USUAL_BAUD
             else:
+                for stepper in board.steppers.get(record.pin, ()):
+                    stepper.add(record)
                 board.records.append(record)
                 board.waits = True
 

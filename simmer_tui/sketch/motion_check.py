@@ -5,7 +5,7 @@ sets all of them. A function `forward` that turns the robot has a motor with the
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 
 from msgspec import Struct
 
@@ -14,11 +14,19 @@ from simmer_tui.sim.arcs import Twist
 from simmer_tui.sim.specs import WheelsSpec
 from simmer_tui.sim.wheels import WheelKinematics
 from simmer_tui.sketch.parts import rim_speed
-from simmer_tui.sketch.sketch_scan import SketchFacts, SketchStep
-from simmer_tui.sketch.wiring import MotorDriver, WiredMotor, Wiring
+from simmer_tui.sketch.sketch_scan import Pins, SketchFacts, SketchStep
+from simmer_tui.sketch.wiring import MotorDriver, WiredMotor, WiredStepper, Wiring
 
 TURN_TIME = 0.2
 """Seconds for which each motor is turned."""
+_TRIED_STEPS = 100
+"""Steps by which each stepper is turned."""
+_STEPPING = ("move", "setSpeed", "step")
+"""Calls of a stepper's object whose sign is the direction."""
+_INVERTED_COILS = 5
+"""Arguments of setPinsInverted for four wires; with fewer the first one is that of the direction."""
+_NO_MOTIONS = ("setup", "loop", "")
+"""Functions whose names promise no motion."""
 _FORWARD: Mapping[MotorDriver, Mapping[str, float]] = {
     MotorDriver.HBRIDGE: {"en": 1.0, "in1": 1.0, "in2": 0.0},
     MotorDriver.SHIELD: {"dir": 1.0, "pwm": 1.0, "brake": 0.0},
@@ -54,29 +62,45 @@ def motor_lines(wiring: Wiring, wheels: WheelsSpec | None) -> Iterator[str]:
     if wheels is None:
         return
     kinematics = WheelKinematics.of(wheels)
+    lines: dict[str, str] = {}
     for motor in wiring.motors:
         speed = rim_speed(motor, _levels(motor, _FORWARD[motor.driver]).__getitem__)
-        speeds = [0.0] * len(kinematics.wheels)
-        speeds[motor.wheel_index] = speed
-        twist = kinematics.twist(speeds)
-        moved = f"{abs(twist.r) * TURN_TIME:.1f} deg in {TURN_TIME:g} s"
-        if abs(twist.r) < 1e-9:
-            moved = f"{twist.speed * TURN_TIME:.2f} in in {TURN_TIME:g} s"
+        twist = _alone(kinematics, motor.wheel_index, speed * TURN_TIME)
         pins = ", ".join(f"{name} {'HIGH' if _FORWARD[motor.driver][name] else 'LOW'}" for name in motor.pins)
-        yield f"{motor.label} {motor.wheel}: forward {_of_one(twist)} ({pins}; {moved})"
+        lines[motor.label] = f"{motor.wheel}: {_forward(twist)} ({pins}; {_size(twist)} in {TURN_TIME:g} s)"
+    for stepper in wiring.steppers:
+        inches = _TRIED_STEPS / stepper.steps_per_inch
+        twist = _alone(kinematics, stepper.wheel_index, -inches if stepper.reversed else inches)
+        pins = "dir HIGH" if "dir" in stepper.pins else "its coils in their order"
+        lines[stepper.label] = (
+            f"{stepper.wheel}: {_forward(twist)} ({pins}; {_size(twist)} in {_TRIED_STEPS} steps)"
+        )
+    yield from (f"{label} {lines[label]}" for label in sorted(lines))
 
 
-def _of_one(twist: Twist) -> str:
+def _alone(kinematics: WheelKinematics, wheel: int, inches: float) -> Twist:
+    """The motion of the robot by one wheel."""
+    return kinematics.twist([inches if index == wheel else 0.0 for index in range(len(kinematics.wheels))])
+
+
+def _size(twist: Twist) -> str:
+    return f"{twist.speed:.2f} in" if abs(twist.r) < 1e-9 else f"{abs(twist.r):.1f} deg"
+
+
+def _forward(twist: Twist) -> str:
     if abs(twist.r) < 1e-9:
-        return "moves the robot"
-    return f"turns the robot {'left' if twist.r > 0 else 'right'}"
+        return "forward moves the robot"
+    return f"forward turns the robot {'left' if twist.r > 0 else 'right'}"
 
 
-def levels_of_functions(facts: SketchFacts) -> Iterator[tuple[str, str, Mapping[int, float]]]:
-    """Functions that set pins to levels that are known: name, place of the first write, and levels by pin."""
+def levels_of_functions(
+    facts: SketchFacts, pulsed: Collection[int] = ()
+) -> Iterator[tuple[str, str, Mapping[int, float]]]:
+    """Functions that set pins to levels that are known: name, place of the first write, and levels by pin.
+    Those of `pulsed` pins, which are steps, do not count."""
     steps: dict[str, list[SketchStep]] = {}
     for step in facts.deep_steps():
-        if step is not None and step.root not in ("setup", "loop", ""):
+        if step is not None and step.root not in _NO_MOTIONS and step.pin not in pulsed:
             steps.setdefault(step.root, []).append(step)
     for function, found in steps.items():
         levels = _set_levels(found)
@@ -84,9 +108,9 @@ def levels_of_functions(facts: SketchFacts) -> Iterator[tuple[str, str, Mapping[
             yield function, found[0].spot, levels
 
 
-def forward_levels(facts: SketchFacts) -> Mapping[int, float]:
+def forward_levels(facts: SketchFacts, pulsed: Collection[int] = ()) -> Mapping[int, float]:
     """The levels that the sketch's own function for driving ahead sets, by its name; none without one."""
-    for function, _, levels in levels_of_functions(facts):
+    for function, _, levels in levels_of_functions(facts, pulsed):
         if _promised(function) == {_AHEAD}:
             return levels
     return {}
@@ -101,22 +125,73 @@ def sketch_motions(
     wiring: Wiring, wheels: WheelsSpec, facts: SketchFacts, board: str
 ) -> Iterator[SketchMotion]:
     """The motions of the functions of a board's sketch that set every motor of the robot."""
-    motors = wiring.motors
+    motors: tuple[WiredMotor | WiredStepper, ...] = (*wiring.motors, *wiring.steppers)
     if not motors or any(motor.board != board for motor in motors):
         return
     kinematics = WheelKinematics.of(wheels)
-    for function, spot, levels in levels_of_functions(facts):
-        if not all(_is_set(motor, levels) for motor in motors):
-            continue
+    pulsed = {each.pins["step"] for each in wiring.steppers if "step" in each.pins}
+    by_levels = {name: (spot, levels) for name, spot, levels in levels_of_functions(facts, pulsed)}
+    by_calls = _calls_of_steppers(facts, wiring.steppers)
+    for function in by_levels | by_calls:
+        spot, levels = by_levels.get(function, ("", {}))
+        call_spot, signs = by_calls.get(function, ("", {}))
         speeds = [0.0] * len(kinematics.wheels)
         backward = []
         for motor in motors:
-            given = {name: levels.get(pin, _UNSET.get(name, 0.0)) for name, pin in motor.pins.items()}
-            speeds[motor.wheel_index] = speed = rim_speed(motor, _levels(motor, given).__getitem__)
+            if isinstance(motor, WiredMotor):
+                if not _is_set(motor, levels):
+                    break
+                given = {name: levels.get(pin, _UNSET.get(name, 0.0)) for name, pin in motor.pins.items()}
+                speed = rim_speed(motor, _levels(motor, given).__getitem__)
+            else:
+                level = levels.get(motor.pins.get("dir", -1))
+                sign = signs.get(motor.label, 0.0 if level is None else 2.0 * level - 1.0)
+                if not sign:
+                    break
+                speed = -sign if motor.reversed else sign
+            speeds[motor.wheel_index] = speed
             backward += [motor.label] if speed < 0 else []
-        motion = _motion(kinematics, speeds)
-        if motion:
-            yield SketchMotion(function, spot, motion, tuple(backward))
+        else:
+            motion = _motion(kinematics, speeds)
+            if motion:
+                yield SketchMotion(function, spot or call_spot, motion, tuple(backward))
+
+
+def is_inverted(facts: SketchFacts, name: str) -> bool:
+    """True if an object of AccelStepper has its direction inverted."""
+    return any(
+        facts.values(call.arguments[0], call.function, 0, bound) == Pins({1})
+        for call, bound in facts.methods(name, "setPinsInverted")
+        if 0 < len(call.arguments) < _INVERTED_COILS
+    )
+
+
+def _calls_of_steppers(
+    facts: SketchFacts, steppers: Sequence[WiredStepper]
+) -> dict[str, tuple[str, dict[str, float]]]:
+    """Functions that let objects of AccelStepper or Stepper step: by name the place of the first call, and
+    the sign of the steps by the stepper's label, 0 for both."""
+    objects: dict[str, tuple[str, float]] = {}
+    for call in (*facts.objects("AccelStepper"), *facts.objects("Stepper")):
+        pins = [facts.pins(call, at) for at in range(1, 5)]
+        known = {next(iter(each)) for each in pins if each is not None and len(each) == 1}
+        for stepper in steppers:
+            moving = {pin for name, pin in stepper.pins.items() if name != "enable"}
+            if call.type and moving <= known:
+                objects[call.name] = stepper.label, -1.0 if is_inverted(facts, call.name) else 1.0
+    # Their speeds are turns a minute, without a direction.
+    turning = {call.name for call in facts.objects("Stepper")}
+    found: dict[str, tuple[str, dict[str, float]]] = {}
+    for call in facts.named(*_STEPPING):
+        if call.object not in objects or call.function in _NO_MOTIONS or not call.arguments:
+            continue
+        label, sign = objects[call.object]
+        if call.name == "setSpeed" and call.object in turning:
+            continue
+        _, signs = found.setdefault(call.function, (call.token.spot, {}))
+        sign = -sign if facts.spelled(call).startswith("-") else sign
+        signs[label] = sign if signs.get(label, sign) == sign else 0.0
+    return found
 
 
 class WrongMotion(Struct, frozen=True):

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_right
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from simmer_tui.sketch.c_names import C_NAMES
@@ -66,6 +66,15 @@ _NO_FUNCTIONS = frozenset(("if", "while", "for", "switch", "catch"))
 _NO_TYPES = frozenset(
     ("else", "return", "new", "struct", "class", "union", "enum", "namespace", "template", "do")
 )
+
+
+Templates = Mapping[str, tuple[int, ...]]
+"""Places of arguments that have one type, by the name of a function template."""
+_TEMPLATE = re.compile(
+    r"\btemplate\s*<(?P<types>[^<>;{}()]*)>[^;{}()]*?\b(?P<name>[A-Za-z_]\w*)\s*\((?P<arguments>[^(){};]*)\)"
+)
+_BEFORE_CALLS = frozenset(("return", "else", "do", "case", "and", "or", "not"))
+"""Words before the name of a function that is called."""
 
 
 def with_board_widths(source: str) -> str:
@@ -133,10 +142,73 @@ def _char_types_kept(source: str) -> str:
     return re.sub(r"\bint16_t(\s+)char\b", r"signed\1char", source)
 
 
-def board_source(source: str, own_names: frozenset[str] = frozenset()) -> str:
+def board_source(
+    source: str, own_names: frozenset[str] = frozenset(), templates: Templates | None = None
+) -> str:
     """A sketch's own source, with the board's number types, and with empty loops that take time. Its own
-    names of the C library are other ones (see own_c_names)."""
-    return _with_timed_loops(_char_types_kept(with_board_widths(_renamed(source, own_names))))
+    names of the C library are other ones (see own_c_names); calls of its templates have arguments of one
+    width. Without `templates` those of the source itself are meant."""
+    templates = own_templates([source]) if templates is None else templates
+    with_calls = _with_one_width(_renamed(source, own_names), templates)
+    return _with_timed_loops(_char_types_kept(with_board_widths(with_calls)))
+
+
+def own_templates(sources: Sequence[str]) -> Templates:
+    """The function templates of a sketch with several arguments of one type, by value: the places of these
+    arguments by the function's name. On the board `3` has the type of an `int` variable; here it has not."""
+    found: dict[str, tuple[int, ...]] = {}
+    for source in sources:
+        for match in _TEMPLATE.finditer(_plain_text(source)):
+            arguments = match["arguments"].split(",")
+            for kind in re.findall(r"\b(?:class|typename)\s+(\w+)", match["types"]):
+                by_value = re.compile(rf"\s*(?:const\s+)?{kind}(?:\s+const)?(?:\s+\w+)?\s*(?:=.*)?")
+                constant = re.compile(rf"\s*(?:const\s+{kind}|{kind}\s+const)\s*&\s*\w*\s*(?:=.*)?")
+                places = [
+                    place
+                    for place, each in enumerate(arguments)
+                    if by_value.fullmatch(each) or constant.fullmatch(each)
+                ]
+                if len(places) > 1:
+                    found[match["name"]] = tuple(places)
+    return found
+
+
+def _with_one_width(source: str, templates: Templates) -> str:
+    """The source with the arguments of these functions in `board_wide()`, which the core has."""
+    if not templates:
+        return source
+    plain = _plain_text(source)
+    heads = {match.start("name") for match in _TEMPLATE.finditer(plain)}
+    ends = _closing_places(plain)
+    added: list[tuple[int, str]] = []
+    for match in re.finditer(rf"(?<![\w.>:])({'|'.join(templates)})\s*(?=\()", plain):
+        before = re.search(r"(\w+)\s+$", plain[max(match.start() - 80, 0) : match.start()])
+        # A word before it is the type of another function of the same name.
+        is_call = before is None or before[1] in _BEFORE_CALLS
+        end = ends.get(match.end())
+        if match.start() in heads or not is_call or end is None:
+            continue
+        for place, (first, last) in enumerate(_argument_places(plain, match.end() + 1, end)):
+            if place in templates[match[1]] and first < last and plain[first] != "{":
+                added += [(first, "board_wide("), (last, ")")]
+    made: list[str] = []
+    done = 0
+    for place, text in sorted(added):
+        made += [source[done:place], text]
+        done = place
+    return "".join((*made, source[done:]))
+
+
+def _argument_places(plain: str, begin: int, end: int) -> Iterator[tuple[int, int]]:
+    """The beginning and end of each argument between two places, without blanks around it."""
+    depth, first = 0, begin
+    for at in range(begin, end + 1):
+        sign = plain[at]
+        if at == end or (sign == "," and depth == 0):
+            text = plain[first:at]
+            yield first + len(text) - len(text.lstrip()), at - len(text) + len(text.rstrip())
+            first = at + 1
+        depth += (sign in "([{") - (sign in ")]}")
 
 
 def own_c_names(sources: Sequence[str]) -> frozenset[str]:
@@ -225,8 +297,9 @@ def _closing_places(flat: str) -> dict[int, int]:
     return found
 
 
-def prototypes(source: str) -> tuple[list[str], list[int]]:
-    """Prototypes of a source's global functions, and the places at which all of them go.
+def prototypes(source: str) -> tuple[list[str], list[int], list[tuple[int, int]]]:
+    """Prototypes of a source's global functions, the places at which all of them go, and the beginnings and
+    ends of default arguments, which the prototypes have instead.
 
     They go before the first function. A function in an `#if` has its prototype in the same `#if`; as the
     compiler may skip it, the prototypes go before later functions too, up to the first without a condition.
@@ -235,6 +308,7 @@ def prototypes(source: str) -> tuple[list[str], list[int]]:
     flat = _global_text(plain)
     conditions = _conditions(plain)
     found: list[str] = []
+    defaults: list[tuple[int, int]] = []
     declared: set[str] = set()
     places: dict[tuple[str, ...], int] = {}
     end = 0
@@ -248,7 +322,7 @@ def prototypes(source: str) -> tuple[list[str], list[int]]:
             continue
         if sign == ";":
             if _DECLARED.match(text):
-                declared.add(text.replace(" (", "("))
+                declared.add(_without_defaults(text.replace(" (", "(")))
             continue
         match = _FUNCTION.search(text)
         if match is None or text.startswith("template") or '"C"' in source[begin:end]:
@@ -263,13 +337,23 @@ def prototypes(source: str) -> tuple[list[str], list[int]]:
         # After an attribute its type would lack the words before it.
         if match.start() and re.search(r"\bstatic\b", text[: match.start()]):
             continue
-        # One with default arguments stays as it is defined: a second default is an error.
-        if "=" in arguments or "::" in kind:
+        if "::" in kind:
             continue
+        opened, closed = flat.rindex("(", begin, end) + 1, flat.rindex(")", begin, end)
+        if _without_defaults(f"{kind} {name}({arguments})") in declared:
+            continue
+        if "=" in arguments:
+            # A default stands once: in the prototype, with the texts that it may have.
+            arguments = source[opened:closed].strip()
+            given = re.finditer(r"=[^,]*", flat[opened:closed])
+            defaults += [(opened + each.start(), opened + each.end()) for each in given]
         made = f"{kind} {name}({arguments})"
-        if made not in declared:
-            found.append("\n".join((*inside, f"{made};", *("#endif" for line in inside if _opens(line)))))
-    return found, list(places.values())
+        found.append("\n".join((*inside, f"{made};", *("#endif" for line in inside if _opens(line)))))
+    return found, list(places.values()), defaults
+
+
+def _without_defaults(declaration: str) -> str:
+    return re.sub(r" ?=[^,)]*", "", declaration)
 
 
 def _conditions(plain: str) -> list[tuple[int, tuple[str, ...]]]:
@@ -325,11 +409,20 @@ def sketch_text(path: Path) -> str:
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
-def joined_source(files: Sequence[Path], own_names: frozenset[str] = frozenset()) -> str:
+def joined_source(
+    files: Sequence[Path], own_names: frozenset[str] = frozenset(), templates: Templates | None = None
+) -> str:
     """One C++ source of a sketch's .ino files."""
-    parts = [f'#line 1 "{each.name}"\n{board_source(sketch_text(each), own_names)}\n' for each in files]
+    texts = [sketch_text(each) for each in files]
+    templates = own_templates(texts) if templates is None else templates
+    parts = [
+        f'#line 1 "{each.name}"\n{board_source(text, own_names, templates)}\n'
+        for each, text in zip(files, texts, strict=True)
+    ]
     whole = "".join(parts)
-    found, places = prototypes(whole)
+    found, places, defaults = prototypes(whole)
+    for begin, end in defaults:
+        whole = f"{whole[:begin]}{_blank(whole[begin:end])}{whole[end:]}"
     listed = "\n".join(found)
     made = ['#include "Arduino.h"\n']
     done = 0

@@ -19,6 +19,7 @@ from simmer_tui.sim.specs import VelocityKind
 from simmer_tui.sim.wheels import WheelKinematics
 from simmer_tui.sketch.board_process import NEVER
 from simmer_tui.sketch.parts import SECOND, EncoderState
+from simmer_tui.sketch.steppers import StepperState
 
 # A line sensor is read thousands of times a second: all of that would be most of the log. Real errors last
 # too, those of light, of surfaces, of a motor's noise.
@@ -29,7 +30,16 @@ READING_PERIOD = SECOND // 50
 class RobotWorld:
     """The simulated robot with its wheels and sensors. Only for the robot's thread."""
 
-    def __init__(self, engine: Engine, session: Session, encoders: Sequence[EncoderState]) -> None:
+    def __init__(
+        self,
+        engine: Engine,
+        session: Session,
+        encoders: Sequence[EncoderState],
+        steppers: Sequence[StepperState] = (),
+        stepped_at: Callable[[StepperState], str] = lambda stepper: "",
+    ) -> None:
+        """`stepped_at` is called for the place in the sketch that made a stepper's last step."""
+        self._steppers, self._stepped_at = tuple(steppers), stepped_at
         self._engine = engine
         self._simulator = engine.simulator
         self._session = session
@@ -39,6 +49,8 @@ class RobotWorld:
         self._wheels_code = next(
             (each.code for each in spec.velocities if each.kind is VelocityKind.WHEELS and each.enabled), ""
         )
+        self._by_duty: Mapping[int, float] = {}
+        """Rim speeds of the wheels that turn by duties, by the wheel's index."""
         self._speeds: tuple[float, ...] = ()
         self._source = BOARD_SOURCE
         self._waiting: tuple[float, ...] | None = None
@@ -53,13 +65,21 @@ class RobotWorld:
     def restart(self) -> None:
         """Everything as at time 0."""
         self.time, self._leg, self._due = 0, None, math.inf
-        self._speeds, self._waiting = (), None
+        self._by_duty, self._speeds, self._waiting = {}, (), None
         self._last.clear()
+        for each in self._steppers:
+            each.restart()
 
     @property
     def next_change(self) -> int:
         """The time of the next change of the wheels' speed that is known."""
-        return math.ceil(self._due * SECOND) if self._due < math.inf else NEVER
+        due = math.ceil(self._due * SECOND) if self._due < math.inf else NEVER
+        return min(due, self._next_step)
+
+    @property
+    def _next_step(self) -> int:
+        """The time of the next change of a stepper that is known."""
+        return min([each.due for each in self._steppers]) if self._steppers else NEVER
 
     def look_again(self) -> None:
         """Plan again after a person has changed something."""
@@ -79,6 +99,16 @@ class RobotWorld:
 
     def advance(self, time: int) -> None:
         """Let the world go on to a time."""
+        while (step := self._next_step) <= time:
+            self._advance_motion(step)
+            for each in self._steppers:
+                if each.due == step:
+                    each.happen()
+                    self._set(lambda each=each: self._stepped_at(each))  # type: ignore[misc]
+        self._advance_motion(time)
+
+    def _advance_motion(self, time: int) -> None:
+        """Let the motion in force go on to a time."""
         if time <= self.time:
             return
         target = time / SECOND
@@ -105,11 +135,19 @@ class RobotWorld:
     def set_speeds(self, speeds: Mapping[int, float], where: Callable[[], str] = str) -> bool:
         """The wheels' rim speeds from now on, by the wheel's index; wheels without a motor stand.
 
-        `where` is called for the place in the sketch. Returns True if the speeds are others than before.
+        Those of steppers are their own. `where` is called for the place in the sketch. Returns True if the
+        speeds are others than before.
         """
+        self._by_duty = speeds
+        return self._set(where)
+
+    def _set(self, where: Callable[[], str]) -> bool:
+        """Set the rim speeds that duties and steps ask for now, at `where` in the sketch. Returns True if
+        they are others than before."""
         if self._kinematics is None or not self._wheels_code:
             return False
-        asked = tuple(speeds.get(index, 0.0) for index in range(len(self._kinematics.wheels)))
+        asked_by = {**self._by_duty, **{each.wired.wheel_index: each.speed for each in self._steppers}}
+        asked = tuple(asked_by.get(index, 0.0) for index in range(len(self._kinematics.wheels)))
         if asked == (self._speeds or (0.0,) * len(asked)):
             return False
         self._speeds = asked
@@ -120,6 +158,11 @@ class RobotWorld:
         else:
             self._drive(asked)
         return True
+
+    def cut_power(self) -> None:
+        """Nothing moves until a duty changes, or a step comes."""
+        for each in self._steppers:
+            each.cut(self.time)
 
     def drive_again(self) -> None:
         """Set the rim speeds again, after the robot was put elsewhere."""

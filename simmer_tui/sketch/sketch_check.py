@@ -17,6 +17,7 @@ from simmer_tui.sketch.wiring import (
     SketchBoard,
     WiredMotor,
     WiredSonar,
+    WiredStepper,
     Wiring,
     WiringRow,
 )
@@ -24,6 +25,8 @@ from simmer_tui.sketch.wiring import (
 _READERS = ("digitalRead", "analogRead", *PULSES)
 _MODES = ("pinMode", "digitalPinToInterrupt", "attachInterrupt", "detachInterrupt")
 """Calls that neither write nor read a pin; interrupts are found by their own list."""
+_LINE_ENDS = ("rx", "tx", "from", "to")
+"""Names of the uses of pins by serial lines."""
 _DUTY_PINS = {MotorDriver.HBRIDGE: ("en",), MotorDriver.SHIELD: ("pwm",), MotorDriver.PWM2: ("in1", "in2")}
 """The pins of a driver that get its duty."""
 
@@ -50,6 +53,7 @@ def sketch_problems(
         uses = [use for use in wiring.pin_uses() if use.board == name]
         problems += _unused_pins(board, found, uses)
         problems += _no_outputs(found, uses)
+        problems += _claimed_pins(found, uses)
         problems += _interrupts(found)
         problems += _deaf_ports(found)
         for sensor in wiring.sensors:
@@ -58,6 +62,9 @@ def sketch_problems(
         for motor in wiring.motors:
             if motor.board == name:
                 problems += _motor_duty(found, motor)
+        for stepper in wiring.steppers:
+            if stepper.board == name:
+                problems += _stepper(found, stepper)
     problems += _lines(wiring, facts)
     problems += wrong_motions(wiring, wheels, facts)
     return problems
@@ -105,7 +112,7 @@ def _unused_pins(board: SketchBoard, facts: SketchFacts, uses: Iterable[PinUse])
     written, read = _touched(facts, writes=True), _touched(facts, writes=False)
     ports = facts.ports()
     for use in uses:
-        if use.name in ("rx", "tx", "from", "to"):
+        if use.name in _LINE_ENDS:
             continue  # serial lines have messages of their own
         pins = written if use.writes else read
         if pins is None or use.pin in pins:
@@ -116,6 +123,24 @@ def _unused_pins(board: SketchBoard, facts: SketchFacts, uses: Iterable[PinUse])
         if any(use.pin in (port.rx or ()) or use.pin in (port.tx or ()) for port in ports):
             what += "; it is a pin of a serial port there"
         yield Problem(use.place, f"{what}; look at its pin numbers")
+
+
+def _claimed_pins(facts: SketchFacts, uses: Iterable[PinUse]) -> Iterator[Problem]:
+    """Pins of parts that the sketch has given to a serial port or a display too."""
+    claims: dict[int, str] = {}
+    for port in facts.ports():
+        for name, pins in (("rx", port.rx), ("tx", port.tx)):
+            if pins is not None and len(pins) == 1:
+                claims.setdefault(next(iter(pins)), f"{name} of {port.name} too ({port.spot})")
+    for call in facts.objects("LiquidCrystal"):
+        for at in range(len(call.arguments)):
+            pins = facts.pins(call, at)
+            if pins is not None and len(pins) == 1:
+                claims.setdefault(next(iter(pins)), f"the display's too ({call.token.spot})")
+    for use in uses:
+        if use.name not in _LINE_ENDS and use.pin in claims:
+            what = f"pin {facts.kind.pin_name(use.pin)} is {claims[use.pin]}"
+            yield Problem(use.place, f"{what}; give each its own pin")
 
 
 def _no_outputs(facts: SketchFacts, uses: Iterable[PinUse]) -> Iterator[Problem]:
@@ -226,6 +251,24 @@ def _motor_duty(facts: SketchFacts, motor: WiredMotor) -> Iterator[Problem]:
     if no_speed and not unknown and not is_switched:
         what = "no analogWrite of the sketch is on a pin of this motor: it has full speed or none"
         yield Problem(motor.place, f"{what} ({facts.file})")
+
+
+def _stepper(facts: SketchFacts, stepper: WiredStepper) -> Iterator[Problem]:
+    """Step and direction that are swapped, and steps by a call that makes none here."""
+    step, way = stepper.pins.get("step"), stepper.pins.get("dir")
+    if step is None or way is None:
+        return
+    shown = facts.kind.pin_name(step)
+    for call in facts.objects("AccelStepper"):
+        if facts.pins(call, 1) == Pins({way}) and facts.pins(call, 2) == Pins({step}):
+            what = f"step {shown} and dir {facts.kind.pin_name(way)} are the other way round in the sketch"
+            yield Problem(stepper.place, f"{what} (AccelStepper at {call.token.spot})")
+            return
+    for call in facts.named("tone", "analogWrite"):
+        if facts.pins(call) == Pins({step}):
+            what = f"{call.name} at {call.token.spot} makes no steps here on pin {shown}"
+            yield Problem(stepper.place_of("step"), f"{what}: write it HIGH and LOW, or use AccelStepper")
+            return
 
 
 # -- serial lines ----------------------------------------------------------------------------------

@@ -13,6 +13,7 @@ from msgspec.structs import replace
 
 from simmer_tui.config.dialects import TEAM
 from simmer_tui.config.loader import Configuration
+from simmer_tui.config.set_sketches import WIRING_FILE
 from simmer_tui.config.settings import BITS_OF_A_BYTE
 from simmer_tui.errors import BoardError
 from simmer_tui.links.backend import Message
@@ -58,12 +59,15 @@ from simmer_tui.sketch.robot_world import RobotWorld
 from simmer_tui.sketch.shared_processor import SharedProcessor
 from simmer_tui.sketch.sketch_check import facts_of
 from simmer_tui.sketch.sketch_scan import SketchFacts
+from simmer_tui.sketch.steppers import StepperState
 from simmer_tui.sketch.wiring import (
     WiredAnalog,
     WiredEncoder,
     WiredLineSensor,
     WiredSonar,
     Wiring,
+    WiringParts,
+    read_wiring,
 )
 
 _LED = 13
@@ -120,6 +124,13 @@ def compile_set(wiring: Wiring, directory: Path) -> SketchSet:
 def with_boards(configuration: Configuration) -> Configuration:
     """The configuration of a run with boards: motion is timed, and a velocity lasts as the pins do."""
     listeners = tuple(each for each in configuration.settings.server.listeners if each != TEAM)
+    simulation = configuration.simulation
+    text = configuration.files.get(WIRING_FILE, "")
+    wiring = read_wiring(text, WiringParts(simulation.sensors, simulation.wheels), [])
+    if wiring is not None and wiring.steppers:
+        # A stepper has the lag and the ramp of its steps.
+        drives = (replace(each, start_lag=0.0, acceleration=0.0) for each in simulation.drives)
+        configuration = replace(configuration, simulation=replace(simulation, drives=tuple(drives)))
     made = configuration.with_settings(
         {
             "motion.motion": "timed",
@@ -204,7 +215,12 @@ class SketchRobot(LockstepWorld):
             for each in sketches.wiring.sensors
             if isinstance(each, WiredEncoder)
         }
-        self._world = RobotWorld(engine, self._session, list(self._encoders.values()))
+        self._steppers = [StepperState(each) for each in sketches.wiring.steppers]
+        for stepper in self._steppers:
+            stepper.on_missed = self._tell_missed
+        self._world = RobotWorld(
+            engine, self._session, list(self._encoders.values()), self._steppers, self._stepped_at
+        )
         self._asked: dict[tuple[str, int, int], list[WiredSonar | WiredAnalog | WiredLineSensor]] = {}
         """Sensors by the question that asks for them: board, query and pin."""
         for each in sketches.wiring.sensors:
@@ -248,15 +264,28 @@ class SketchRobot(LockstepWorld):
         sensors = [each for each in wiring.sensors if each.board == name]
         triggers = {each.trig for each in sensors if isinstance(each, WiredSonar)}
         asked = {each.pin for each in sensors if isinstance(each, WiredLineSensor)}
+        steppers: dict[int, list[StepperState]] = {}
+        for state in self._steppers:
+            for pin in set(state.wired.pins.values()) if state.wired.board == name else ():
+                steppers.setdefault(pin, []).append(state)
+        steps = {pin for pin, states in steppers.items() if any(pin == each.step_pin for each in states)}
+        encoders = [self._encoders[each.label] for each in sensors if isinstance(each, WiredEncoder)]
+        # Edges are passed on up to the next change of speed: a step may be one.
+        telling = driving | {*steppers} if encoders else driving
         options: list[str] = []
-        for option, pins in (("--drives", driving), ("--triggers", triggers), ("--asked", asked)):
+        for option, pins in (
+            ("--drives", telling),
+            ("--triggers", triggers),
+            ("--asked", asked),
+            ("--steps", steps),
+        ):
             if pins:
                 options += [option, ",".join(map(str, sorted(pins)))]
         self._options[name] = options
         process = self._start_board(name, self._set.built[name].program, options)
         board = Board(name, process, BITS_OF_A_BYTE * SECOND // self._set.bauds[name])
         board.driving = frozenset(driving)
-        board.encoders = [self._encoders[each.label] for each in sensors if isinstance(each, WiredEncoder)]
+        board.encoders, board.steppers = encoders, steppers
         self._set_levels(board)
         return board
 
@@ -361,8 +390,11 @@ class SketchRobot(LockstepWorld):
             self._facts.leg_ended(event, self.boards.values())
         elif isinstance(event, ProgramEnded) or (isinstance(event, MissionEvent) and event.over):
             self._facts.tell_totals()
+            self._tell_displays()
         if not isinstance(event, ActionDone) or event.refused:
             return
+        if event.action.name is ActionName.STOP:
+            self._world.cut_power()
         self._world.look_again()
         if event.restarts:
             self.close()
@@ -413,14 +445,41 @@ class SketchRobot(LockstepWorld):
             return f"{board.name} at {line}" if line else ""
 
         if self._world.set_speeds(speeds, where):
-            for wrong in self._wrong[:]:
-                if line in wrong.spots:
-                    self._wrong.remove(wrong)
-                    text = f"board {board.name}: {wrong.text}, at {line}"
-                    self.engine.tell(Notice(NoticeKind.BOARD, text, wrong.spot))
+            self._tell_wrong(board, line)
         for servo in wiring.servos:
             if servo.board == board.name and servo.pin in pins:
                 self._move_servo(board.pin(servo.pin).servo, servo.open, servo.closed)
+
+    def _tell_displays(self) -> None:
+        """Tell the text on the displays, at the end of a run."""
+        for board in self.boards.values():
+            for _, display in sorted(board.displays.items()):
+                text = " / ".join(filter(None, map(str.strip, display.rows)))
+                if text:
+                    self.engine.tell(
+                        Notice(NoticeKind.BOARD, f"board {board.name}: its display shows {text}")
+                    )
+
+    def _tell_wrong(self, board: Board, line: str) -> None:
+        """Tell a function that moves the robot otherwise than it is named, if a line is one of its writes."""
+        for wrong in self._wrong[:]:
+            if line in wrong.spots:
+                self._wrong.remove(wrong)
+                text = f"board {board.name}: {wrong.text}, at {line}"
+                self.engine.tell(Notice(NoticeKind.BOARD, text, wrong.spot))
+
+    def _stepped_at(self, stepper: StepperState) -> str:
+        """The place of a stepper's last step in its sketch: a step has changed the speed."""
+        board = self.boards[stepper.wired.board]
+        line = board.process.line_of(stepper.place)
+        self._tell_wrong(board, line)
+        return f"{board.name} at {line}" if line else ""
+
+    def _tell_missed(self, stepper: StepperState, reason: str) -> None:
+        """Tell the first step that moves nothing, the tenth, the hundredth ..."""
+        wired = stepper.wired
+        line = self.boards[wired.board].process.line_of(stepper.place)
+        self._facts.missed_step(wired, self._set.wiring.boards[wired.board].kind, line, reason)
 
     def _move_servo(self, width: int, opened: float | None, closed: float | None) -> None:
         """The gripper's servo has got another pulse: its jaws are on the side of the nearer angle."""
@@ -517,7 +576,10 @@ class SketchRobot(LockstepWorld):
             PinView(kind.pin_name(number), _pin_text(state)) for number, state in sorted(board.pins.items())
         )
         led = board.level(_LED) > 0.0
-        return BoardView(name, board.now / SECOND, max(busy, 0.0), led, said.strip(), pins, self.failed)
+        displays = tuple(each.rows for _, each in sorted(board.displays.items()))
+        return BoardView(
+            name, board.now / SECOND, max(busy, 0.0), led, said.strip(), pins, self.failed, displays
+        )
 
     # -- commands of others ----------------------------------------------------------------------------
 
@@ -530,6 +592,7 @@ class SketchRobot(LockstepWorld):
         if command.stops:
             engine.now()
             done = engine.halt(command)
+            self._world.cut_power()
             self._world.look_again()
             return done
         simulator = engine.simulator
@@ -567,6 +630,8 @@ def _pin_text(state: PinState) -> str:
     """The use of a pin by its sketch, in words."""
     if state.servo:
         return f"servo, {state.servo} us"
+    if state.steps:
+        return f"output, {state.steps:,} steps"
     if state.mode != 1:
         return _MODES.get(state.mode, "input")
     return f"output, {'high' if state.level == 1.0 else f'{state.level:.0%}' if state.level else 'low'}"

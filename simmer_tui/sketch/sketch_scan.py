@@ -270,6 +270,47 @@ class SketchFacts:
             return rows
         return tuple(rows[each] for each in sorted(found))
 
+    def methods(self, name: str, *called: str) -> Iterator[tuple[SketchCall, Bindings | None]]:
+        """The calls of methods of an object by its name; those of a function that it is passed to with the
+        values of its parameters there."""
+        for call in self.named(*called):
+            names = self._parameters.get(call.function, ())
+            if call.object == name:
+                yield call, None
+            elif call.object in names:
+                at = names.index(call.object)
+                for caller in self._callers[call.function]:
+                    if self.spelled(caller, at) in (name, f"&{name}"):
+                        yield call, self.bindings(caller, None)
+
+    def ordered_pins(self, call: SketchCall, index: int, depth: int = 0) -> list[int]:
+        """The pins that an argument of a call can be, each once: elements of an array in their order, and
+        those of a parameter in the order of the calls. One that is unknown is missing."""
+        if index >= len(call.arguments) or depth > _DEEPEST:
+            return []
+        argument = call.arguments[index]
+        name = argument[0].text
+        names = self._parameters.get(call.function, ())
+        found: list[int] = []
+        if len(argument) == 1 and name in names:
+            for caller in self._callers[call.function]:
+                found += self.ordered_pins(caller, names.index(name), depth + 1)
+        elif (
+            len(argument) > 1
+            and argument[1].text == "["
+            and name in self._arrays
+            and self._steps < _MOST_STEPS
+        ):
+            items = [item for row in self._arrays[name] for item in row]
+            meant = self.values(argument, call.function) or Pins()
+            for each in items:
+                values = self.values(each) or Pins()
+                found += values if len(values) == 1 and values <= meant else ()
+        else:
+            values = self.values(argument, call.function) or Pins()
+            found += values if len(values) == 1 else ()
+        return list(dict.fromkeys(found))
+
     def spelled(self, call: SketchCall, index: int = 0) -> str:
         """The text of an argument, as its author wrote it."""
         return "".join(token.text for token in call.arguments[index]) if index < len(call.arguments) else ""

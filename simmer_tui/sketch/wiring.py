@@ -107,6 +107,40 @@ class WiredMotor(WiringRow, frozen=True, kw_only=True):
     reversed: bool
 
 
+class StepperDriver(StrEnum):
+    """Kinds of stepper drivers: the meaning of their pins."""
+
+    STEP_DIR = "step_dir"
+    """Each rise of step is a step, dir gives the direction, enable its power."""
+    STEPPER4 = "stepper4"
+    """Two coils on H-bridges: in1 and in2 are the ends of one, in3 and in4 those of the other."""
+    ULN2003 = "uln2003"
+    """Four half coils in the order in which they turn it: in1 and in3, in2 and in4 face each other."""
+
+
+_STEPPERS = frozenset(map(str, StepperDriver))
+
+
+class WiredStepper(WiringRow, frozen=True, kw_only=True):
+    """A stepper with its driver. `pins` has the pin of each input by name; an enable that is not wired is
+    missing.
+
+    `wheel_index` is the wheel's place among `ww`'s values. The rim goes an inch in `steps_per_inch` steps,
+    with four wires full ones, and at most `top_speed`, in/s, that of the wheels. `enable_high` is True if
+    the driver is enabled by HIGH. `reversed` steppers turn the other way.
+    """
+
+    board: str
+    driver: StepperDriver
+    pins: Mapping[str, int]
+    wheel: str
+    wheel_index: int
+    steps_per_inch: float
+    top_speed: float
+    enable_high: bool
+    reversed: bool
+
+
 class WiredSonar(WiringRow, frozen=True, kw_only=True):
     """An HC-SR04 at two pins, or at one for both."""
 
@@ -177,6 +211,7 @@ class Wiring(Struct, frozen=True, kw_only=True):
     laptop: LaptopLine | None
     wires: tuple[BoardWire, ...]
     motors: tuple[WiredMotor, ...]
+    steppers: tuple[WiredStepper, ...]
     sensors: tuple[WiredSensor, ...]
     servos: tuple[WiredServo, ...]
 
@@ -188,7 +223,8 @@ class Wiring(Struct, frozen=True, kw_only=True):
         for wire in self.wires:
             yield _use(wire, wire.from_board, wire.tx, "from", writes=True)
             yield _use(wire, wire.to_board, wire.rx, "to")
-        for motor in self.motors:
+        motors: tuple[WiredMotor | WiredStepper, ...] = (*self.motors, *self.steppers)
+        for motor in motors:
             for name, pin in motor.pins.items():
                 yield _use(motor, motor.board, pin, name, writes=True)
         for each in self.sensors:
@@ -208,7 +244,7 @@ def wiring_lines(wiring: Wiring) -> Iterator[str]:
     uses: dict[str, list[PinUse]] = {}
     for use in wiring.pin_uses():
         uses.setdefault(use.label, []).append(use)
-    parts = {row.label: row for row in (*wiring.motors, *wiring.sensors, *wiring.servos)}
+    parts = {row.label: row for row in (*wiring.motors, *wiring.steppers, *wiring.sensors, *wiring.servos)}
     for label, found in uses.items():
         pins = ", ".join(
             f"{use.name} {use.board}.{wiring.boards[use.board].kind.pin_name(use.pin)}" for use in found
@@ -277,9 +313,9 @@ def missing_sketches(wiring: Wiring, directory: Path) -> Iterator[Problem]:
             yield Problem(place, f'"{cut(board.sketch)}" cannot be a path')
 
 
-# Inputs of several parts at one output: enables and brakes of both channels, the trigger of several sonars,
-# and a line that goes on to a second listener.
-_SHARED = ({"en"}, {"brake"}, {"trig"}, {"tx", "from"})
+# Inputs of several parts at one output: enables, brakes and steps of both motors, the trigger of several
+# sonars, and a line that goes on to a second listener.
+_SHARED = ({"en"}, {"brake"}, {"enable"}, {"dir"}, {"step"}, {"trig"}, {"tx", "from"})
 
 
 def pins_used_twice(wiring: Wiring) -> Iterator[Problem]:
@@ -304,6 +340,7 @@ class _WiringReader:
         self._file, self._problems = file, problems
         self._sensors = {each.code: each for each in parts.sensors}
         self._wheels = WHEEL_NAMES[parts.wheels.layout] if parts.wheels is not None else ()
+        self._top_speed = parts.wheels.top_speed if parts.wheels is not None else 0.0
         self._boards: dict[str, SketchBoard] = {}
         self._named: set[str] = set()
 
@@ -316,11 +353,13 @@ class _WiringReader:
         wires = tuple(self._wires())
         motors, sensors = tuple(self._motors()), tuple(self._sensor_rows())
         self._check_wheels(motors)
+        steppers = tuple(each for each in motors if isinstance(each, WiredStepper))
         return Wiring(
             boards=self._boards,
             laptop=laptop,
             wires=wires,
-            motors=motors,
+            motors=tuple(each for each in motors if isinstance(each, WiredMotor)),
+            steppers=steppers,
             sensors=sensors,
             servos=tuple(self._servos()),
         )
@@ -410,29 +449,42 @@ class _WiringReader:
 
     # -- motors, sensors, servos -------------------------------------------------------------------
 
-    def _motors(self) -> Iterator[WiredMotor]:
+    def _motors(self) -> Iterator[WiredMotor | WiredStepper]:
+        optional = (*wiring_toml.MOTOR_OPTIONAL, *wiring_toml.OPTIONAL_PINS)
+        defaults = {value.name: value.default for value in wiring_toml.all_keys("motors")}
         for prefix, given in self._rows("motors"):
-            pins = self._keys_of_kind(given, prefix, "driver", wiring_toml.DRIVER_PINS)
-            optional = (*wiring_toml.MOTOR_OPTIONAL, *wiring_toml.OPTIONAL_PINS)
-            values = self._row(given, prefix, (*wiring_toml.MOTOR, *pins), optional)
+            keys = self._keys_of_kind(given, prefix, "driver", wiring_toml.DRIVER_KEYS)
+            values = self._row(given, prefix, (*wiring_toml.MOTOR, *keys), optional)
             if values is None:
                 continue
-            board, driver = values["board"], MotorDriver(values["driver"])
-            found = self._pins(board, pins, values, prefix)
+            board, driver = values["board"], values["driver"]
+            pin_keys = [key for key in keys if isinstance(key.rule, wiring_toml.PinRule)]
+            found = self._pins(board, pin_keys, values, prefix)
             wheel = self._wheel_index(values["wheel"], f"{prefix}.wheel")
             if found is None or wheel is None:
                 continue
-            defaults = {value.name: value.default for value in wiring_toml.MOTOR}
-            yield WiredMotor(
+            common = {
                 **self._base(prefix, given),
-                board=board,
-                driver=driver,
-                pins=found,
-                wheel=self._wheels[wheel],
-                wheel_index=wheel,
+                "board": board,
+                "pins": found,
+                "wheel": self._wheels[wheel],
+                "wheel_index": wheel,
+                "reversed": values.get("reversed", defaults["reversed"]),
+            }
+            if driver in _STEPPERS:
+                yield WiredStepper(
+                    **common,
+                    driver=StepperDriver(driver),
+                    steps_per_inch=values["steps_per_inch"],
+                    top_speed=self._top_speed,
+                    enable_high=values.get("enable_on") == "high",
+                )
+                continue
+            yield WiredMotor(
+                **common,
+                driver=MotorDriver(driver),
                 top_speed=values["top_speed"],
                 dead_band=values.get("dead_band", defaults["dead_band"]),
-                reversed=values.get("reversed", defaults["reversed"]),
             )
 
     def _sensor_rows(self) -> Iterator[WiredSensor]:
@@ -631,7 +683,7 @@ class _WiringReader:
         seen[code] = self._file.place(place.rpartition(".")[0])
         return code
 
-    def _check_wheels(self, motors: Sequence[WiredMotor]) -> None:
+    def _check_wheels(self, motors: Sequence[WiredMotor | WiredStepper]) -> None:
         """Report a wheel that has two motors."""
         seen: dict[str, str] = {}
         for motor in motors:

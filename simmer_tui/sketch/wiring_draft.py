@@ -30,24 +30,25 @@ from simmer_tui.sketch.sketch_scan import (
     SketchPort,
     SketchStep,
 )
+from simmer_tui.sketch.stepper_draft import draft_steppers
 
-_TRIGGER, _ECHO, _LEFT, _RIGHT = (
-    re.compile(word, re.IGNORECASE) for word in ("trig", "echo", "left", "right")
+_TRIGGER, _ECHO, _LEFT, _RIGHT, _OPEN, _CLOSED = (
+    re.compile(word, re.IGNORECASE)
+    for word in ("trig", "echo", "left", "right", "open|release", "clos|grab|hold")
 )
+_HALF_TURN = 180
+"""The largest angle of a servo; a larger number is a pulse."""
 _LATER = frozenset(
     f"{name}.h"
     for name in (
         *(
-            "AccelStepper",
-            "MultiStepper",
-            "Stepper",
             "Wire",
             "Adafruit_VL53L0X",
             "VL53L0X",
             "MPU6050",
             "I2Cdev",
         ),
-        *("MPU6050_6Axis_MotionApps20", "LiquidCrystal", "LiquidCrystal_I2C", "PID_v1", "Arduino_FreeRTOS"),
+        *("MPU6050_6Axis_MotionApps20", "Arduino_FreeRTOS"),
         *("BluetoothSerial", "ESP32Servo", "WiFi"),
     )
 )
@@ -59,6 +60,7 @@ _HEAD = """\
 """
 _RANGE_ROW, _LINE_ROW = "ultra{0},u{0},1,3,0,6,0,0.02,5,", "ir{0},i{0},1,2,0,1,0,0.05,40,0.8"
 """Rows of sensors.csv, in front of the robot and beneath it."""
+_STEPS = "steps_per_inch = 100  # ? steps of a turn (with microsteps) / (3.14 x diameter of the wheel)"
 _SPEED = "top_speed = 12  # ? in/s at full duty: time it over a measured distance"
 
 
@@ -88,6 +90,9 @@ class BoardDraft:
         self.ports = facts.ports()
         taken = {pin for each in self.sonars for pin in (each.trig, each.echo)} | {*self.servos}
         taken |= {pin for port in self.ports for pins in (port.rx, port.tx) for pin in pins or ()}
+        taken |= {pin for call in facts.objects("LiquidCrystal") for pin in _all_pins(facts, call)}
+        self.steppers = draft_steppers(facts, taken)
+        taken |= {pin for stepper in self.steppers for pin in stepper.pins.values()}
         ahead = forward_levels(facts)
         found = draft_motors([each for each in steps if each.pin not in taken])
         self.motors = [oriented(each, ahead) for each in found]
@@ -141,6 +146,7 @@ def draft(sketches: Sequence[Path], directory: Path, ranges: Sequence[str], line
     text += _line_tables(boards)
     left = ["left", "right"]
     for board in boards:
+        text += _stepper_tables(board, left)
         text += _motor_tables(board, left)
     codes, others = _Codes(ranges, "u", _RANGE_ROW), _Codes(lines, "i", _LINE_ROW)
     for board in boards:
@@ -204,6 +210,10 @@ def _encoders(facts: SketchFacts, taken: set[int]) -> Iterator[DraftEncoder]:
         yield DraftEncoder(a, b, "right" if is_right else "left")
 
 
+def _all_pins(facts: SketchFacts, call: SketchCall) -> set[int]:
+    return {pin for at in range(len(call.arguments)) for pin in facts.pins(call, at) or ()}
+
+
 def _read(facts: SketchFacts, name: str) -> set[int]:
     return {pin for call in facts.named(name) for pin in facts.pins(call) or ()}
 
@@ -222,6 +232,12 @@ def _kind(facts: SketchFacts) -> BoardKind:
     is_mega = any(call.object in ("Serial1", "Serial2", "Serial3") for call in facts.calls)
     for call in facts.named(*WRITES, *PULSES, "digitalRead", "pinMode"):
         is_mega |= any(UNO.pins <= pin < BOARDS["mega"].pins for pin in facts.pins(call) or ())
+    for kind in ("AccelStepper", "Stepper", "LiquidCrystal"):
+        for call in facts.objects(kind):
+            # The first argument of a stepper is its kind, or its steps a turn.
+            first = 0 if kind == "LiquidCrystal" else 1
+            pins = (facts.pins(call, at) or () for at in range(first, len(call.arguments)))
+            is_mega |= any(UNO.pins <= pin < BOARDS["mega"].pins for each in pins for pin in each)
     duties = {pin for call in facts.named("analogWrite") for pin in facts.pins(call) or ()}
     return BOARDS["mega"] if is_mega or len(duties & (BOARDS["mega"].pwm - UNO.pwm)) > 1 else UNO
 
@@ -316,6 +332,18 @@ def _links(boards: Sequence[BoardDraft], ports: Sequence[_Port]) -> list[tuple[_
     return []
 
 
+def _stepper_tables(board: BoardDraft, wheels: list[str]) -> Iterator[str]:
+    for stepper in board.steppers:
+        wheel = wheels.pop(0) if wheels else "left"
+        pins = "\n".join(f"{name} = {_pin(board, pin)}" for name, pin in stepper.pins.items())
+        turned = f"reversed = true{_MARK}\n" if stepper.reversed else ""
+        level = 'enable_on = "high"  # ? most drivers are on at LOW\n' if stepper.enable_high else ""
+        yield (
+            f'[[motors]]\nboard = "{board.name}"\ndriver = "{stepper.driver}"\n{pins}\n{level}'
+            f'wheel = "{wheel}"  # ? which wheel of [wheels] in settings.toml\n{_STEPS}\n{turned}'
+        )
+
+
 def _motor_tables(board: BoardDraft, wheels: list[str]) -> Iterator[str]:
     for motor in board.motors:
         wheel = wheels.pop(0) if wheels else "left"
@@ -332,7 +360,7 @@ def _motor_tables(board: BoardDraft, wheels: list[str]) -> Iterator[str]:
     if board.loose:
         pins = ", ".join(_pin(board, pin) for pin in board.loose)
         yield f"# ? {board.name} has analogWrite on {pins} as well: a motor, or a lamp\n"
-    elif not board.motors and board.facts.named("analogWrite"):
+    elif not board.motors and any(board.facts.named("analogWrite")):
         yield f"# ? {board.name} has analogWrite on pins that were not found: add [[motors]] by hand\n"
 
 
@@ -373,9 +401,30 @@ class _Codes:
         return f'code = "{self._letter}{number}"  # ? add its row to sensors.csv, such as {row}'
 
 
+def _gripper_angles(facts: SketchFacts, pin: int) -> tuple[int, int]:
+    """The angles that a sketch writes for an open and a closed gripper; 0 and 90 if it has not two."""
+    servos = {call.object for call in facts.named("attach") if facts.pins(call) == Pins({pin})}
+    names: dict[int, str] = {}
+    for write in facts.named("write"):
+        if write.object not in servos:
+            continue
+        found = facts.pins(write) or Pins()
+        calls = [write] if len(found) == 1 else list(facts.named(write.function))
+        for call in calls:
+            angle = _single(facts.pins(call))
+            if angle is not None and angle in found and angle <= _HALF_TURN:
+                names[angle] = f"{names.get(angle, '')} {call.function} {facts.spelled(call)}"
+    if len(names) < 2:
+        return 0, 90
+    first, second = list(names) if len(names) == 2 else (min(names), max(names))
+    is_swapped = _CLOSED.search(names[first]) or _OPEN.search(names[second])
+    return (second, first) if is_swapped else (first, second)
+
+
 def _servo_tables(board: BoardDraft) -> Iterator[str]:
     for at, pin in enumerate(board.servos):
-        angles = (
-            "gripper = { open = 0, closed = 90 }  # ? the angles that the sketch writes\n" if at == 0 else ""
-        )
+        angles = ""
+        if at == 0:
+            opened, closed = _gripper_angles(board.facts, pin)
+            angles = f"gripper = {{ open = {opened}, closed = {closed} }}  # ? which is open\n"
         yield f'[[servos]]\nboard = "{board.name}"\npin = {_pin(board, pin)}\n{angles}'

@@ -69,7 +69,8 @@ class PanelKind(Struct, frozen=True):
     lines: _Lines
 
 
-# Rows of the panel with boards: a heading, and two lines a board, which are as many as there are.
+# Rows of the panel with boards: a heading, and two lines a board and the rows of its displays, which are as
+# many as there are.
 PANELS = (
     PanelKind("robot", 6, robot_lines),
     PanelKind("run", 4, run_lines),
@@ -206,8 +207,8 @@ class Panes:
         """AnswerCard of the moment."""
         self.phase = RunPhase.GOING
         """Phase of the run that is shown."""
-        self.boards = 0
-        """Count of the boards of the run."""
+        self.board_rows = 0
+        """Rows for the boards of the run, with their displays."""
         self.has_mission = False
         """True if the run shown is a mission."""
         self.pointer = ""
@@ -248,7 +249,7 @@ class Panes:
             rows["run"] = _MISSION_ROWS
             if not page:
                 rows["robot"] = _BRIEF_ROBOT if height < _TALL else _TALL_ROBOT
-        rows["boards"] = 1 + 2 * self.boards if self.boards else 0
+        rows["boards"] = 1 + self.board_rows if self.board_rows else 0
         return [(name, count) for name, count in rows.items() if count]
 
     @property
@@ -311,7 +312,7 @@ class Panes:
         """Give row 0 and the maze's frame the colour of the run's phase."""
         phase = phase_of(snapshot, self._source.ports)
         self.has_mission = snapshot.mission is not None
-        self.boards = len(snapshot.boards)
+        self.board_rows = sum(2 + sum(map(len, board.displays)) for board in snapshot.boards)
         if phase is not self.phase:
             self.phase = phase
             self._panels["header"].set_classes([phase.value])

@@ -266,7 +266,7 @@ _PRINTED = _Printed()
 
 
 def board_lines(snapshot: Snapshot, room: Room) -> list[StyledLine]:
-    """Clock, busy share and LED of each board, and the last line that it has sent."""
+    """Clock, busy share and LED of each board, the last line that it has sent, and its displays."""
     lines = [heading("boards", "busy: not in delay()", room.width, plain=room.plain)]
     for board in snapshot.boards:
         led = "on" if board.led else "off"
@@ -280,6 +280,9 @@ def board_lines(snapshot: Snapshot, room: Room) -> list[StyledLine]:
             lines.append(((f"  {board.failed}", "danger"),))
         elif board.line:
             lines.append((("  last line  ", "dim"), (board.line, "value")))
+        lines += [
+            (("  |", "dim"), (row, "value"), ("|", "dim")) for display in board.displays for row in display
+        ]
     return [shortened(line, room.width) for line in lines]
 
 

@@ -200,7 +200,7 @@ class Shell(FaultReporting, TerminalApp):
         # On a small screen the answer is shown or not; beside the maze only one longer than usual takes more
         # rows.
         rows = min(rows, 1) if self._plan.has_pages else rows * (rows > ANSWER_ROWS)
-        panels = self._panes.has_mission, self._panes.boards
+        panels = self._panes.has_mission, self._panes.board_rows
         if (rows, panels) != (self._answer_rows, self._had_panels):
             self._answer_rows, self._had_panels = rows, panels
             self._arrange(self.size.width, self.size.height)

@@ -146,6 +146,40 @@ def test_motors_are_those_of_the_courses_wiring(check: Check) -> None:
     assert all(each.startswith("wiring.toml:") and "motors.1." in each for each in said)
 
 
+STEPPER = ROVER + "".join(
+    f'[[motors]]\nboard = "rover"\ndriver = "step_dir"\nstep = {step}\ndir = {step + 3}\n'
+    f'steps_per_inch = 100\nwheel = "{wheel}"\n'
+    for step, wheel in ((2, "left"), (3, "right"))
+)
+
+
+def test_steppers_are_those_of_the_course(check: Check) -> None:
+    said = texts(check(boards(SOLVES, STEPPER.replace("= 100", "= 90", 1)), STEPPER))
+    assert [each.partition(": ")[2] for each in said] == ["its 90 steps an inch are not the course's 100"]
+
+
+def test_a_course_with_steppers_has_them_at_their_wheels(check: Check) -> None:
+    said = texts(check(boards(SOLVES), STEPPER))
+    assert [each.partition(": ")[2] for each in said] == ["the course's robot has a stepper there"] * 2
+
+
+def test_a_course_with_motors_has_no_steppers(check: Check) -> None:
+    said = texts(check(boards(SOLVES, STEPPER), WIRING))
+    assert [each.partition(": ")[2] for each in said] == ["the course's robot has no stepper there"] * 2
+
+
+def test_a_ramp_of_the_course_is_not_passed_by(check: Check, exact_mission: Path) -> None:
+    first, *rows = (exact_mission / "drive.csv").read_text("utf-8").splitlines()
+    lines = [f"{first},Acceleration", *(f"{each},{20 if each.startswith('up,') else ''}" for each in rows)]
+    (exact_mission / "drive.csv").write_text("\n".join((*lines, "")), "utf-8")
+    said = texts(check(boards(SOLVES, STEPPER)))
+    assert "a stepper has neither lag nor ramp, which the course's drive.csv has" in "\n".join(said)
+
+
+def test_steppers_are_taken_where_nothing_is_said(check: Check) -> None:
+    assert texts(check(boards(SOLVES, STEPPER))) == []
+
+
 def test_encoders_are_no_finer_than_the_courses(check: Check) -> None:
     finer = WIRING + ENCODERS.format(board="rover").replace("= 40", "= 41").replace("a = 3", "a = 4")
     said = texts(

@@ -10,7 +10,7 @@ from simmer_tui.config.sets import bundled_sets, init_set
 from simmer_tui.robot.engine import Engine
 from simmer_tui.run.events import Event
 from simmer_tui.sim import Simulator
-from simmer_tui.sketch.sketch_robot import SketchRobot, compile_set, with_boards
+from simmer_tui.sketch.sketch_robot import SketchRobot, StartBoard, compile_set, with_boards
 from simmer_tui.sketch.wiring import wiring_of
 from tests.stepped_clock import Clock
 
@@ -58,7 +58,14 @@ def made_set(folder: Path, wiring: str, sketches: Mapping[str, str]) -> Configur
 class Boards:
     """Boards of a set without a server, and the events of their run."""
 
-    def __init__(self, configuration: Configuration, *, noise: bool = True, slice_length: int = 20_000_000):
+    def __init__(
+        self,
+        configuration: Configuration,
+        *,
+        noise: bool = True,
+        slice_length: int = 20_000_000,
+        start_board: StartBoard | None = None,
+    ) -> None:
         wiring = wiring_of(configuration)
         assert wiring is not None
         sketches = compile_set(wiring, configuration.directory)
@@ -69,7 +76,7 @@ class Boards:
         engine.watch(self.events.append)
         self._clock = Clock(0.0)
         engine.start(self._clock)
-        self.robot = SketchRobot(sketches, engine, slice_length)
+        self.robot = SketchRobot(sketches, engine, slice_length, start_board)
 
     def run_to(self, seconds: float) -> None:
         while self.robot.run_to(seconds) < seconds:

@@ -12,7 +12,10 @@ import pytest
 from simmer_tui.errors import BoardError, ProgramError
 from simmer_tui.sketch.board_host import BoardHost
 from simmer_tui.sketch.board_process import BoardProcess, BoardRecord, Query, Reason, Told
+from simmer_tui.sketch.boards import UNO
+from simmer_tui.sketch.build import build_sketch
 from simmer_tui.sketch.checked_board import CheckedBoard
+from simmer_tui.sketch.compiler import find_compiler
 
 _REQUEST = struct.Struct("<QBBHiIIQII")
 _RECORD = struct.Struct("<QBBHi")
@@ -98,6 +101,8 @@ def begun(pipes: Pipes) -> Begun:
         request(100, record(Told.BYTE, 65, 9_000), record(Told.BYTE, 66, 13_000), reason=Reason.SENT),
         request(100, record(Told.WAITED, 7, 0, pin=1), record(Told.UNTIL)),
         request(100, reason=Reason.QUERY, query=Query.ANALOG, wait=(90, 1)),
+        request(9_000, record(Told.STEP, -7, 1_000), record(Told.STEP, -7, 9_000), wait=(90, 4)),
+        request(100, record(Told.TEXT, 4 << 24 | 1)),
     ],
 )
 def test_what_boards_tell_is_taken(begun: Begun, pipes: Pipes, fine: bytes) -> None:
@@ -125,6 +130,11 @@ def test_what_boards_tell_is_taken(begun: Begun, pipes: Pipes, fine: bytes) -> N
         (request(100, record(Told.LEVEL, 1, pin=70)), "it told of pin 70"),
         (request(100, record(Told.WAITED, 7, 0, pin=9)), "it waited as no board does"),
         (request(100, record(Told.LEVEL, 1, time=101)), "it told what was not then"),
+        (request(9_000, record(Told.STEP, 7, 1_000), record(Told.STEP, 7, 8_999)), "it stepped faster than"),
+        (request(100, record(Told.STEP, 7, 101)), "it told what was not then"),
+        (request(100, record(Told.TEXT, 5 << 24)), "it told 83886080 as TEXT"),
+        (request(100, record(Told.TEXT, -1)), "it told -1 as TEXT"),
+        (request(100, wait=(0, 5)), "it waits as no board does"),
         (request(100, record(Told.BYTE, 65, 1 << 62)), "faster than a line carries them"),
         (request(100, record(Told.BYTE, 65, 9000), record(Told.BYTE, 65, 9001)), "faster than a line"),
     ],
@@ -195,6 +205,31 @@ def test_a_board_that_cannot_be_started_is_told_as_that() -> None:
             board.receive()
         board.look(1e9)
         board.close()
+
+
+CONSTRUCTED = """
+struct Lamp {
+  Lamp(int pin) { pinMode(pin, OUTPUT); digitalWrite(pin, HIGH); Serial.begin(9600); delay(5); }
+};
+Lamp lamp(5);
+void setup() {}
+void loop() {}
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(find_compiler() is None, reason="there is no C++ compiler")
+def test_constructors_of_globals_tell_at_the_beginning(tmp_path: Path) -> None:
+    sketch = tmp_path / "rover.ino"
+    sketch.write_text(CONSTRUCTED, "utf-8")
+    board = CheckedBoard("rover", build_sketch(sketch, UNO).program, ["--drives", "5"])
+    try:
+        told = [(each.kind, each.pin, each.value, each.time) for each in board.receive()]
+    finally:
+        board.close()
+    assert (Told.LEVEL, 5, 1, 0) in told
+    assert (Told.BAUD, 1, 9600, 0) in told
+    assert board.now == 0
 
 
 def test_a_board_that_ends_before_it_begins_was_not_started(pipes: Pipes) -> None:

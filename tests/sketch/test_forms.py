@@ -31,10 +31,12 @@ SENT: dict[str, Sent] = {
     "bluetooth_chars": ((0.5, b"5F"), (1.0, b"L"), (1.4, b"S")),
     "servo_gripper": ((0.5, b"c"), (2.0, b"?"), (2.5, b"o")),
     "two_boards": ((0.5, b"F160\n"), (2.0, b"L120\n"), (2.3, b"S\n")),
+    "accel_stepper": ((0.5, b"D300\n"), (2.5, b"T-100\n")),
     "kept_settings": ((0.5, b"g"), (0.8, b"s12 1.5\n"), (2.5, b"gt")),
 }
 """Bytes of the laptop for the forms that wait for some."""
 EXPECTED = {
+    "accel_stepper": "ready\r\n300 300 600\r\n400 200 800\r\n",
     "binary_frames": "Ux\0\x88\xff(?s:.{4})\xff",
     "bluetooth_chars": "hello\r\n5,177\r\nF,177\r\nL,177\r\nS,177\r\n",
     "delay_only": "",
@@ -43,6 +45,7 @@ EXPECTED = {
     "flag_wait": "5\r\n10\r\n15\r\n20\r\n25\r\n30\r\n35\r\n40\r\n",
     "kept_settings": "g get, s set, t tone\r\n1050.00\r\nsaved\r\n10800.00\r\n",
     "l298n_ramp": "",
+    "lcd_pid_line": "",
     "millis_states": "ready\r\n" + r"(\d\.\d\d\t[012]\r\n)+",
     "motor_shield": "duty 90\r\nduty 130\r\nduty 170\r\n" + r"(duty \d+\r\n)+",
     "newping_array": r"(\d+,\d+,\d+\n)+(\d+(,\d*)*)?",
@@ -50,6 +53,8 @@ EXPECTED = {
     "pulse_in": r"(A: \d+\.\d\d B: \d+\.\d line: (850|120)\r\n)+.*",
     "read_string": r"ok fwd 120\r\nd=\d+\r\nok turn -60\r\n\? jump\r\n",
     "servo_gripper": "gripper\r\nclosed\r\n95\r\nopen\r\n",
+    "step_pulses": "forward\r\nleft\r\n",
+    "stepper_coils": "12\r\ndone\r\n",
     "two_boards": r"F:0\r\nL:\d+\r\nS:\d+\r\n",
     "two_pwm": "",
     "wait_and_halt": "1000\r\nhalted\r\n",

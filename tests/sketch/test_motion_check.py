@@ -113,3 +113,69 @@ def test_check_runs_the_boards_and_reads_each_part(
     out = capsys.readouterr().out
     assert "bad.ino:1: this number does not fit" in out
     assert "board main died at bad.ino:3 after 0.2" in out
+
+
+STEPPERS = """\
+[boards.main]
+sketch = "s.ino"
+board = "uno"
+[[motors]]
+board = "main"
+driver = "step_dir"
+step = 2
+dir = 5
+steps_per_inch = 100
+wheel = "left"
+[[motors]]
+board = "main"
+driver = "step_dir"
+step = 3
+dir = 6
+steps_per_inch = 100
+wheel = "right"
+"""
+BY_HAND = """\
+void steps(int n) {
+  for (int i = 0; i < n; i++) {
+    digitalWrite(2, 1); digitalWrite(3, 1); delayMicroseconds(500);
+    digitalWrite(2, 0); digitalWrite(3, 0); delayMicroseconds(500);
+  }
+}
+void goForward() { digitalWrite(5, HIGH); digitalWrite(6, HIGH); steps(100); }
+void turnLeft() { digitalWrite(5, LOW); digitalWrite(6, HIGH); steps(100); }
+void loop() { goForward(); turnLeft(); }
+"""
+BY_OBJECTS = """\
+AccelStepper l(AccelStepper::DRIVER, 2, 5), r(1, 3, 6);
+void goForward(int n) { l.move(n); r.move(n); }
+void turnLeft(float v) { l.setSpeed(-v); r.setSpeed(v); }
+void swing() { l.move(10); l.move(-10); r.move(5); }
+void loop() { goForward(100); }
+"""
+
+
+@pytest.mark.parametrize("text", [BY_HAND, BY_OBJECTS])
+def test_functions_of_steppers_move_as_they_are_named_unless_one_is_wired_the_other_way(text: str) -> None:
+    facts = SketchFacts({"s.ino": text}, UNO)
+    motions = {each.function: each.motion for each in sketch_motions(read(STEPPERS), WHEELS, facts, "main")}
+    assert motions == {"goForward": "drives ahead", "turnLeft": "turns left"}
+    assert list(wrong_motions(read(STEPPERS), WHEELS, {"main": facts})) == []
+    swapped = read(STEPPERS.replace('wheel = "right"', 'wheel = "right"\nreversed = true'))
+    told = [str(each) for each in wrong_motions(swapped, WHEELS, {"main": facts})]
+    assert "goForward() turns the robot right: motors[2] turns backward" in told[0]
+    assert len(told) == 2
+
+
+def test_an_object_with_an_inverted_direction_turns_the_other_way() -> None:
+    text = f"{BY_OBJECTS}void setup() {{ r.setPinsInverted(true); }}\n"
+    facts = SketchFacts({"s.ino": text}, UNO)
+    swapped = read(STEPPERS.replace('wheel = "right"', 'wheel = "right"\nreversed = true'))
+    assert list(wrong_motions(swapped, WHEELS, {"main": facts})) == []
+    assert len(list(wrong_motions(read(STEPPERS), WHEELS, {"main": facts}))) == 2
+
+
+def test_a_stepper_is_turned_by_a_hundred_steps() -> None:
+    lines = list(motor_lines(read(STEPPERS), WHEELS))
+    # An inch of one rim by a track of 6 in: 1/6 rad.
+    assert lines[0] == "motors[1] left: forward turns the robot right (dir HIGH; 9.5 deg in 100 steps)"
+    assert lines[1].startswith("motors[2] right: forward turns the robot left")

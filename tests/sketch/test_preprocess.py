@@ -1,5 +1,6 @@
 """A sketch made into C++: widths of numbers, prototypes, line numbers, loops that take time."""
 
+import re
 import time
 from pathlib import Path
 
@@ -60,7 +61,7 @@ def test_other_loops_and_texts_stay(text: str) -> None:
     assert board_source(text) == text
 
 
-def test_functions_have_prototypes_but_no_methods_and_no_defaults() -> None:
+def test_functions_have_prototypes_and_methods_have_none() -> None:
     source = (
         "struct P { int get() { return 1; } };\n"
         "void setup() { if (x) { y(); } }\n"
@@ -71,10 +72,55 @@ def test_functions_have_prototypes_but_no_methods_and_no_defaults() -> None:
         'extern "C" void irq(void) {}\n'
         "int known(int a);\nint known (int a) { return a; }\n"
     )
-    found, places = prototypes(source)
-    assert found == ["void setup();", "int add(int a, int b);", "P make(const char *name);"]
+    found, places, _ = prototypes(source)
+    assert found == [
+        *("void setup();", "int add(int a, int b);", "void step(int by = 2);", "P make(const char *name);")
+    ]
     (first,) = places
     assert source[first:].startswith("void setup()")
+
+
+def test_a_default_of_a_function_stands_in_its_prototype_alone(tmp_path: Path) -> None:
+    source = (
+        "void setup() { say(); walk(1); }\n"
+        'void say(const char *text = "a, (b)",\n         int times = 2) {}\n'
+        "int ahead(int by = 1);\nint ahead(int by) { return by; }\n"
+        "void walk(int a, int b=A0){}\n"
+    )
+    (tmp_path / "robot.ino").write_text(source, "utf-8")
+    made = joined_source([tmp_path / "robot.ino"])
+    assert 'void say(const char *text = "a, (b)",\n         int16_t times = 2);' in made
+    assert "void walk(int16_t a, int16_t b=A0);" in made
+    _, _, rest = made.rpartition("#line 1 ")
+    assert re.search(r"void say\(const char \*text +,\n         int16_t times +\) \{\}", rest)
+    assert re.search(r"void walk\(int16_t a, int16_t b +\)\{\}", rest)
+    # One that the sketch has declared itself keeps its own.
+    assert "int16_t ahead(int16_t by = 1);\nint16_t ahead(int16_t by) {" in rest
+
+
+@pytest.mark.parametrize(
+    ("written", "made"),
+    [
+        ("x = limit(x, 0, 255);", "x = limit(board_wide(x), board_wide(0), board_wide(255));"),
+        ("limit(limit(a, 1, 2), b[c, d], -1)", None),
+        ("// limit(a, b, c)", "// limit(a, b, c)"),
+        ("swap(a, b); put(3, x); o.limit(1, 2);", "swap(a, b); put(3, x); o.limit(1, 2);"),
+        ("limit<long>(a, 0, 9)", "limit<int32_t>(a, 0, 9)"),
+    ],
+)
+def test_arguments_of_one_type_have_one_width(written: str, made: str | None) -> None:
+    """On the board 3 has the type of an int variable."""
+    template = (
+        "template <typename T>\nT limit(T x, const T &low, T high) { return x; }\n"
+        "template <class T> void swap(T &a, T &b) { T c = a; a = b; b = c; }\n"
+        "template <class T> void put(int at, const T& value) {}\n"
+    )
+    if made is None:
+        made = (
+            "limit(board_wide(limit(board_wide(a), board_wide(1), board_wide(2))), board_wide(b[c, d]), "
+            "board_wide(-1))"
+        )
+    assert board_source(template + written) == board_source(template) + made
 
 
 def test_functions_in_a_branch_have_their_prototypes_in_it(tmp_path: Path) -> None:
@@ -84,7 +130,7 @@ def test_functions_in_a_branch_have_their_prototypes_in_it(tmp_path: Path) -> No
         "int speed() { }\n#endif\n"
         "void setup() { help(); }\n#ifdef B\n#ifndef C\nvoid last() {}\n#endif\n#endif\nvoid help() {}\n"
     )
-    found, places = prototypes(source)
+    found, places, _ = prototypes(source)
     assert found == [
         "#if defined(ESP32)\nvoid join(Network n);\n#endif",
         "#if defined(ESP32)\n#elif A\nint speed();\n#endif",

@@ -199,6 +199,11 @@ def test_a_wiring_that_fits_its_sketches_has_no_problem(tmp_path: Path, parts: W
         ),
         ("en = 9\n", "en = 12\n", "the sketch never writes pin 12"),
         (
+            "link(A4, A5)",
+            "link(A4, 7)",
+            "wiring.toml:17:motors.1.in2: pin 7 is tx of link too (rover.ino:5); give each its own pin",
+        ),
+        (
             "top_speed = 12",
             "top_speed = 20",
             "wiring.toml:19:motors.1.top_speed: 20 in/s is more than top_speed of [wheels] in settings",
@@ -231,6 +236,61 @@ def test_a_mega_receives_at_some_pins_only(tmp_path: Path, parts: WiringParts) -
     assert problems[0].startswith(
         "eyes.ino:2: link cannot receive at pin 7 of the Mega: SoftwareSerial can at 10,"
     )
+
+
+STEPPER = """\
+[boards.rover]
+sketch = "rover.ino"
+board = "uno"
+[[motors]]
+board = "rover"
+driver = "step_dir"
+step = 2
+dir = 5
+enable = 8
+steps_per_inch = 100
+wheel = "left"
+"""
+STEPPING = """\
+#include <AccelStepper.h>
+#include <LiquidCrystal.h>
+LiquidCrystal lcd(12, 11, 10, 9, A0, A1);
+AccelStepper left(AccelStepper::DRIVER, 2, 5);
+void setup() { left.setEnablePin(8); }
+void loop() { left.run(); }
+"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "problem"),
+    [
+        ("", "", ""),
+        ("DRIVER, 2, 5", "DRIVER, 3, 5", "motors.1.step: the sketch never writes pin 2 (rover.ino)"),
+        ("left.setEnablePin(8);", "", "motors.1.enable: the sketch never writes pin 8 (rover.ino)"),
+        (
+            "DRIVER, 2, 5",
+            "DRIVER, 5, 2",
+            "wiring.toml:4:motors.1: step 2 and dir 5 are the other way round in the sketch (AccelStepper at "
+            "rover.ino:4)",
+        ),
+        (
+            "left.run();",
+            "tone(2, 800);",
+            "tone at rover.ino:6 makes no steps here on pin 2: write it HIGH",
+        ),
+        (
+            "lcd(12",
+            "lcd(8",
+            "motors.1.enable: pin 8 is the display's too (rover.ino:3); give each its",
+        ),
+    ],
+)
+def test_a_stepper_is_compared_with_its_sketch(
+    tmp_path: Path, parts: WiringParts, old: str, new: str, problem: str
+) -> None:
+    problems = found(tmp_path, parts, STEPPER, STEPPING.replace(old, new) if old else STEPPING, "")
+    assert problem in "\n".join(problems)
+    assert len(problems) == (1 if problem else 0)
 
 
 def test_pins_that_cannot_be_known_are_no_problem(tmp_path: Path, parts: WiringParts) -> None:

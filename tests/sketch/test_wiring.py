@@ -145,13 +145,13 @@ def test_a_wiring_is_read_with_numbers_of_pins(parts: WiringParts) -> None:
         (
             'driver = "hbridge"',
             'driver = "hbrige"',
-            'wiring.toml:16:motors.1.driver: must be "hbridge", "shield" '
-            'or "pwm2", not "hbrige"; did you mean "hbridge"?',
+            'wiring.toml:16:motors.1.driver: must be "hbridge", "shield", "pwm2", "step_dir", "stepper4" '
+            'or "uln2003", not "hbrige"; did you mean "hbridge"?',
         ),
         (
             'driver = "hbridge"',
-            'driver = "step_dir"',
-            '"step_dir" cannot be simulated; steppers are not there',
+            'driver = "servo360"',
+            '"servo360" cannot be simulated; servos that turn all round are not there',
         ),
         ('driver = "hbridge"', 'driver = "pwm2"', "wiring.toml:17:motors.1.en: is not known here"),
         ("in2 = 7\n", "", "wiring.toml:14:motors.1.in2: is missing; must be a pin"),
@@ -182,6 +182,59 @@ def test_a_mistake_is_told_with_its_place(parts: WiringParts, old: str, new: str
     assert len(problems) <= 3
 
 
+STEPPER = """
+[boards.rover]
+sketch = "rover.ino"
+board = "uno"
+[[motors]]
+board = "rover"
+driver = "step_dir"
+step = 2
+dir = 5
+enable = 8
+steps_per_inch = 127.3
+wheel = "left"
+[[motors]]
+board = "rover"
+driver = "uln2003"
+in1 = 9
+in2 = 10
+in3 = 11
+in4 = 12
+steps_per_inch = 300
+reversed = true
+wheel = "right"
+"""
+
+
+def test_steppers_have_steps_an_inch_and_no_duty(parts: WiringParts) -> None:
+    wiring, problems = read(STEPPER, parts)
+    assert problems == []
+    assert wiring is not None
+    first, second = wiring.steppers
+    assert (first.steps_per_inch, first.enable_high, first.reversed) == (127.3, False, False)
+    assert parts.wheels is not None
+    assert first.top_speed == parts.wheels.top_speed
+    assert (second.driver, second.reversed) == ("uln2003", True)
+    assert wiring.motors == ()
+    jsonschema.validate(tomllib.loads(STEPPER), wiring_schema())
+    for old, new, problem in (
+        (
+            "steps_per_inch = 127.3\n",
+            "",
+            "motors.1.steps_per_inch: is missing; must be a number from",
+        ),
+        ("dir = 5\n", "", "motors.1.dir: is missing; must be a pin"),
+        ("enable = 8\n", 'enable = 8\nenable_on = "HIGH"\n', ""),
+        ("enable = 8\n", "enable = 8\ntop_speed = 12\n", "motors.1.top_speed: is not known here"),
+        ("in4 = 12\n", "in4 = 2\n", "pin 2 of rover is already step of motors[1]"),
+        ('"right"', '"left"', 'the wheel "left" has motors[1]'),
+    ):
+        told = "\n".join(read(STEPPER.replace(old, new), parts)[1])
+        assert problem in told
+        assert bool(told) == bool(problem)
+
+
 def test_parts_share_pins_only_where_a_board_can(parts: WiringParts) -> None:
     shared = (
         TWO_BOARDS + '[[sensors]]\ncode = "u3"\nboard = "sensor"\npart = "hc-sr04"\ntrig = 8\necho = 12\n'
@@ -209,7 +262,7 @@ def test_the_schema_allows_what_the_reader_allows() -> None:
     jsonschema.validate(tomllib.loads(TWO_BOARDS), wiring_schema())
     for wrong in (
         '[laptop]\nboard = "a"\nspeed = 1\n',
-        '[[motors]]\ndriver = "step_dir"\n',
+        '[[motors]]\ndriver = "servo360"\n',
         "[[servos]]\npin = -1\n",
     ):
         with pytest.raises(jsonschema.ValidationError):

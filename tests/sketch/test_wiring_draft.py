@@ -16,6 +16,7 @@ from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim.specs import WheelLayout, WheelsSpec
 from simmer_tui.sketch.wiring import WiringParts, missing_sketches, read_wiring
 from simmer_tui.sketch.wiring_draft import draft
+from tests.sketch.running import FORMS
 from tests.sketch.test_sketch_check import EYES, ROVER
 
 
@@ -223,6 +224,112 @@ def test_a_set_for_encoders_alone_has_wheels(tmp_path: Path, monkeypatch: pytest
     (tmp_path / "rover.ino").write_text(text, "utf-8")
     assert main(["init", str(tmp_path / "set"), "--sketch", str(tmp_path / "rover.ino")]) == 0
     assert main(["check", str(tmp_path / "set")]) == 0
+
+
+@pytest.mark.parametrize(
+    ("text", "angles"),
+    [
+        ("void shut() { jaw.write(95); }\nvoid free() { jaw.write(20); }", (95, 20)),
+        ("void close() { jaw.write(95); }\nvoid free() { jaw.write(20); }", (20, 95)),
+        ("void f() { jaw.write(CLOSED); delay(9); jaw.write(WIDE); }", (130, 180)),
+        ("void set(int a) { jaw.write(a); }\nvoid f() { set(95); }\nvoid grab() { set(60); }", (95, 60)),
+        ("void f() { jaw.write(10); jaw.write(90); jaw.write(170); }", (10, 170)),
+        ("void f() { for (int i = 0; i < 90; i++) jaw.write(i); }", (0, 90)),
+        ("void f() { jaw.write(1500); jaw.write(30); }", (0, 90)),
+    ],
+)
+def test_a_gripper_has_the_angles_that_the_sketch_writes(
+    tmp_path: Path, text: str, angles: tuple[int, int]
+) -> None:
+    head = "#include <Servo.h>\n#define WIDE 130\nconst int CLOSED = 180;\nServo jaw;\n"
+    made = drafted(tmp_path, f"{head}void setup() {{ jaw.attach(3); }}\n{text}\nvoid loop() {{}}\n")
+    assert made["servos"][0]["gripper"] == {"open": angles[0], "closed": angles[1]}
+
+
+STEPPERS = {
+    "objects": (
+        "#include <AccelStepper.h>\n#define EN 8\nAccelStepper left(AccelStepper::DRIVER, 2, 5);\n"
+        "AccelStepper right = AccelStepper(1, 3, 6);\nvoid setup() { left.setEnablePin(EN); "
+        "left.setPinsInverted(false, false, true); pinMode(EN, OUTPUT); digitalWrite(EN, LOW); }",
+        [("step_dir", 2, 5, 8), ("step_dir", 3, 6, 8)],
+    ),
+    "an array of objects": (
+        "const int kind = 1;\nAccelStepper both[] = {AccelStepper(kind, 4, 7), AccelStepper(kind, 12, 13)};",
+        [("step_dir", 4, 7), ("step_dir", 12, 13)],
+    ),
+    "objects by pins in arrays": (
+        "int s[] = {7, 4}, d[] = {8, 2};\nAccelStepper *m[2];\n"
+        "void setup() { for (int i = 0; i < 2; i++) m[i] = new AccelStepper(1, s[i], d[i]); }",
+        [("step_dir", 7, 8), ("step_dir", 4, 2)],
+    ),
+    "pulses": (
+        "#define STEP_R 9\n#define DIR_R 4\n#define STEP_L 3\n#define DIR_L 10\n#define ENABLE 8\n"
+        "void setup() { digitalWrite(ENABLE, LOW); digitalWrite(DIR_L, HIGH); digitalWrite(DIR_R, LOW); }\n"
+        "void loop() { digitalWrite(STEP_R, HIGH); digitalWrite(STEP_L, HIGH); delayMicroseconds(500);\n"
+        "digitalWrite(STEP_R, LOW); digitalWrite(STEP_L, LOW); delayMicroseconds(500); }",
+        [("step_dir", 9, 4, 8), ("step_dir", 3, 10, 8)],
+    ),
+    "pulses of a parameter": (
+        "void one(int pin, int dirPin, bool ahead) { digitalWrite(dirPin, ahead); digitalWrite(pin, HIGH);\n"
+        "delayMicroseconds(9); digitalWrite(pin, LOW); }\nvoid loop() { one(6, 3, true); one(5, 2, true); }",
+        [("step_dir", 6, 3), ("step_dir", 5, 2)],
+    ),
+    "coils": (
+        "#include <Stepper.h>\nStepper a(200, 2, 3, 4, 5), b(2048, 8, 10, 9, 11);",
+        [("stepper4", 2, 3, 4, 5), ("uln2003", 8, 9, 10, 11)],
+    ),
+    "coils of objects": (
+        "AccelStepper c(AccelStepper::HALF4WIRE, A0, A2, A1, A3), d(4, 5, 6, 7, 8);",
+        [("uln2003", 14, 15, 16, 17), ("stepper4", 5, 6, 7, 8)],
+    ),
+}
+
+
+@pytest.mark.parametrize("name", STEPPERS)
+def test_steppers_are_read_off(tmp_path: Path, name: str) -> None:
+    text, expected = STEPPERS[name]
+    motors = drafted(tmp_path, f"{text}\nvoid more() {{ digitalWrite(LED_BUILTIN, HIGH); }}")["motors"]
+    names = ("driver", "step", "dir", "in1", "in2", "in3", "in4", "enable")
+    found = [tuple(row[key] for key in names if key in row) for row in motors]
+    assert [tuple(14 + int(each[1:]) if str(each)[0] == "A" else each for each in row) for row in found] == [
+        *expected
+    ]
+    assert [row["steps_per_inch"] for row in motors] == [100] * len(expected)
+    assert [row["wheel"] for row in motors][:2] == ["left", "right"]
+    assert not any("enable_on" in row for row in motors)
+
+
+def test_an_enable_that_is_not_inverted_is_drafted_as_the_sketch_has_it(tmp_path: Path) -> None:
+    text = "AccelStepper a(1, 2, 3);\nvoid setup() { a.setEnablePin(4); }"
+    assert drafted(tmp_path, text)["motors"][0]["enable_on"] == "high"
+
+
+def test_objects_that_are_passed_to_a_function_have_their_enable_and_a_mega_its_pins(tmp_path: Path) -> None:
+    made = drafted(tmp_path, (FORMS / "accel_stepper" / "accel_stepper.ino").read_text("utf-8"))
+    rows = made["motors"]
+    assert [(row["step"], row["dir"], row["enable"]) for row in rows] == [(22, 24, 26), (28, 30, 32)]
+    assert [row.get("reversed", False) for row in rows] == [False, True]
+    assert not any("enable_on" in row for row in rows)
+    assert made["boards"]["sketch1"]["board"] == "mega"
+
+
+def test_a_direction_that_is_low_ahead_is_drafted_as_reversed(tmp_path: Path) -> None:
+    made = drafted(tmp_path, (FORMS / "step_pulses" / "step_pulses.ino").read_text("utf-8"))
+    assert [(row["step"], row["dir"], row["enable"]) for row in made["motors"]] == [(2, 5, 8), (3, 6, 8)]
+    assert [row.get("reversed", False) for row in made["motors"]] == [False, True]
+
+
+def test_a_sketch_without_duties_has_no_note_about_them(tmp_path: Path) -> None:
+    (tmp_path / "s.ino").write_text("void loop() { digitalWrite(5, HIGH); }\n", "utf-8")
+    assert "analogWrite" not in draft([tmp_path / "s.ino"], tmp_path, [], [])
+
+
+def test_the_pins_of_a_display_are_no_motors(tmp_path: Path) -> None:
+    text = (
+        "#include <LiquidCrystal.h>\nLiquidCrystal lcd(12, 11, 5, 4, 3, 2);\n"
+        "void f() { digitalWrite(5, 1); digitalWrite(4, 0); digitalWrite(3, 1); digitalWrite(2, 0); }"
+    )
+    assert "motors" not in drafted(tmp_path, text)
 
 
 def test_a_library_that_is_not_there_yet_is_noted(tmp_path: Path) -> None:

@@ -42,6 +42,18 @@ def test_the_panel_has_clock_busy_share_led_and_last_line() -> None:
     ]
 
 
+def test_the_panel_and_the_pins_have_the_text_on_displays() -> None:
+    shows = BoardView(
+        "rover", 1.0, 0.0, False, "", PINS, displays=(("first           ", "  second        "),)
+    )
+    shown = dataclasses.replace(snapshot(), boards=(shows,))
+    lines = [text_of(line) for line in board_lines(shown, Room(60, 5, False))]
+    assert lines[2:] == ["  |first           |", "  |  second        |"]
+    assert [text_of(line) for line in pins_answer(shows).lines][2:] == [
+        *("     |first           |", "     |  second        |")
+    ]
+
+
 @pytest.mark.parametrize("width", [20, 36, 80])
 def test_the_panel_fits_its_width(width: int) -> None:
     assert all(len(text_of(line)) <= width for line in board_lines(snapshot(), Room(width, 5, False)))

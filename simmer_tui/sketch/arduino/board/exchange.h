@@ -20,11 +20,12 @@ namespace board {
 enum class Reason : uint8_t { Horizon = 0, Output = 1, Query = 2, Sent = 3, Full = 4 };
 enum class Query : uint8_t { None = 0, Sonar = 1, Analog = 2, Digital = 3 };
 // Records of the board: a pin's level, a duty, a servo's pulse, a byte that was sent, what was lost, long waits, and
-// bytes that waited long to be read. `Until` is the end of the wait before it, and
-// `Edges` the number of edges at the pin of a lost one.
+// bytes that waited long to be read. `Until` is the end of the wait before it, and `Edges` the number of edges at the
+// pin of a lost one. `Step` is the rise of a stepper's step pin, with the place in the sketch, and
+// `Text` an operation on a display (see display.h), whose number is in the place of a pin.
 enum class Told : uint8_t {
   Level = 1, Duty = 2, Servo = 3, Byte = 4, LostEdge = 5, LostByte = 6, Baud = 7, Mode = 8, Waited = 9, LateByte = 10, Until = 11,
-  Edges = 12
+  Edges = 12, Step = 13, Text = 14
 };
 // Records of the simulator: an edge of an input, a byte that has arrived.
 enum class Event : uint8_t { Edge = 1, Byte = 2 };

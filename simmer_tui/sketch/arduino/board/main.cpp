@@ -110,13 +110,14 @@ int main(int count, char** arguments) {
   for (int at = 1; at + 1 < count; at += 2) {
     if (!std::strcmp(arguments[at], "--drives")) for_pins(arguments[at + 1], board::mark_driving);
     if (!std::strcmp(arguments[at], "--triggers")) for_pins(arguments[at + 1], board::mark_trigger);
+    if (!std::strcmp(arguments[at], "--steps")) for_pins(arguments[at + 1], board::mark_stepping);
     if (!std::strcmp(arguments[at], "--boot")) board::boot = std::strtoull(arguments[at + 1], nullptr, 10);
     if (!std::strcmp(arguments[at], "--asked")) for_pins(arguments[at + 1], board::mark_asked);
   }
   std::atexit(left);
   std::signal(SIGINT, SIG_IGN);  // Ctrl-C is for the simulator, which ends its boards
-  board::open_channel();
   board::now = board::boot;
+  board::open_channel();
   board::exchange(board::Reason::Horizon);
   setup();
   for (;;) {

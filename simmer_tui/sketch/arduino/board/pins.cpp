@@ -11,7 +11,7 @@ struct Pin {
   uint8_t mode, level;  // `level` is the output's
   int16_t duty;         // 1 to 254, or 0 without PWM
   int8_t outside;       // the world's level; -1 where nothing is connected
-  bool drives, triggers, asked;
+  bool drives, triggers, asked, steps;
 };
 Pin pins[PINS];
 bool prepared = false;
@@ -31,7 +31,10 @@ bool set_output(int number, Pin& pin, int level, int duty) {
   pin.level = static_cast<uint8_t>(level);
   pin.duty = static_cast<int16_t>(duty);
   if (pin.mode != OUTPUT) return false;  // the pull-up of an input drives nothing
-  if (duty)
+  if (pin.steps && !duty) {
+    if (!level) return true;  // the fall of a step does nothing
+    tell(Told::Step, number, static_cast<int>(place));
+  } else if (duty)
     tell(Told::Duty, number, duty);
   else
     tell(Told::Level, number, level);
@@ -60,6 +63,7 @@ int input_level(int number) {
 
 void mark_driving(int pin) { if (Pin* each = pin_of(pin)) each->drives = true; }
 void mark_trigger(int pin) { if (Pin* each = pin_of(pin)) each->triggers = true; }
+void mark_stepping(int pin) { if (Pin* each = pin_of(pin)) each->steps = true; }
 void mark_asked(int pin) { if (Pin* each = pin_of(pin)) each->asked = true; }
 
 }  // namespace board

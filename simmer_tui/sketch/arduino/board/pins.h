@@ -11,6 +11,7 @@ int input_level(int pin);            // the level at a pin: the world's, or its 
 // Pins that drive something, or trigger a sonar: their changes are passed on at their own time.
 void mark_driving(int pin);
 void mark_trigger(int pin);
+void mark_stepping(int pin);         // each rise is told as a step, with its place in the sketch
 void mark_asked(int pin);            // a digital sensor: its level is asked for when it is read
 
 }  // namespace board

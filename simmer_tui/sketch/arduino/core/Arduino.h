@@ -20,6 +20,21 @@ typedef uint8_t byte;
 typedef bool boolean;
 typedef uint16_t word;
 
+// An argument of a sketch's own template with several of one type (see preprocess.py): a variable has 16 bits, a number
+// 32, and 1.5 is a double.
+template <class Value>
+__attribute__((always_inline)) constexpr decltype(auto) board_wide(Value&& value) {
+  using Plain = std::remove_cv_t<std::remove_reference_t<Value>>;
+  if constexpr (std::is_same<Plain, int16_t>::value)
+    return static_cast<int>(value);
+  else if constexpr (std::is_same<Plain, uint16_t>::value)
+    return static_cast<unsigned int>(value);
+  else if constexpr (std::is_same<Plain, double>::value)
+    return static_cast<float>(value);
+  else
+    return static_cast<Value&&>(value);
+}
+
 // -- pins and time -----------------------------------------------------------------------------------
 // Numbers are plain `int` and `unsigned int` here. Those of the sketch have their AVR widths (see build).
 
