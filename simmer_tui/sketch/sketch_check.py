@@ -105,8 +105,8 @@ def _unused_pins(board: SketchBoard, facts: SketchFacts, uses: Iterable[PinUse])
     written, read = _touched(facts, writes=True), _touched(facts, writes=False)
     ports = facts.ports()
     for use in uses:
-        if use.name in ("rx", "tx", "from", "to"):
-            continue  # serial lines have messages of their own
+        if use.name in ("rx", "tx", "from", "to", "sda", "scl"):
+            continue  # serial lines and the bus have messages of their own
         pins = written if use.writes else read
         if pins is None or use.pin in pins:
             continue

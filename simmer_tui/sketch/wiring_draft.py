@@ -41,13 +41,8 @@ _LATER = frozenset(
             "AccelStepper",
             "MultiStepper",
             "Stepper",
-            "Wire",
-            "Adafruit_VL53L0X",
-            "VL53L0X",
-            "MPU6050",
-            "I2Cdev",
         ),
-        *("MPU6050_6Axis_MotionApps20", "LiquidCrystal", "LiquidCrystal_I2C", "PID_v1", "Arduino_FreeRTOS"),
+        *("LiquidCrystal", "LiquidCrystal_I2C", "PID_v1", "Arduino_FreeRTOS"),
         *("BluetoothSerial", "ESP32Servo", "WiFi"),
     )
 )

@@ -166,7 +166,11 @@ def test_a_wiring_is_read_with_numbers_of_pins(parts: WiringParts) -> None:
         ),
         ('code = "u2"', 'code = "u1"', "u1 is at wiring.toml:31:sensors.1 already"),
         ('code = "i1"', 'code = "u3"', "which does not read 0 or 1"),
-        ('part = "hc-sr04"', 'part = "vl53l0x"', "parts on Wire (I2C) are not there yet"),
+        (
+            'part = "hc-sr04"\ntrig = 8\necho = 4',
+            'part = "compass"',
+            "of the parts on Wire (I2C), mpu6050 and vl53l0x can",
+        ),
         ('pin = "a6"', "pin = 9", "must be an analog pin, A0 to A7, not 9"),
         ("[12.5, 100]", "[0, 100]", "with readings that rise"),
         ("closed = 180", "closed = 130", "open and closed must be two different angles"),
