@@ -8,6 +8,7 @@ from pathlib import Path
 from simmer_tui.errors import Problem, reason_of
 from simmer_tui.sim.rules import listed
 from simmer_tui.sim.specs import WheelsSpec
+from simmer_tui.sketch.bus_check import bus_problems
 from simmer_tui.sketch.motion_check import wrong_motions
 from simmer_tui.sketch.sketch_scan import PULSES, WRITES, Pins, SketchFacts, SketchPort
 from simmer_tui.sketch.wiring import (
@@ -52,6 +53,7 @@ def sketch_problems(
         problems += _no_outputs(found, uses)
         problems += _interrupts(found)
         problems += _deaf_ports(found)
+        problems += bus_problems(wiring, name, found)
         for sensor in wiring.sensors:
             if isinstance(sensor, WiredSonar) and sensor.board == name:
                 problems += _swapped_sonar(found, sensor)
@@ -104,10 +106,13 @@ def _unused_pins(board: SketchBoard, facts: SketchFacts, uses: Iterable[PinUse])
     """Pins that the wiring has and the sketch does not use."""
     written, read = _touched(facts, writes=True), _touched(facts, writes=False)
     ports = facts.ports()
+    modes = {pin for call in facts.named("pinMode") for pin in facts.pins(call) or ()}
     for use in uses:
         if use.name in ("rx", "tx", "from", "to", "sda", "scl"):
             continue  # serial lines and the bus have messages of their own
         pins = written if use.writes else read
+        if use.name == "xshut" and use.pin in modes:
+            continue  # an output is LOW before it is written, and an input lets the part be on
         if pins is None or use.pin in pins:
             continue
         shown = board.kind.pin_name(use.pin)
