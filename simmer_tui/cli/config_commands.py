@@ -172,6 +172,8 @@ def _drafted(sketches: Sequence[Path], directory: Path, sensors: str) -> dict[st
     codes = enabled_codes(sensors)
     ranges = [code for name, code in codes.items() if name.startswith("ultra")]
     others = [code for name, code in codes.items() if name.startswith("ir")]
+    beams = [code for name, code in codes.items() if name.startswith("tof")]
+    gyros = [code for name, code in codes.items() if name.startswith("gyro")]
     problems = [
         Problem(str(sketch), "there is no such sketch; name an .ino file, or its folder")
         for sketch in sketches
@@ -180,7 +182,7 @@ def _drafted(sketches: Sequence[Path], directory: Path, sensors: str) -> dict[st
     if problems:
         raise ConfigurationError(problems)
     try:
-        return {WIRING_FILE: draft(sketches, directory, ranges, others).encode()}
+        return {WIRING_FILE: draft(sketches, directory, ranges, others, beams, gyros).encode()}
     except (OSError, ValueError) as error:
         raise ConfigurationError([Problem("--sketch", f"cannot be read: {reason_of(error)}")]) from None
 

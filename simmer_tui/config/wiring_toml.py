@@ -129,10 +129,10 @@ _BOARDS = dict.fromkeys(
 _DRIVERS = {
     "servo360": "servos that turn all round are not there yet: describe the wheel as hbridge",
 }
-_LATER_PARTS = dict.fromkeys(
-    ("mpu6050", "vl53l0x", "lcd", "compass", "gyro"),
-    "parts on Wire (I2C) are not there yet: hc-sr04, encoder, line and analog are",
-)
+_LATER_PARTS = {
+    "gyro": "mpu6050 can",
+    **dict.fromkeys(("compass", "lcd"), "of the parts on Wire (I2C), mpu6050 and vl53l0x can"),
+}
 _BOARD_KEY = _key("board", TextRule(), "name of a board of [boards]")
 
 BOARD_KINDS = ("uno", "nano", "mega")
@@ -213,6 +213,11 @@ MOTOR = (
 )
 """The keys of [[motors]], without those of their drivers."""
 MOTOR_OPTIONAL = ("dead_band", "reversed", "enable_on")
+_ADDRESS = _key(
+    *("address", IntegerRule(0x08, 0x77, "an address from 0x08 to 0x77")),
+    "mpu6050: 0x68, or 0x69 with AD0 high; vl53l0x: the address that the sketch gives it",
+)
+_INTERRUPT = _pin("int", "mpu6050, vl53l0x: pin at its interrupt output (INT, GPIO1), if it is wired")
 PART_KEYS: Mapping[str, tuple[Value, ...]] = {
     "hc-sr04": (
         _pin("trig", "hc-sr04: trigger pin"),
@@ -237,9 +242,18 @@ PART_KEYS: Mapping[str, tuple[Value, ...]] = {
         # 16 points describe the curve of an infrared distance sensor by its data sheet.
         _key("points", PointsRule(16, 1023), "analog: curve from the reading to analogRead's count"),
     ),
+    "mpu6050": (
+        _ADDRESS,
+        _INTERRUPT,
+    ),
+    "vl53l0x": (
+        _ADDRESS,
+        _pin("xshut", "vl53l0x: pin at its XSHUT; while it is LOW the part is off"),
+        _INTERRUPT,
+    ),
 }
 """The keys of [[sensors]] of each part, without `code`, `board` and `part`."""
-PART_OPTIONAL = ("b", "active")
+PART_OPTIONAL = ("b", "active", "address", "xshut", "int")
 PART = (
     _key("code", TextRule(), "code of the row of sensors.csv; an encoder has none"),
     _BOARD_KEY,

@@ -384,6 +384,24 @@ class Simulator:
         given. Raises UnknownSensorError."""
         return self._observe(self._working(code), self.pose if pose is None else pose)[0]
 
+    def count_rate(self, code: str) -> float:
+        """The rate at which a counting sensor counts now, in its unit a second, with its gain and drift.
+        Raises UnknownSensorError."""
+        sensor = self._working(code)
+        leg = self._continuous.leg
+        counted = 0.0 if leg is None or self.trajectory is not None else leg.counts.get(sensor.id, 0.0)
+        return counted * sensor.spec.gain + sensor.spec.drift
+
+    def rate_error(self, code: str, period: float) -> float:
+        """A draw of the error of a sensor's rate that lasts for a period, seconds: that of its random walk.
+        Raises UnknownSensorError."""
+        sensor = self._working(code)
+        if not self._noise or not sensor.random_walk:
+            return 0.0
+        # Over n periods the errors add up to the walk's spread, walk sqrt(n period).
+        draw = self._streams[noise.fault_stream(sensor.id)].standard_normal()
+        return sensor.random_walk / math.sqrt(period) * float(draw)
+
     def true_values(self, pose: Pose | None = None) -> dict[str, float]:
         """Readings of all enabled sensors by code, as `true_value` gives them; NaN of a device that
         failed."""

@@ -13,9 +13,17 @@ from simmer_tui.run.phrases import BOARD_SOURCE
 from simmer_tui.sim import Simulator
 from simmer_tui.sim.command import Command, counted, cut
 from simmer_tui.sketch.compiler import find_compiler
-from simmer_tui.sketch.parts import analog_counts, echo_length
+from simmer_tui.sketch.parts import analog_counts, echo_length, range_millimetres
 from simmer_tui.sketch.sketch_robot import SketchRobot, compile_set, with_boards
-from simmer_tui.sketch.wiring import WiredAnalog, WiredEncoder, WiredLineSensor, WiredSonar, Wiring
+from simmer_tui.sketch.wiring import (
+    WiredAnalog,
+    WiredEncoder,
+    WiredGyro,
+    WiredLineSensor,
+    WiredRanger,
+    WiredSonar,
+    Wiring,
+)
 
 BENCH_TIME = 1.0
 """Simulated seconds for which the boards run."""
@@ -100,6 +108,11 @@ def _readings(engine: Engine, wiring: Wiring) -> Iterator[str]:
             made = f"an echo of {echo_length(value) / _MICROSECOND:.0f} us"
         elif isinstance(part, WiredLineSensor):
             made = "HIGH" if (value == 1.0) == part.active_high else "LOW"
+        elif isinstance(part, WiredRanger):
+            made = f"a range of {range_millimetres(value)} mm"
+        elif isinstance(part, WiredGyro):
+            rate = engine.simulator.count_rate(part.code)
+            made = f"turning at {rate:.2f} deg/s"
         else:
             assert isinstance(part, WiredAnalog)
             made = f"analogRead gives {analog_counts(part, value)}"

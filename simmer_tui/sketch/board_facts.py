@@ -96,6 +96,23 @@ class BoardFacts:
         text = f"{which} waited {took:.0f} ms to be read: board {board.name} was {where}"
         self._tell(f"{text}; the robot went {gone:.1f} in meanwhile", line)
 
+    def fifo_overflow(self, board: Board, part: str, place: int) -> None:
+        """Tell that the FIFO of a part has lost packets, which the sketch has not read in time."""
+        line = board.process.line_of(place)
+        if self._is_due(f"fifo {part}", line):
+            where = f" at {line}" if line else ""
+            text = (
+                f"the FIFO of {part} overflowed{where}: it holds 24 packets of 10 ms, and nothing read them"
+            )
+            self._tell(f"board {board.name}: {text}", line)
+
+    def bus_stuck(self, board: Board, place: int) -> None:
+        """Tell that a board waits for its bus, and goes on waiting: interrupts are off."""
+        line = board.process.line_of(place)
+        where = f" at {line}" if line else ""
+        because = "Wire needs interrupts, which are off there, as in an interrupt's function"
+        self._tell(f"board {board.name} waits without end{where}: {because}", line)
+
     def lost_edge(self, board: Board, pin: str, place: int, edges: int) -> None:
         """Count an edge that a board has lost, one of so many at a pin."""
         key = (board.name, pin)

@@ -43,6 +43,8 @@ NEVER = 1 << 62
 """A time that no board reaches."""
 STOP_WHEN_SENT = 0x100
 """Flag of a grant: a byte sent at the pin in the low byte ends the slice."""
+ANSWER_HOLDS = 0x200
+"""Flag of a grant: the answer stays the same until its horizon, as long as the board changes no output."""
 
 
 class BoardSilence:
@@ -78,6 +80,9 @@ class Query(IntEnum):
     SONAR = 1
     ANALOG = 2
     DIGITAL = 3
+    RANGE = 4
+    ANGLE = 5
+    RATE = 6
 
 
 class Told(IntEnum):
@@ -97,6 +102,8 @@ class Told(IntEnum):
     EDGES = 12
     STEP = 13
     TEXT = 14
+    FIFO_OVERFLOW = 15
+    BUS_STUCK = 16
 
 
 class Waits(IntEnum):

@@ -28,6 +28,8 @@ class BoardKind(Struct, frozen=True, kw_only=True):
     """Pins (rx, tx) of each serial port in hardware."""
     software_rx: frozenset[int]
     """Pins at which SoftwareSerial can receive: those with a pin-change interrupt."""
+    i2c: tuple[int, int]
+    """Pins (SDA, SCL) of Wire."""
     servo_takes: frozenset[int]
     """PWM pins whose timer the Servo library uses: with a servo attached they have no PWM."""
 
@@ -59,6 +61,7 @@ UNO = BoardKind(
     interrupts=_AVR_INTERRUPTS,
     serial={"Serial": (0, 1)},
     software_rx=frozenset(range(20)),
+    i2c=(18, 19),
     servo_takes=_AVR_SERVO,
 )
 # The same processor in a case with two more analog inputs.
@@ -75,6 +78,7 @@ MEGA = BoardKind(
     interrupts={2: 0, 3: 1, 21: 2, 20: 3, 19: 4, 18: 5},
     serial={"Serial": (0, 1), "Serial1": (19, 18), "Serial2": (17, 16), "Serial3": (15, 14)},
     software_rx=frozenset((*range(10, 16), *range(50, 54), *range(62, 70))),
+    i2c=(20, 21),
     # The first twelve servos use timer 5.
     servo_takes=frozenset((44, 45, 46)),
 )

@@ -8,7 +8,7 @@ import re
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 
@@ -118,6 +118,14 @@ class _Source(Struct, frozen=True):
 def libraries() -> list[str]:
     """The libraries that sketches may include, by their headers."""
     return sorted(each.name for each in (RUNTIME / "libraries").glob("*.h"))
+
+
+def is_provided(header: str, own: Collection[str]) -> bool:
+    """True if a header is the runtime's, the C library's, or one of a sketch's `own` files."""
+    name = header.lower()
+    core = {each.name.lower() for each in (RUNTIME / "core").glob("*.h")}
+    known = core | _provided() | _STANDARD | set(_OTHER_NAMES) | {each.lower() for each in own}
+    return name in known or name.rpartition("/")[2] in known
 
 
 def build_sketch(sketch: Path, kind: BoardKind, place: str = "") -> BuiltSketch:

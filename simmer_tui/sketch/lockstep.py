@@ -14,6 +14,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from msgspec import Struct, field
 
 from simmer_tui.sketch.board_process import (
+    ANSWER_HOLDS,
     BYTE,
     NEVER,
     STOP_WHEN_SENT,
@@ -21,6 +22,7 @@ from simmer_tui.sketch.board_process import (
     BoardProcess,
     BoardRecord,
     BoardWait,
+    Query,
     Reason,
     Told,
 )
@@ -43,6 +45,8 @@ REAL_SLICE = 0.02
 
 # Names of an enumeration take longer to read than its values, thousands of times a second.
 _QUERY = int(Reason.QUERY)
+_RATE = int(Query.RATE)
+_OF_THE_BUS = frozenset((int(Told.FIFO_OVERFLOW), int(Told.BUS_STUCK)))
 
 
 class PinState(Struct):
@@ -73,6 +77,7 @@ class Board(Struct, eq=False):
         records: what it has done, and what has not been done to the world yet.
         granted: its last horizon.
         answer: the answer to its question.
+        holds: the time until which that stays the same; 0 if it is not known.
     """
 
     name: str
@@ -92,6 +97,7 @@ class Board(Struct, eq=False):
     """Its last long waits in delay() and the like, that are over."""
     granted: int = 0
     answer: float = 0.0
+    holds: int = 0
     waits: bool = False
     """True while it has stopped, and what it did has not been done to the world yet."""
 
@@ -139,11 +145,19 @@ class LockstepWorld:
         """The answer to a board's question; echoes are put into its events."""
         return 0.0
 
+    @property
+    def steady_until(self) -> int:
+        """Time until which the turning rate last asked for stays the same, if no motor changes."""
+        return 0
+
     def sent(self, time: int, value: int, byte: int) -> None:
         """A byte arrives at the laptop at a time; `byte` is its duration."""
 
     def lost(self, board: Board, record: BoardRecord) -> None:
         """A board has lost a byte."""
+
+    def bus_told(self, board: Board, record: BoardRecord) -> None:
+        """A board has a full FIFO at its I2C bus, or uses the bus while interrupts are off."""
 
     def lost_edge(self, board: Board, record: BoardRecord, edges: int) -> None:
         """A board has lost one of so many edges that a pin has had."""
@@ -270,8 +284,11 @@ class Lockstep:
             if record.kind == Told.TEXT:
                 board.displays.setdefault(record.pin, TextDisplay()).change(record.value)
                 continue
-            state = board.pin(record.pin)
             kind = record.kind
+            if kind in _OF_THE_BUS:
+                self._world.bus_told(board, record)
+                continue
+            state = board.pin(record.pin)
             if kind == Told.STEP:
                 state.steps += 1
             elif kind == Told.LEVEL:
@@ -294,12 +311,17 @@ class Lockstep:
         board.answer = 0.0
         if process.reason == _QUERY:
             board.answer = self._world.answer(board, process.query, process.pin)
+            # A sketch that sums up a gyro's rate asks for it thousands of times a second.
+            if process.query == _RATE and all(each is board for each in self._drivers):
+                board.holds = self._world.steady_until
 
     def _horizon(self, board: Board, until: int) -> int:
         """The earliest time at which anything could reach a board, its slice at most."""
         horizon = board.process.now + self._slice
         if until < horizon:
             horizon = until
+        if board.holds:
+            horizon = min(horizon, board.holds)
         for source in board.sources:
             first = source.process.now + source.byte
             if first < horizon:
@@ -323,6 +345,9 @@ class Lockstep:
         flags = 0
         if self.laptop_listens and self._laptop is not None and self._laptop[0] is board and not self.sent:
             flags = STOP_WHEN_SENT | self._laptop[1]
+        if horizon <= board.holds:
+            flags |= ANSWER_HOLDS
+        board.holds = 0
         board.granted = horizon
         board.process.grant(horizon, events, board.answer, flags)
         self._receive(board)

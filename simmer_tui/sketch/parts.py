@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
 
 from simmer_tui.sketch.board_process import EDGE, BoardEvent
-from simmer_tui.sketch.wiring import MotorDriver, WiredAnalog, WiredEncoder, WiredMotor
+from simmer_tui.sketch.wiring import MotorDriver, WiredAnalog, WiredEncoder, WiredI2c, WiredMotor, WiredRanger
 
 SOUND_SPEED = 13504.0
 """Speed of sound at 20 degrees C, in/s (343 m/s)."""
@@ -67,6 +67,28 @@ def analog_counts(sensor: WiredAnalog, reading: float) -> int:
             counts = low + (reading - left) / (right - left) * (high - low)
             break
     return min(max(round(counts), 0), MOST_COUNTS)
+
+
+MILLIMETRES = 25.4
+"""Millimetres of an inch."""
+NOTHING_IN_RANGE = 8190
+"""Millimetres that a VL53L0X gives where nothing is in range."""
+
+
+def range_millimetres(inches: float) -> int:
+    """The distance that a VL53L0X gives for a reading."""
+    if not math.isfinite(inches):
+        return NOTHING_IN_RANGE
+    return min(round(inches * MILLIMETRES), NOTHING_IN_RANGE)
+
+
+def bus_option(number: int, part: WiredI2c) -> list[str]:
+    """The option by which a board gets a part on its bus; `number` is that of its row, from 0."""
+    interrupt = -1 if part.interrupt is None else part.interrupt
+    if isinstance(part, WiredRanger):
+        xshut = -1 if part.xshut is None else part.xshut
+        return ["--vl53l0x", f"{number},{xshut},{interrupt}"]
+    return ["--mpu6050", f"{number},{part.address},{interrupt}"]
 
 
 class EncoderState:

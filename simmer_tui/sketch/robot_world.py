@@ -57,6 +57,10 @@ class RobotWorld:
         """Rim speeds that wait for the end of the gripper's movement."""
         self._leg: object = None
         self._last: dict[str, _LastReading] = {}
+        self._rate_errors: dict[str, tuple[int, float]] = {}
+        """The last error of each gyro's rate, with the time of its draw."""
+        self.steady_until = 0
+        """The time until which the rate that was read last stays the same."""
         self.time = 0
         """The time that the world has reached."""
         self._due = math.inf
@@ -69,6 +73,7 @@ class RobotWorld:
         self._last.clear()
         for each in self._steppers:
             each.restart()
+        self._rate_errors.clear()
 
     @property
     def next_change(self) -> int:
@@ -219,6 +224,21 @@ class RobotWorld:
         reading = result.reading
         self._last[code] = _LastReading(self.time, result.reply, reading.true, reading.sensor.is_yes_or_no)
         return result.reply
+
+    def rate(self, code: str) -> float:
+        """The turning rate that a gyro measures now, deg/s. The angle that its sensor reads is told as with
+        `read`, and the rate's error lasts as long."""
+        if math.isnan(self.read(code)):
+            return math.nan
+        self._simulator.advance(self.time / SECOND)
+        drawn, error = self._rate_errors.get(code, (-READING_PERIOD, 0.0))
+        if self.time - drawn >= READING_PERIOD:
+            error = self._simulator.rate_error(code, READING_PERIOD / SECOND)
+            drawn = self.time
+            self._rate_errors[code] = drawn, error
+        told = self._last[code].time
+        self.steady_until = min(self.next_change, told + READING_PERIOD, drawn + READING_PERIOD)
+        return self._simulator.count_rate(code) + error
 
     def _held(self, code: str, last: _LastReading) -> float:
         """A reading of the present true value with the error of the last one."""

@@ -8,6 +8,7 @@ from pathlib import Path
 from simmer_tui.errors import Problem, reason_of
 from simmer_tui.sim.rules import listed
 from simmer_tui.sim.specs import WheelsSpec
+from simmer_tui.sketch.bus_check import bus_problems
 from simmer_tui.sketch.motion_check import wrong_motions
 from simmer_tui.sketch.sketch_scan import PULSES, WRITES, Pins, SketchFacts, SketchPort
 from simmer_tui.sketch.wiring import (
@@ -25,8 +26,8 @@ from simmer_tui.sketch.wiring import (
 _READERS = ("digitalRead", "analogRead", *PULSES)
 _MODES = ("pinMode", "digitalPinToInterrupt", "attachInterrupt", "detachInterrupt")
 """Calls that neither write nor read a pin; interrupts are found by their own list."""
-_LINE_ENDS = ("rx", "tx", "from", "to")
-"""Names of the uses of pins by serial lines."""
+_LINES = ("rx", "tx", "from", "to", "sda", "scl")
+"""Names of the uses of pins by serial lines and the bus, which have messages of their own."""
 _DUTY_PINS = {MotorDriver.HBRIDGE: ("en",), MotorDriver.SHIELD: ("pwm",), MotorDriver.PWM2: ("in1", "in2")}
 """The pins of a driver that get its duty."""
 
@@ -56,6 +57,7 @@ def sketch_problems(
         problems += _claimed_pins(found, uses)
         problems += _interrupts(found)
         problems += _deaf_ports(found)
+        problems += bus_problems(wiring, name, found)
         for sensor in wiring.sensors:
             if isinstance(sensor, WiredSonar) and sensor.board == name:
                 problems += _swapped_sonar(found, sensor)
@@ -111,10 +113,13 @@ def _unused_pins(board: SketchBoard, facts: SketchFacts, uses: Iterable[PinUse])
     """Pins that the wiring has and the sketch does not use."""
     written, read = _touched(facts, writes=True), _touched(facts, writes=False)
     ports = facts.ports()
+    modes = {pin for call in facts.named("pinMode") for pin in facts.pins(call) or ()}
     for use in uses:
-        if use.name in _LINE_ENDS:
-            continue  # serial lines have messages of their own
+        if use.name in _LINES:
+            continue
         pins = written if use.writes else read
+        if use.name == "xshut" and use.pin in modes:
+            continue  # an output is LOW before it is written, and an input lets the part be on
         if pins is None or use.pin in pins:
             continue
         shown = board.kind.pin_name(use.pin)
@@ -138,7 +143,7 @@ def _claimed_pins(facts: SketchFacts, uses: Iterable[PinUse]) -> Iterator[Proble
             if pins is not None and len(pins) == 1:
                 claims.setdefault(next(iter(pins)), f"the display's too ({call.token.spot})")
     for use in uses:
-        if use.name not in _LINE_ENDS and use.pin in claims:
+        if use.name not in _LINES and use.pin in claims:
             what = f"pin {facts.kind.pin_name(use.pin)} is {claims[use.pin]}"
             yield Problem(use.place, f"{what}; give each its own pin")
 

@@ -41,6 +41,7 @@ from simmer_tui.sketch.board_process import (
     BoardProcess,
     BoardRecord,
     Query,
+    Told,
     Watchdog,
 )
 from simmer_tui.sketch.board_view import BoardView, PinView
@@ -52,6 +53,7 @@ from simmer_tui.sketch.parts import (
     SECOND,
     EncoderState,
     analog_counts,
+    bus_option,
     echo_length,
     rim_speed,
 )
@@ -63,7 +65,9 @@ from simmer_tui.sketch.steppers import StepperState
 from simmer_tui.sketch.wiring import (
     WiredAnalog,
     WiredEncoder,
+    WiredI2c,
     WiredLineSensor,
+    WiredRanger,
     WiredSonar,
     Wiring,
     WiringParts,
@@ -221,11 +225,12 @@ class SketchRobot(LockstepWorld):
         self._world = RobotWorld(
             engine, self._session, list(self._encoders.values()), self._steppers, self._stepped_at
         )
-        self._asked: dict[tuple[str, int, int], list[WiredSonar | WiredAnalog | WiredLineSensor]] = {}
+        self._asked: dict[tuple[str, int, int], list[_AskedSensor]] = {}
         """Sensors by the question that asks for them: board, query and pin."""
-        for each in sketches.wiring.sensors:
+        for number, each in enumerate(sketches.wiring.sensors):
             if not isinstance(each, WiredEncoder):
-                self._asked.setdefault(_question(each), []).append(each)
+                for question in _questions(each, number):
+                    self._asked.setdefault(question, []).append(each)
         self._start()
         engine.boards = self.catch_up
         engine.watch(self._watch)
@@ -281,6 +286,9 @@ class SketchRobot(LockstepWorld):
         ):
             if pins:
                 options += [option, ",".join(map(str, sorted(pins)))]
+        for number, part in enumerate(wiring.sensors):
+            if isinstance(part, WiredI2c) and part.board == name:
+                options += bus_option(number, part)
         self._options[name] = options
         process = self._start_board(name, self._set.built[name].program, options)
         board = Board(name, process, BITS_OF_A_BYTE * SECOND // self._set.bauds[name])
@@ -492,6 +500,10 @@ class SketchRobot(LockstepWorld):
         if close != bool(before):
             self._world.grip(close=close)
 
+    @property
+    def steady_until(self) -> int:
+        return self._world.steady_until
+
     def answer(self, board: Board, query: int, pin: int) -> float:
         made = 0.0
         for each in self._asked.get((board.name, query, pin), ()):
@@ -499,6 +511,9 @@ class SketchRobot(LockstepWorld):
                 self._ping(board, each)
             elif isinstance(each, WiredAnalog):
                 made = analog_counts(each, self._world.read(each.code))
+            elif isinstance(each, WiredI2c):
+                read = self._world.rate if query == Query.RATE else self._world.read
+                made = read(each.code)
             else:
                 seen = self._world.read(each.code) == 1.0
                 made = float(seen == each.active_high)
@@ -517,6 +532,14 @@ class SketchRobot(LockstepWorld):
 
     def was_late(self, board: Board, record: BoardRecord, until: int) -> None:
         self._facts.was_late(board, record, until)
+
+    def bus_told(self, board: Board, record: BoardRecord) -> None:
+        place = record.value & 0xFFFFFFFF
+        if record.kind == Told.BUS_STUCK:
+            self._facts.bus_stuck(board, place)
+        elif record.pin < len(self._set.wiring.sensors):
+            part = self._set.wiring.sensors[record.pin]
+            self._facts.fifo_overflow(board, f"{part.label} {getattr(part, 'code', '')}", place)
 
     def lost_edge(self, board: Board, record: BoardRecord, edges: int) -> None:
         pin = self._set.wiring.boards[board.name].kind.pin_name(record.pin)
@@ -616,11 +639,18 @@ class SketchRobot(LockstepWorld):
         """Every message has its answer at once."""
 
 
-def _question(sensor: WiredSonar | WiredAnalog | WiredLineSensor) -> tuple[str, int, int]:
-    """The board, query and pin by which a sketch asks for a sensor."""
+_AskedSensor = WiredSonar | WiredAnalog | WiredLineSensor | WiredI2c
+
+
+def _questions(sensor: _AskedSensor, number: int) -> list[tuple[str, int, int]]:
+    """The boards, queries and pins by which a sketch asks for a sensor; for one on a bus its row's `number`
+    stands for the pin."""
+    if isinstance(sensor, WiredI2c):
+        queries = (Query.RANGE,) if isinstance(sensor, WiredRanger) else (Query.ANGLE, Query.RATE)
+        return [(sensor.board, query, number) for query in queries]
     if isinstance(sensor, WiredSonar):
-        return sensor.board, Query.SONAR, sensor.trig
-    return sensor.board, Query.ANALOG if isinstance(sensor, WiredAnalog) else Query.DIGITAL, sensor.pin
+        return [(sensor.board, Query.SONAR, sensor.trig)]
+    return [(sensor.board, Query.ANALOG if isinstance(sensor, WiredAnalog) else Query.DIGITAL, sensor.pin)]
 
 
 _MODES = {0: "input", 1: "output", 2: "input with pull-up"}

@@ -117,6 +117,15 @@ _Row = tuple[tuple[Token, ...], ...]
 """A row of an array: expressions. An array with one index has rows of one."""
 
 
+class DeclaredObject(Struct, frozen=True):
+    """An object of a class that is declared without arguments, or an array of them: `count` has its size."""
+
+    type: str
+    name: str
+    count: tuple[Token, ...]
+    spot: str
+
+
 class SketchFacts:
     """The facts of one sketch on a kind of board.
 
@@ -127,6 +136,7 @@ class SketchFacts:
 
     def __init__(self, sources: Mapping[str, str], kind: BoardKind) -> None:
         self.file = next(iter(sources), "")
+        self.files = frozenset(sources)
         self.kind = kind
         self.includes: list[tuple[str, str]] = []
         """Names of the headers that it includes, with their places."""
@@ -139,6 +149,7 @@ class SketchFacts:
         """The methods of a class with a body."""
         self._members: dict[str, int] = {}
         """Places of the members of structs among their values."""
+        self.declared: list[DeclaredObject] = []
         self._steps = 0
         self._defined: tuple[int, Token] | None = None
         """The end of the last definition of an object, and its class."""
@@ -483,6 +494,8 @@ class SketchFacts:
             before = tokens[at - 1].text if at else ""
             if not token.is_name:
                 continue
+            if at + 1 < len(tokens) and tokens[at + 1].is_name and token.text not in _KEYWORDS:
+                self._read_declaration(tokens, at, partners)
             if after in _CHANGED or before in ("++", "--"):
                 self._changed.add(token.text)
             elif after == "=" and (before not in (".", "->") or (at > 1 and tokens[at - 2].text == "this")):
@@ -491,6 +504,30 @@ class SketchFacts:
                 self._read_array(tokens, at, partners)
             elif after in ("(", "{") and token.text not in _KEYWORDS:
                 self._read_call(tokens, at, partners, function)
+
+    def _read_declaration(self, tokens: Sequence[Token], at: int, partners: Mapping[int, int]) -> None:
+        """Take `Class one, two[3];`, and `Class one = Class();`."""
+        place = at + 1
+        while place + 1 < len(tokens) and len(self.declared) < _MOST_CALLS:
+            name, mark, end = tokens[place], tokens[place + 1].text, place + 1
+            count: tuple[Token, ...] = ()
+            if not name.is_name:
+                return
+            if mark == "[":
+                end = partners.get(end, end)
+                count = tuple(tokens[place + 2 : end])
+                end += 1
+                mark = tokens[end].text if end < len(tokens) else ""
+            if mark not in (",", ";", "="):
+                return
+            self.declared.append(DeclaredObject(tokens[at].text, name.text, count, name.spot))
+            if mark != ",":
+                return
+            place = end + 1
+
+    def items(self, name: str) -> list[Pins | None]:
+        """The values of each element of an array, in order; none if there is no such array."""
+        return [self.values(item) for row in self._arrays.get(name, ()) for item in row]
 
     def _find_functions(self, tokens: Sequence[Token], partners: Mapping[int, int]) -> None:
         """Find the bodies of functions, by the index of their brace, and the names of their parameters."""

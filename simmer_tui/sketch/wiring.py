@@ -181,7 +181,34 @@ class WiredAnalog(WiringRow, frozen=True, kw_only=True):
     points: tuple[tuple[float, float], ...]
 
 
-WiredSensor = WiredSonar | WiredEncoder | WiredLineSensor | WiredAnalog
+class WiredI2c(WiringRow, frozen=True, kw_only=True):
+    """A part at a board's I2C bus. `interrupt` is the pin of its output for interrupts; None if it is not
+    wired."""
+
+    code: str
+    board: str
+    address: int
+    interrupt: int | None
+
+
+class WiredGyro(WiredI2c, frozen=True, kw_only=True):
+    """An MPU6050 at its address."""
+
+
+class WiredRanger(WiredI2c, frozen=True, kw_only=True):
+    """A VL53L0X. It begins at address 0x29, and again whenever its pin `xshut` was low; `address` is the one
+    that the sketch gives it."""
+
+    xshut: int | None
+
+
+WiredSensor = WiredSonar | WiredEncoder | WiredLineSensor | WiredAnalog | WiredGyro | WiredRanger
+RANGER_ADDRESS = 0x29
+"""The address at which a VL53L0X begins."""
+GYRO_ADDRESSES = (0x68, 0x69)
+"""The addresses of an MPU6050: with its pin AD0 low, the usual one, and high."""
+_PIN_KEYS = {"interrupt": "int"}
+"""Keys of pins in the file whose names here are others."""
 
 
 class WiredServo(WiringRow, frozen=True, kw_only=True):
@@ -228,10 +255,14 @@ class Wiring(Struct, frozen=True, kw_only=True):
             for name, pin in motor.pins.items():
                 yield _use(motor, motor.board, pin, name, writes=True)
         for each in self.sensors:
-            for name in ("trig", "echo", "a", "b", "pin"):
+            if isinstance(each, WiredI2c):
+                for name, pin in zip(("sda", "scl"), self.boards[each.board].kind.i2c, strict=True):
+                    yield _use(each, each.board, pin, name)
+            for name in ("trig", "echo", "a", "b", "pin", "xshut", "interrupt"):
                 number: int | None = getattr(each, name, None)
                 if number is not None:
-                    yield _use(each, each.board, number, name, writes=name == "trig")
+                    key = _PIN_KEYS.get(name, name)
+                    yield _use(each, each.board, number, key, writes=name in ("trig", "xshut"))
         for servo in self.servos:
             yield _use(servo, servo.board, servo.pin, "pin", writes=True)
 
@@ -289,6 +320,7 @@ def read_wiring(text: str, parts: WiringParts, problems: list[Problem]) -> Wirin
     wiring = _WiringReader(file, parts, problems).wiring()
     # The pins of rows with mistakes are missing, so two uses of a pin are only found among the others.
     problems += pins_used_twice(wiring)
+    problems += _addresses_used_twice(wiring)
     return wiring
 
 
@@ -314,8 +346,11 @@ def missing_sketches(wiring: Wiring, directory: Path) -> Iterator[Problem]:
 
 
 # Inputs of several parts at one output: enables, brakes and steps of both motors, the trigger of several
-# sonars, and a line that goes on to a second listener.
-_SHARED = ({"en"}, {"brake"}, {"enable"}, {"dir"}, {"step"}, {"trig"}, {"tx", "from"})
+# sonars, and a line that goes on to a second listener. All parts of a bus are at its two wires.
+_SHARED = (
+    *({"en"}, {"brake"}, {"enable"}, {"dir"}, {"step"}, {"trig"}),
+    *({"tx", "from"}, {"sda"}, {"scl"}),
+)
 
 
 def pins_used_twice(wiring: Wiring) -> Iterator[Problem]:
@@ -331,6 +366,29 @@ def pins_used_twice(wiring: Wiring) -> Iterator[Problem]:
         kind = wiring.boards[use.board].kind
         what = f"pin {kind.pin_name(use.pin)} of {use.board} is already {other.name} of {other.label}"
         yield Problem(use.place, f"{what} ({other.place}); give each its own pin")
+
+
+def _addresses_used_twice(wiring: Wiring) -> Iterator[Problem]:
+    """Problems with parts of a bus that nothing tells apart."""
+    seen: dict[tuple[str, int], WiredI2c] = {}
+    without_xshut: dict[str, WiredI2c] = {}
+    for each in wiring.sensors:
+        if not isinstance(each, WiredI2c):
+            continue
+        other = None
+        if isinstance(each, WiredRanger) and each.xshut is None:
+            other = without_xshut.setdefault(each.board, each)
+            if other is not each:
+                what = f"{other.label} has no xshut either, so both begin at {RANGER_ADDRESS:#x} together"
+                yield Problem(each.place, f"{what}; wire the XSHUT of one to a pin, or leave one part out")
+                continue
+        # Without the key, the sketch gives it an address that is not known here.
+        if isinstance(each, WiredRanger) and "address" not in each.places:
+            continue
+        other = seen.setdefault((each.board, each.address), each)
+        if other is not each:
+            what = f"{each.address:#x} is the address of {other.label} already ({other.place})"
+            yield Problem(each.place_of("address"), f"{what}; each part on a bus has its own")
 
 
 class _WiringReader:
@@ -515,7 +573,18 @@ class _WiringReader:
             if not code or pins is None:
                 continue
             common["code"] = code
-            if values["part"] == "hc-sr04":
+            if values["part"] == "mpu6050":
+                address = values.get("address", GYRO_ADDRESSES[0])
+                if address in GYRO_ADDRESSES:
+                    yield WiredGyro(**common, address=address, interrupt=pins.get("int"))
+                else:
+                    what = f"an MPU6050 is at 0x68, with AD0 high at 0x69, never at {address:#x}"
+                    self._file.add_problem(f"{prefix}.address", what)
+            elif values["part"] == "vl53l0x":
+                address = values.get("address", RANGER_ADDRESS)
+                xshut = pins.get("xshut")
+                yield WiredRanger(**common, address=address, xshut=xshut, interrupt=pins.get("int"))
+            elif values["part"] == "hc-sr04":
                 yield WiredSonar(**common, trig=pins["trig"], echo=pins["echo"])
             elif values["part"] == "line":
                 yield WiredLineSensor(**common, pin=pins["pin"], active_high=values.get("active") != "low")
@@ -675,6 +744,10 @@ class _WiringReader:
             what = f"{code} is at {seen[code]} already; a sensor has one part"
         elif part == "hc-sr04" and not sensor.kind.is_range:
             what = f"{code} is {sensor.id}, which measures no distance; an hc-sr04 does"
+        elif part == "vl53l0x" and not sensor.kind.is_range:
+            what = f"{code} is {sensor.id}, which measures no distance; a vl53l0x does"
+        elif part == "mpu6050" and not (sensor.kind.counts and sensor.kind.unit == "deg"):
+            what = f"{code} is {sensor.id}, which is no gyro; an mpu6050 is one"
         elif part == "line" and not sensor.is_yes_or_no:
             what = f'{code} is {sensor.id}, which does not read 0 or 1; use part = "analog"'
         if what:

@@ -19,6 +19,7 @@ from msgspec import Struct
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim.rules import MAX_TEXT, TextRule
 from simmer_tui.sketch.boards import BOARDS, UNO, BoardKind
+from simmer_tui.sketch.bus_draft import draft_gyros, draft_rangers
 from simmer_tui.sketch.motion_check import forward_levels
 from simmer_tui.sketch.motor_draft import END, draft_motors, oriented
 from simmer_tui.sketch.sketch_scan import (
@@ -31,6 +32,7 @@ from simmer_tui.sketch.sketch_scan import (
     SketchStep,
 )
 from simmer_tui.sketch.stepper_draft import draft_steppers
+from simmer_tui.sketch.wiring import GYRO_ADDRESSES
 
 _TRIGGER, _ECHO, _LEFT, _RIGHT, _OPEN, _CLOSED = (
     re.compile(word, re.IGNORECASE)
@@ -38,26 +40,14 @@ _TRIGGER, _ECHO, _LEFT, _RIGHT, _OPEN, _CLOSED = (
 )
 _HALF_TURN = 180
 """The largest angle of a servo; a larger number is a pulse."""
-_LATER = frozenset(
-    f"{name}.h"
-    for name in (
-        *(
-            "Wire",
-            "Adafruit_VL53L0X",
-            "VL53L0X",
-            "MPU6050",
-            "I2Cdev",
-        ),
-        *("MPU6050_6Axis_MotionApps20", "Arduino_FreeRTOS"),
-        *("BluetoothSerial", "ESP32Servo", "WiFi"),
-    )
-)
+_LATER = frozenset(f"{name}.h" for name in ("Arduino_FreeRTOS", "BluetoothSerial", "ESP32Servo", "WiFi"))
 """Headers of parts that are not simulated yet; those of teams, by how often they have them."""
 _MARK = "  # ?"
 _HEAD = """\
 # A draft, read off the sketch. A line with "# ?" is a guess: look at it, then take the mark away.
 # simmer-tui check tells what does not fit. docs/sketch.md explains every part.
 """
+_BEAM_ROW, _GYRO_ROW = "tof{0},t{0},1,3,0,4,0,0.03,25,", "gyro{0},g{0},1,0,0,4,0,0.01,,"
 _RANGE_ROW, _LINE_ROW = "ultra{0},u{0},1,3,0,6,0,0.02,5,", "ir{0},i{0},1,2,0,1,0,0.05,40,0.8"
 """Rows of sensors.csv, in front of the robot and beneath it."""
 _STEPS = "steps_per_inch = 100  # ? steps of a turn (with microsteps) / (3.14 x diameter of the wheel)"
@@ -93,6 +83,9 @@ class BoardDraft:
         taken |= {pin for call in facts.objects("LiquidCrystal") for pin in _all_pins(facts, call)}
         self.steppers = draft_steppers(facts, taken)
         taken |= {pin for stepper in self.steppers for pin in stepper.pins.values()}
+        self.gyros, self.rangers = draft_gyros(facts), draft_rangers(facts)
+        taken |= {each.interrupt for each in self.gyros if each.interrupt is not None}
+        taken |= {each.xshut for each in self.rangers if each.xshut is not None}
         ahead = forward_levels(facts)
         found = draft_motors([each for each in steps if each.pin not in taken])
         self.motors = [oriented(each, ahead) for each in found]
@@ -113,7 +106,14 @@ class BoardDraft:
             yield from (call for call in self.facts.named("attach") if call.object)
 
 
-def draft(sketches: Sequence[Path], directory: Path, ranges: Sequence[str], lines: Sequence[str]) -> str:
+def draft(
+    sketches: Sequence[Path],
+    directory: Path,
+    ranges: Sequence[str],
+    lines: Sequence[str],
+    beams: Sequence[str] = (),
+    gyros: Sequence[str] = (),
+) -> str:
     """The text of a wiring.toml for sketches, a board each.
 
     Args:
@@ -121,6 +121,8 @@ def draft(sketches: Sequence[Path], directory: Path, ranges: Sequence[str], line
         directory: The folder of the set, from which the paths of sketches begin.
         ranges: The codes of the set's range sensors, in order.
         lines: The codes of its other sensors that a pin can read.
+        beams: The codes of its time-of-flight sensors.
+        gyros: The codes of its gyros.
 
     Raises OSError or ValueError for a sketch that cannot be read, and ConfigurationError for one whose path
     wiring.toml does not take.
@@ -149,8 +151,10 @@ def draft(sketches: Sequence[Path], directory: Path, ranges: Sequence[str], line
         text += _stepper_tables(board, left)
         text += _motor_tables(board, left)
     codes, others = _Codes(ranges, "u", _RANGE_ROW), _Codes(lines, "i", _LINE_ROW)
+    on_bus = _Codes(beams, "t", _BEAM_ROW), _Codes(gyros, "g", _GYRO_ROW)
     for board in boards:
         text += _sensor_tables(board, codes, others)
+        text += _bus_tables(board, *on_bus)
         text += _servo_tables(board)
     return "\n".join(text)
 
@@ -383,6 +387,24 @@ def _sensor_tables(board: BoardDraft, ranges: _Codes, others: _Codes) -> Iterato
     for pin in board.analog:
         curve = "points = [[0, 1023], [1, 0]]  # ? [reading, count of analogRead]"
         yield row("analog", others.line(), f"pin = {_pin(board, pin)}", curve)
+
+
+def _bus_tables(board: BoardDraft, beams: _Codes, gyros: _Codes) -> Iterator[str]:
+    """The parts on the board's I2C bus."""
+
+    def row(part: str, code: str, keys: Sequence[str]) -> str:
+        return "\n".join(("[[sensors]]", code, f'board = "{board.name}"', f'part = "{part}"', *keys, ""))
+
+    for gyro in board.gyros:
+        keys = [] if gyro.address == GYRO_ADDRESSES[0] else [f"address = {gyro.address:#x}"]
+        keys += [] if gyro.interrupt is None else [f"int = {_pin(board, gyro.interrupt)}"]
+        yield row("mpu6050", gyros.line(), keys)
+    for ranger in board.rangers:
+        keys = [] if ranger.xshut is None else [f"xshut = {_pin(board, ranger.xshut)}"]
+        if ranger.xshut is None and len(board.rangers) > 1:
+            keys = ["# ? xshut: the pin that turns it off, as several begin at one address"]
+        keys += [] if ranger.address is None else [f"address = {ranger.address:#x}"]
+        yield row("vl53l0x", beams.line(), keys)
 
 
 class _Codes:

@@ -44,10 +44,14 @@ class BoardRun:
 
 
 def set_of(form: Path, folder: Path) -> Configuration:
-    """A set with two wheels and a form's wiring, whose sketches stay where they are."""
+    """A set with two wheels, a form's wiring, and rows of sensors that the form has. Its sketches stay where
+    they are."""
     init_set(folder, bundled_sets()["mission"])
     with (folder / "settings.toml").open("a", encoding="utf-8") as file:
         file.write('\n[wheels]\nlayout = "diff"\n')
+    if (form / "more_sensors.csv").is_file():
+        with (folder / "sensors.csv").open("a", encoding="utf-8") as file:
+            file.write((form / "more_sensors.csv").read_text("utf-8"))
     text = (form / "wiring.toml").read_text("utf-8").replace('sketch = "', f'sketch = "{form.as_posix()}/')
     (folder / "wiring.toml").write_text(text, "utf-8")
     return load(folder)

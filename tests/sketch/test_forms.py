@@ -40,9 +40,12 @@ EXPECTED = {
     "binary_frames": "Ux\0\x88\xff(?s:.{4})\xff",
     "bluetooth_chars": "hello\r\n5,177\r\nF,177\r\nL,177\r\nS,177\r\n",
     "delay_only": "",
+    "dmp_interrupt": "connected\r\n" + r"(ypr\t-?\d+\.\d\d\t0\.00\t0\.00\r\n){3}overflow\r\n"
+    r"(ypr\t-?\d+\.\d\d\t0\.00\t0\.00\r\n)+",
     "echo_interrupt": r"(\d{4} us, \d{5} passes\r\n)+",
     "encoder_ticks": "done (60|61) (60|61)\r\n",
     "flag_wait": "5\r\n10\r\n15\r\n20\r\n25\r\n30\r\n35\r\n40\r\n",
+    "gyro_registers": "2\r\n68\r\n16384 25.00\r\nturned 90.\\d\\d\r\n",
     "kept_settings": "g get, s set, t tone\r\n1050.00\r\nsaved\r\n10800.00\r\n",
     "l298n_ramp": "",
     "lcd_pid_line": "",
@@ -55,12 +58,17 @@ EXPECTED = {
     "servo_gripper": "gripper\r\nclosed\r\n95\r\nopen\r\n",
     "step_pulses": "forward\r\nleft\r\n",
     "stepper_coils": "12\r\ndone\r\n",
+    "tof_eight": r"((\d+,){7}\d+ \d+\r\n)+((\d+,)*\d*)?",
+    "tof_single": "VL53L0X test\r\n" + r"(\d+ mm in 3[78]\r\n|out of range\r\n)+",
     "two_boards": r"F:0\r\nL:\d+\r\nS:\d+\r\n",
     "two_pwm": "",
     "wait_and_halt": "1000\r\nhalted\r\n",
 }
 """Patterns of all that each form sends."""
-STANDS = ("echo_interrupt", "kept_settings", "newping_array", "number_widths", "pulse_in", "servo_gripper")
+STANDS = (
+    *("echo_interrupt", "kept_settings", "newping_array", "number_widths", "pulse_in", "servo_gripper"),
+    "tof_eight",
+)
 """Forms that do not drive."""
 
 

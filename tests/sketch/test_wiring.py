@@ -15,7 +15,7 @@ from simmer_tui.config.set_sketches import main_files, source_paths
 from simmer_tui.config.sets import bundled_sets, init_set
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim.specs import WheelLayout, WheelsSpec
-from simmer_tui.sketch.wiring import Wiring, WiringParts, read_wiring
+from simmer_tui.sketch.wiring import WiredGyro, WiredRanger, Wiring, WiringParts, read_wiring
 
 TWO_BOARDS = """\
 [boards.sensor]
@@ -166,7 +166,11 @@ def test_a_wiring_is_read_with_numbers_of_pins(parts: WiringParts) -> None:
         ),
         ('code = "u2"', 'code = "u1"', "u1 is at wiring.toml:31:sensors.1 already"),
         ('code = "i1"', 'code = "u3"', "which does not read 0 or 1"),
-        ('part = "hc-sr04"', 'part = "vl53l0x"', "parts on Wire (I2C) are not there yet"),
+        (
+            'part = "hc-sr04"\ntrig = 8\necho = 4',
+            'part = "compass"',
+            "of the parts on Wire (I2C), mpu6050 and vl53l0x can",
+        ),
         ('pin = "a6"', "pin = 9", "must be an analog pin, A0 to A7, not 9"),
         ("[12.5, 100]", "[0, 100]", "with readings that rise"),
         ("closed = 180", "closed = 130", "open and closed must be two different angles"),
@@ -243,6 +247,53 @@ def test_parts_share_pins_only_where_a_board_can(parts: WiringParts) -> None:
     one_pin = TWO_BOARDS.replace("echo = 4", "echo = 8")
     assert read(one_pin, parts)[1] == []
     assert "pin 4 of sensor is already" in read(shared.replace("echo = 12", "echo = 4"), parts)[1][0]
+
+
+ON_A_BUS = (
+    '[boards.rover]\nsketch = "r.ino"\nboard = "uno"\n'
+    '[[sensors]]\ncode = "g1"\nboard = "rover"\npart = "mpu6050"\naddress = 0x69\nint = 2\n'
+    '[[sensors]]\ncode = "t1"\nboard = "rover"\npart = "vl53l0x"\nxshut = 7\naddress = 0x30\n'
+    '[[sensors]]\ncode = "u1"\nboard = "rover"\npart = "vl53l0x"\nint = 3\n'
+)
+
+
+def test_parts_on_a_bus_are_read_with_its_wires(parts: WiringParts) -> None:
+    wiring, problems = read(ON_A_BUS, parts)
+    assert problems == []
+    assert wiring is not None
+    gyro, first, second = wiring.sensors
+    assert isinstance(gyro, WiredGyro)
+    assert (gyro.address, gyro.interrupt) == (0x69, 2)
+    assert isinstance(first, WiredRanger)
+    assert isinstance(second, WiredRanger)
+    assert (first.address, first.xshut, first.interrupt) == (0x30, 7, None)
+    assert (second.address, second.xshut, second.interrupt) == (0x29, None, 3)
+    uses = [(each.pin, each.label, each.name, each.writes) for each in wiring.pin_uses()]
+    assert uses[:3] == [
+        *((18, "sensors[1]", "sda", False), (19, "sensors[1]", "scl", False)),
+        (2, "sensors[1]", "int", False),
+    ]
+    assert (7, "sensors[2]", "xshut", True) in uses
+    jsonschema.validate(tomllib.loads(ON_A_BUS), wiring_schema())
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "problem"),
+    [
+        ("xshut = 7\n", "", "sensors[2] has no xshut either, so both begin at 0x29 together"),
+        ("int = 3", 'int = "A4"', "pin A4 of rover is already sda of sensors[1]"),
+        ("int = 3", "xshut = 8\naddress = 0x30", "0x30 is the address of sensors[2] already"),
+        ("0x69", "0x30", "an MPU6050 is at 0x68, with AD0 high at 0x69, never at 0x30"),
+        ("0x69", "0x100", "must be an address from 0x08 to 0x77, not 256"),
+        ('"g1"', '"c1"', "which is no gyro; an mpu6050 is one"),
+        ('"t1"', '"i1"', "which measures no distance; a vl53l0x does"),
+        ('part = "mpu6050"', 'part = "mpu6050"\nxshut = 4', "sensors.1.xshut: is not known here"),
+    ],
+)
+def test_a_mistake_on_a_bus_is_told(parts: WiringParts, old: str, new: str, problem: str) -> None:
+    assert ON_A_BUS.count(old) >= 1
+    problems = read(ON_A_BUS.replace(old, new, 1), parts)[1]
+    assert problem in "\n".join(problems)
 
 
 def test_a_set_without_wheels_or_boards_is_told_so(parts: WiringParts) -> None:

@@ -333,9 +333,9 @@ def test_the_pins_of_a_display_are_no_motors(tmp_path: Path) -> None:
 
 
 def test_a_library_that_is_not_there_yet_is_noted(tmp_path: Path) -> None:
-    (tmp_path / "s.ino").write_text("#include <Wire.h>\n#include <Servo.h>\n", "utf-8")
+    (tmp_path / "s.ino").write_text("#include <WiFi.h>\n#include <Servo.h>\n", "utf-8")
     made = draft([tmp_path / "s.ino"], tmp_path, [], [])
-    assert "# s.ino:1 has Wire.h, which is not there yet" in made
+    assert "# s.ino:1 has WiFi.h, which is not there yet" in made
     assert "Servo.h" not in made
 
 

@@ -1,6 +1,7 @@
 #include "clock.h"
 
 #include "exchange.h"
+#include "i2c.h"
 #include "interrupts.h"
 
 namespace board {
@@ -35,6 +36,7 @@ void take_time(Nanoseconds duration) { taken += duration; }
 void plan_stop() {
   next_stop = horizon < next_event() ? horizon : next_event();
   if (next_interrupt() < next_stop) next_stop = next_interrupt();
+  if (next_part() < next_stop) next_stop = next_part();
 }
 
 void service() {
@@ -42,6 +44,7 @@ void service() {
     // First everything that is known outside up to now. So it does not matter how far the last grant went.
     if (now >= horizon) exchange(Reason::Horizon);
     apply_events();
+    run_parts();
     if (taken) {
       const Nanoseconds duration = taken;
       taken = 0;

@@ -43,6 +43,8 @@ constexpr Nanoseconds PID_COMPUTE = 150000;
 constexpr Nanoseconds DISPLAY_TRANSFER = 190000;
 // A byte of EEPROM takes 3.3 ms to write (ATmega328P, table 8-1).
 constexpr Nanoseconds EEPROM_READ = 1000, EEPROM_WRITE = 3300000;
+// A byte on the bus of Wire, with its acknowledge, at 100 and at 400 kHz.
+constexpr Nanoseconds I2C_BYTE = 95000, I2C_FAST_BYTE = 22500;
 }  // namespace cost
 
 extern Nanoseconds now;

@@ -18,19 +18,22 @@
 namespace board {
 
 enum class Reason : uint8_t { Horizon = 0, Output = 1, Query = 2, Sent = 3, Full = 4 };
-enum class Query : uint8_t { None = 0, Sonar = 1, Analog = 2, Digital = 3 };
+// Of a part on the bus, `pin` is the number of its row: a distance in inches, an angle, a turning rate in degrees a second.
+enum class Query : uint8_t { None = 0, Sonar = 1, Analog = 2, Digital = 3, Range = 4, Angle = 5, Rate = 6 };
 // Records of the board: a pin's level, a duty, a servo's pulse, a byte that was sent, what was lost, long waits, and
 // bytes that waited long to be read. `Until` is the end of the wait before it, and `Edges` the number of edges at the
 // pin of a lost one. `Step` is the rise of a stepper's step pin, with the place in the sketch, and
 // `Text` an operation on a display (see display.h), whose number is in the place of a pin.
+// `FifoOverflow` has the number of a part's row for its pin. `BusStuck` is a use of the bus while interrupts are off.
 enum class Told : uint8_t {
   Level = 1, Duty = 2, Servo = 3, Byte = 4, LostEdge = 5, LostByte = 6, Baud = 7, Mode = 8, Waited = 9, LateByte = 10, Until = 11,
-  Edges = 12, Step = 13, Text = 14
+  Edges = 12, Step = 13, Text = 14, FifoOverflow = 15, BusStuck = 16
 };
 // Records of the simulator: an edge of an input, a byte that has arrived.
 enum class Event : uint8_t { Edge = 1, Byte = 2 };
 
 constexpr uint32_t STOP_WHEN_SENT = 0x100;  // flag: the pin in the low byte ends the slice when it sends
+constexpr uint32_t ANSWER_HOLDS = 0x200;    // flag: until the next grant the same question has the same answer
 
 struct Record {
   uint64_t time;
@@ -44,6 +47,7 @@ extern Nanoseconds horizon;
 extern uint64_t events_applied;
 extern uint32_t place;  // address of the last basic block of the sketch
 extern uint32_t grant_flags;
+extern uint64_t grants;  // their number so far
 
 void open_channel();
 void send_told(Reason reason, Query query = Query::None, int pin = 0);  // safe in a signal handler

@@ -13,6 +13,7 @@
 #include "../core/Arduino.h"
 #include "clock.h"
 #include "exchange.h"
+#include "i2c.h"
 #include "pins.h"
 
 __attribute__((weak)) void serialEvent();
@@ -113,6 +114,8 @@ int main(int count, char** arguments) {
     if (!std::strcmp(arguments[at], "--steps")) for_pins(arguments[at + 1], board::mark_stepping);
     if (!std::strcmp(arguments[at], "--boot")) board::boot = std::strtoull(arguments[at + 1], nullptr, 10);
     if (!std::strcmp(arguments[at], "--asked")) for_pins(arguments[at + 1], board::mark_asked);
+    if (!std::strcmp(arguments[at], "--mpu6050")) board::add_mpu6050(arguments[at + 1]);
+    if (!std::strcmp(arguments[at], "--vl53l0x")) board::add_vl53l0x(arguments[at + 1]);
   }
   std::atexit(left);
   std::signal(SIGINT, SIG_IGN);  // Ctrl-C is for the simulator, which ends its boards

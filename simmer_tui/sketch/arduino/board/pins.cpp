@@ -2,6 +2,7 @@
 
 #include "../core/Arduino.h"
 #include "exchange.h"
+#include "i2c.h"
 #include "interrupts.h"
 
 namespace board {
@@ -31,6 +32,7 @@ bool set_output(int number, Pin& pin, int level, int duty) {
   pin.level = static_cast<uint8_t>(level);
   pin.duty = static_cast<int16_t>(duty);
   if (pin.mode != OUTPUT) return false;  // the pull-up of an input drives nothing
+  parts_see_pin(number, level || duty);
   if (pin.steps && !duty) {
     if (!level) return true;  // the fall of a step does nothing
     tell(Told::Step, number, static_cast<int>(place));
@@ -85,6 +87,7 @@ void pinMode(int number, int mode) {
   } else {
     tell(Told::Level, number, pin->level);
   }
+  parts_see_pin(number, mode != OUTPUT || pin->level);
   if (pin->drives) exchange(Reason::Output);
 }
 
@@ -111,6 +114,7 @@ void analogWrite(int number, int value) {
     pin->mode = OUTPUT;
     tell(Told::Mode, number, OUTPUT);
     tell(Told::Level, number, pin->level);
+    parts_see_pin(number, pin->level);
   }
   // The compare register has 8 bits: 256 is 0, -1 is 255.
   const int duty = value & 255;

@@ -1,0 +1,51 @@
+// A VL53L0X time-of-flight ranger on Wire, as Pololu's library has it.
+#pragma once
+#include "Wire.h"
+
+class VL53L0X {
+ public:
+  enum vcselPeriodType { VcselPeriodPreRange, VcselPeriodFinalRange };
+  uint8_t last_status = 0;  // of the last transmission
+
+  bool init(bool io_2v8 = true);
+  void setAddress(uint8_t address);
+  uint8_t getAddress() const { return address_; }
+  void setBus(TwoWire*) {}
+  TwoWire* getBus() { return &Wire; }
+
+  bool setSignalRateLimit(float limit);
+  float getSignalRateLimit();
+  bool setMeasurementTimingBudget(uint32_t microseconds);
+  uint32_t getMeasurementTimingBudget();
+  // Of the laser: kept, they change no reading.
+  bool setVcselPulsePeriod(vcselPeriodType type, uint8_t clocks);
+  uint8_t getVcselPulsePeriod(vcselPeriodType type) const { return pulse_periods_[type]; }
+
+  void startContinuous(uint32_t period_ms = 0);
+  void stopContinuous();
+  uint16_t readRangeContinuousMillimeters();
+  uint16_t readRangeSingleMillimeters();
+
+  void setTimeout(uint16_t milliseconds) { timeout_ = milliseconds; }
+  uint16_t getTimeout() const { return timeout_; }
+  bool timeoutOccurred();
+
+  void writeReg(uint8_t reg, uint8_t value);
+  void writeReg16Bit(uint8_t reg, uint16_t value);
+  void writeReg32Bit(uint8_t reg, uint32_t value);
+  uint8_t readReg(uint8_t reg);
+  uint16_t readReg16Bit(uint8_t reg);
+  uint32_t readReg32Bit(uint8_t reg);
+  void writeMulti(uint8_t reg, const uint8_t* source, uint8_t count);
+  void readMulti(uint8_t reg, uint8_t* target, uint8_t count);
+
+ private:
+  friend class Adafruit_VL53L0X;
+  void open_page(bool open);
+  void start(uint8_t mode);
+  bool wait_ready();
+  uint8_t address_ = 0x29;
+  uint8_t pulse_periods_[2] = {14, 10};  // as the chip begins
+  uint16_t timeout_ = 0;
+  bool did_time_out_ = false;
+};
