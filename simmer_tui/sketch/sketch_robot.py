@@ -41,6 +41,7 @@ from simmer_tui.sketch.board_process import (
     BoardProcess,
     BoardRecord,
     Query,
+    Told,
     Watchdog,
 )
 from simmer_tui.sketch.board_view import BoardView, PinView
@@ -317,6 +318,9 @@ class SketchRobot(LockstepWorld):
         board.process = process
         self._busy[board.name] = now, 0, 0.0
         board.events.clear()
+        for pin, states in board.steppers.items():
+            for each in states:
+                each.add(BoardRecord(now, Told.LEVEL, pin, 0, 0))
         self._set_levels(board)
         try:
             self.lockstep.reset(board)
