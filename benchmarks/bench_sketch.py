@@ -4,8 +4,8 @@
 
 A polling sketch with two sonars and two H-bridges runs alone (goal 50 times real time), then with a laptop
 program that asks at 9600 baud (goal 20). Two boards joined at 9600 baud run with encoders of 400 edges a
-second (goal 10). A sketch is compiled, with an empty cache and again (goals 5 s and 0.2 s). Needs a C++
-compiler.
+second (goal 10). Two steppers are polled at 900 steps a second each, up and down their ramps (goal 10). A
+sketch is compiled, with an empty cache and again (goals 5 s and 0.2 s). Needs a C++ compiler.
 """
 
 from __future__ import annotations
@@ -71,6 +71,23 @@ while time.time() - begun < SECONDS:
 TWO_BOARDS = JOINED.replace("edges_per_inch = 40", "edges_per_inch = 21")
 """About 9.4 and 7.7 in/s: 400 edges a second of both together."""
 ROVER_JOINED = ROVER_BY_LINK.replace("drive(-200, 0)", "drive(-220, -180)")
+STEPPERS = "".join(
+    f'[[motors]]\nboard = "rover"\ndriver = "step_dir"\nstep = {step}\ndir = {step + 3}\n'
+    f'steps_per_inch = 100\nwheel = "{wheel}"\n'
+    for step, wheel in ((2, "left"), (3, "right"))
+)
+STEPPING = """
+#include <AccelStepper.h>
+AccelStepper left(AccelStepper::DRIVER, 2, 5), right(AccelStepper::DRIVER, 3, 6);
+int way = 1;
+void setup() {
+  left.setMaxSpeed(900); right.setMaxSpeed(900);
+  left.setAcceleration(1500); right.setAcceleration(1500);
+}
+void loop() {
+  if (!left.run() & !right.run()) { left.move(1500 * way); right.move(1500 * way); way = -way; }
+}
+"""
 
 
 def alone(folder: Path, wiring: str, sketches: Mapping[str, str], seconds: float) -> dict[str, float]:
@@ -131,6 +148,7 @@ def main() -> None:
         first, again = compiling(folder / "compile")
         polling = alone(folder / "polling", ROVER + MOTORS + SONARS, {"rover.ino": POLLING}, seconds)
         joined = alone(folder / "two", TWO_BOARDS, {"sensor.ino": SENSOR, "rover.ino": ROVER_JOINED}, seconds)
+        steppers = alone(folder / "steppers", ROVER + STEPPERS, {"rover.ino": STEPPING}, seconds)
         laptop = with_laptop(folder / "laptop", seconds)
     figures = {
         "compile_s": first,
@@ -138,9 +156,14 @@ def main() -> None:
         "polling": polling,
         "polling_with_laptop": laptop,
         "two_boards": joined,
+        "steppers": steppers,
     }
     print(f"compile                 {first:6.2f} s (goal 5), again {again:.3f} s (goal 0.2)")
-    for title, goal, made in (("polling sketch alone", 50, polling), ("two boards, 400 edges/s", 10, joined)):
+    for title, goal, made in (
+        ("polling sketch alone", 50, polling),
+        ("two boards, 400 edges/s", 10, joined),
+        ("two steppers", 10, steppers),
+    ):
         speed = f"{made['real']:6.1f} times real time (goal {goal})"
         print(f"{title:24}{speed}, {made['own_cpu']:.1f} by our own processor time")
     print(f"with a laptop program   {laptop:6.1f} times real time (goal 20)")

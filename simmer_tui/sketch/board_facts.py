@@ -135,7 +135,8 @@ class BoardFacts:
             now, wanted = ("LOW", "HIGH") if stepper.enable_high else ("HIGH", "LOW")
             what = f"moved nothing{where}: its enable, pin {pin}, is {now}; the driver is on at {wanted}"
         else:
-            what = f"{'was' if count == 1 else 'were'} lost{where}: faster than {stepper.top_speed:g} in/s"
+            were = "was" if count == 1 else "were"
+            what = f"{were} lost{where}: faster than the wheel, {stepper.top_speed:g} in/s"
         self._tell(f"board {stepper.board}: {steps} {what}", line)
 
     def tell_totals(self) -> None:

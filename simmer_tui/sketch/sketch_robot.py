@@ -325,6 +325,9 @@ class SketchRobot(LockstepWorld):
         board.process = process
         self._busy[board.name] = now, 0, 0.0
         board.events.clear()
+        for pin, states in board.steppers.items():
+            for each in states:
+                each.add(BoardRecord(now, Told.LEVEL, pin, 0, 0))
         self._set_levels(board)
         try:
             self.lockstep.reset(board)

@@ -11,7 +11,7 @@ from msgspec.structs import replace
 from simmer_tui.config.loader import Configuration
 from simmer_tui.links.backend import Message
 from simmer_tui.links.protocol.replies import ReplyForm, ReplyFormat
-from simmer_tui.run.events import CommandResult, Notice, ProgramEnded
+from simmer_tui.run.events import Action, ActionName, CommandResult, Notice, ProgramEnded
 from simmer_tui.sim.command import parse_command
 from simmer_tui.sketch.checked_board import CheckedBoard
 from simmer_tui.sketch.compiler import find_compiler
@@ -154,6 +154,34 @@ void loop() {{
     # The steps after the stop move it again; those that the rim was behind are gone.
     assert before < boards.simulator.pose.x < start.x + 1.0
     assert boards.simulator.pose.x > start.x + 0.97
+
+
+def test_steppers_begin_again_with_a_run_and_with_their_board(tmp_path: Path) -> None:
+    text = f"""{PULSED}
+void loop() {{
+  steps(50, 2000, true, true);
+  turn(HIGH, HIGH); digitalWrite(8, LOW); steps(50, 2000, true, true); digitalWrite(8, HIGH);
+  while (true) delay(1000);
+}}
+"""
+    text = text.replace("pin++) pinMode(pin, OUTPUT)", "pin++) if (pin != 8) pinMode(pin, OUTPUT)")
+    text = text.replace("digitalWrite(8, HIGH)", "pinMode(8, OUTPUT); digitalWrite(8, HIGH)")
+    configuration = made_set(tmp_path / "set", ROVER + STEPPERS, {"rover.ino": text})
+    boards = exact(configuration, 1.0)
+    start, first = configuration.simulation.start_pose, boards.simulator.pose
+    # Back by 0.5 in, and there again.
+    assert first.x == pytest.approx(start.x, abs=1e-4)
+    boards.robot.reset_by_usb()
+    boards.run_to(1.1)
+    boards.close()
+    assert boards.simulator.pose.x < first.x - 0.2, "a board that begins again has its pins low"
+    boards = Boards(configuration)
+    boards.run_to(0.3)
+    first = boards.simulator.pose
+    assert not boards.robot.engine.perform(Action(ActionName.RESET)).refused
+    boards.run_to(0.3)
+    boards.close()
+    assert boards.simulator.pose == first != start
 
 
 def test_accel_stepper_drives_to_its_targets(tmp_path: Path) -> None:
