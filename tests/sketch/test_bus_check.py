@@ -171,6 +171,15 @@ DRAFTED = {
         "MPU6050 mpu(0x69);\nvoid dmpReady() {}\nvoid setup() { attachInterrupt(1, dmpReady, RISING); }",
         [("mpu6050", 3, 0x69)],
     ),
+    "two gyros": (
+        "MPU6050 mpu;\nMPU6050 second(MPU6050_ADDRESS_AD0_HIGH);\nvoid setup() {}",
+        [("mpu6050", None, None), ("mpu6050", None, 0x69)],
+    ),
+    "a gyro by registers, and a scanner": (
+        "const int MPU = 0x68;\nvoid loop() { Wire.beginTransmission(MPU); Wire.requestFrom(MPU, 6);"
+        " for (byte a = 1; a < 127; a++) { Wire.beginTransmission(a); } }",
+        [("mpu6050", None, None)],
+    ),
     "a gyro by registers": (
         "const int MPU = 0x68;\nvoid loop() { Wire.beginTransmission(MPU); Wire.requestFrom(MPU, 6); }",
         [("mpu6050", None, None)],
