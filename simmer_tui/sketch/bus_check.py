@@ -75,24 +75,25 @@ def _other_uses(facts: SketchFacts) -> Iterator[Problem]:
 
 def spoken_addresses(facts: SketchFacts) -> Pins | None:
     """The addresses that a sketch speaks to; None if one of them is not known."""
-    found: set[int] = set()
+    found = list(addresses(facts))
+    return None if None in found else Pins(each for pins in found if pins is not None for each in pins)
+
+
+def addresses(facts: SketchFacts) -> Iterator[Pins | None]:
+    """The addresses that each object and call of a sketch speaks to; None where they are not known."""
     rangers = {each.name for each in facts.declared if each.type in RANGER_CLASSES}
     if rangers or any(call for each in RANGER_CLASSES for call in facts.objects(each)):
-        found.add(RANGER_ADDRESS)
+        yield Pins({RANGER_ADDRESS})
     # An object without arguments has the usual address.
     if any(each.type == GYRO_CLASS for each in facts.declared):
-        found.add(GYRO_ADDRESSES[0])
+        yield Pins({GYRO_ADDRESSES[0]})
     for call in facts.calls:
         if not _has_address(call, rangers):
             continue
-        if not call.arguments:
-            found.add(GYRO_ADDRESSES[0] if GYRO_CLASS in (call.name, call.type) else RANGER_ADDRESS)
-            continue
-        values = facts.pins(call)
-        if values is None:
-            return None
-        found |= values
-    return Pins(found)
+        if call.arguments:
+            yield facts.pins(call)
+        else:
+            yield Pins({GYRO_ADDRESSES[0] if GYRO_CLASS in (call.name, call.type) else RANGER_ADDRESS})
 
 
 def _has_address(call: SketchCall, rangers: set[str]) -> bool:

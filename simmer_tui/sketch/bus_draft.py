@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 
 from msgspec import Struct
 
-from simmer_tui.sketch.bus_check import GYRO_CLASS, RANGER_CLASSES, spoken_addresses
+from simmer_tui.sketch.bus_check import GYRO_CLASS, RANGER_CLASSES, addresses
 from simmer_tui.sketch.cpp_tokens import Token
 from simmer_tui.sketch.sketch_scan import Pins, SketchCall, SketchFacts
 from simmer_tui.sketch.wiring import GYRO_ADDRESSES, RANGER_ADDRESS
@@ -41,7 +41,7 @@ def draft_gyros(facts: SketchFacts) -> list[DraftGyro]:
     declared = [GYRO_ADDRESSES[0] for each in facts.declared if each.type == GYRO_CLASS]
     named = [pins for call in facts.objects(GYRO_CLASS) for pins in (facts.pins(call),) if pins]
     found = {*declared, *(min(each) for each in named)} & {*GYRO_ADDRESSES}
-    found = found or ({*(spoken_addresses(facts) or ())} & {*GYRO_ADDRESSES})
+    found = found or {each for pins in addresses(facts) for each in pins or ()} & {*GYRO_ADDRESSES}
     pins = [
         pin
         for each in facts.interrupts()
@@ -62,7 +62,7 @@ def draft_rangers(facts: SketchFacts) -> list[DraftRanger]:
             size = facts.values(each.count) if each.count else None
             counts[each.name] = min(max(size), _MOST_RANGERS) if size else 1
     pins: dict[str, list[int | None]] = {}
-    addresses: dict[str, list[int | None]] = {}
+    named: dict[str, list[int | None]] = {}
     released: list[int | None] = []
     function = ""
     for call in facts.calls:
@@ -77,7 +77,7 @@ def draft_rangers(facts: SketchFacts) -> list[DraftRanger]:
             if call.arguments and call.name != "init":
                 given = _elements(facts, call.arguments[0], call.function)
                 if given:
-                    addresses.setdefault(call.object, given)
+                    named.setdefault(call.object, given)
     unknown = [pin for pin in _shut_pins(facts) if not any(pin in each for each in pins.values())]
     found = []
     for name, count in counts.items():
@@ -86,7 +86,7 @@ def draft_rangers(facts: SketchFacts) -> list[DraftRanger]:
             xshut = own[at] if at < len(own) else None
             if xshut is None and unknown:
                 xshut = unknown.pop(0)
-            given = addresses.get(name, [])
+            given = named.get(name, [])
             found.append(DraftRanger(xshut, given[at] if at < len(given) else None))
     # One address for several parts was not understood.
     twice = [each.address for each in found]

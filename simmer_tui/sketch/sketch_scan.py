@@ -38,7 +38,17 @@ _KEYWORDS = frozenset(
 """Names before `(` that are no calls, or before a name that are no types."""
 _WHOLE = re.compile(r"(0[xX][0-9a-fA-F]+|0[bB][01]+|[0-9]+)[uUlL]*")
 _ANALOG_PIN = re.compile(r"A([0-9]|1[0-5])")
-_NAMED = {"LED_BUILTIN": 13, "HIGH": 1, "LOW": 0, "true": 1, "false": 0}
+_NAMED = {
+    "LED_BUILTIN": 13,
+    "HIGH": 1,
+    "LOW": 0,
+    "true": 1,
+    "false": 0,
+    **dict.fromkeys(("MPU6050_ADDRESS_AD0_LOW", "MPU6050_DEFAULT_ADDRESS"), 0x68),
+    "MPU6050_ADDRESS_AD0_HIGH": 0x69,
+    "VL53L0X_I2C_ADDR": 0x29,
+}
+"""Constants of the core and of libraries."""
 WRITES = ("digitalWrite", "analogWrite")
 """Calls that write a pin."""
 PULSES = ("pulseIn", "pulseInLong")

@@ -17,7 +17,20 @@ from tests.sketch.test_sketch_check import EYES, ROVER, WIRING
 from tests.sketch.test_wiring import TWO_BOARDS
 
 WORDS = (
-    *(b"rover", b"sensor", b"A0", b"uno", b"mega", b"hbridge", b"pwm2", b"shield", b"hc-sr04", b"encoder"),
+    *(
+        b"rover",
+        b"sensor",
+        b"A0",
+        b"uno",
+        b"mega",
+        b"hbridge",
+        b"pwm2",
+        b"shield",
+        b"hc-sr04",
+        b"mpu6050",
+        b"vl53l0x",
+        b"encoder",
+    ),
     *(b"[[motors]]", b"[boards.x]", b"board", b"sketch", b"../..", b"/", b"gripper = {", b"digitalWrite"),
     *(
         b"attachInterrupt(",
@@ -28,6 +41,11 @@ WORDS = (
         b"NewPing",
         b"SoftwareSerial",
         b"A0 ? A0 :",
+        b"Wire.begin(); Wire.beginTransmission(",
+        b"MPU6050 mpu(",
+        b"VL53L0X eyes[9];",
+        b"eyes[i].setAddress(pins[i]",
+        b"xshut = 7\naddress = ",
     ),
 )
 

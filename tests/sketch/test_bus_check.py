@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from pathlib import Path
 
@@ -10,10 +11,11 @@ import pytest
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_sets
 from simmer_tui.errors import Problem
+from simmer_tui.sketch.bench_check import bench_lines
 from simmer_tui.sketch.sketch_check import facts_of, sketch_problems
-from simmer_tui.sketch.wiring import WiringParts, read_wiring
+from simmer_tui.sketch.wiring import WiringParts, read_wiring, wiring_lines, wiring_of
 from simmer_tui.sketch.wiring_draft import draft
-from tests.sketch.running import FORMS
+from tests.sketch.running import FORMS, set_of
 
 WIRING = """\
 [boards.rover]
@@ -125,6 +127,25 @@ def test_a_sketch_that_never_begins_the_bus_is_told(tmp_path: Path) -> None:
     assert found(tmp_path, text.replace("<MPU6050.h>", '"MyGyro.h"'), alone) == []
 
 
+def test_each_part_is_read_once_at_the_start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", "")  # without a compiler nothing is run
+    for name, said in (
+        ("dmp_interrupt", r"sensors\[1\] g1: 0 deg at the start, turning at 0\.00 deg/s"),
+        ("tof_single", r"sensors\[1\] t1: \d+\.\d+ in at the start, a range of \d+ mm"),
+    ):
+        configuration = set_of(FORMS / name, tmp_path / name)
+        wiring = wiring_of(configuration)
+        assert wiring is not None
+        lines = list(bench_lines(configuration, wiring, []))
+        assert re.fullmatch(said, lines[0]), lines
+
+
+def test_a_check_names_the_wires_of_the_bus(tmp_path: Path) -> None:
+    wiring = wiring_of(set_of(FORMS / "dmp_interrupt", tmp_path / "set"))
+    assert wiring is not None
+    assert "  sensors[1] g1: sda main.A4, scl main.A5, int main.2" in list(wiring_lines(wiring))
+
+
 DRAFTED = {
     "names of constants": (
         "#include <VL53L0X.h>\n#define SHUT_LEFT 4\nVL53L0X left, right;\nvoid setup() {"
@@ -149,6 +170,15 @@ DRAFTED = {
     "a gyro at its second address": (
         "MPU6050 mpu(0x69);\nvoid dmpReady() {}\nvoid setup() { attachInterrupt(1, dmpReady, RISING); }",
         [("mpu6050", 3, 0x69)],
+    ),
+    "two gyros": (
+        "MPU6050 mpu;\nMPU6050 second(MPU6050_ADDRESS_AD0_HIGH);\nvoid setup() {}",
+        [("mpu6050", None, None), ("mpu6050", None, 0x69)],
+    ),
+    "a gyro by registers, and a scanner": (
+        "const int MPU = 0x68;\nvoid loop() { Wire.beginTransmission(MPU); Wire.requestFrom(MPU, 6);"
+        " for (byte a = 1; a < 127; a++) { Wire.beginTransmission(a); } }",
+        [("mpu6050", None, None)],
     ),
     "a gyro by registers": (
         "const int MPU = 0x68;\nvoid loop() { Wire.beginTransmission(MPU); Wire.requestFrom(MPU, 6); }",

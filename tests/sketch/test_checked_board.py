@@ -103,6 +103,8 @@ def begun(pipes: Pipes) -> Begun:
         request(100, reason=Reason.QUERY, query=Query.ANALOG, wait=(90, 1)),
         request(9_000, record(Told.STEP, -7, 1_000), record(Told.STEP, -7, 9_000), wait=(90, 4)),
         request(100, record(Told.TEXT, 4 << 24 | 1)),
+        request(100, record(Told.FIFO_OVERFLOW, 0x400123, pin=31), reason=Reason.QUERY, query=Query.RATE),
+        request(100, record(Told.BUS_STUCK, 0x400123, pin=0)),
     ],
 )
 def test_what_boards_tell_is_taken(begun: Begun, pipes: Pipes, fine: bytes) -> None:
@@ -127,6 +129,9 @@ def test_what_boards_tell_is_taken(begun: Begun, pipes: Pipes, fine: bytes) -> N
         (request(100, record(Told.BYTE, -1)), "it told -1 as BYTE"),
         (request(100, record(Told.BAUD, 0)), "it told 0 as BAUD"),
         (request(100, record(99)), "it told 0 as 99"),
+        (request(100, query=Query.RATE + 1), "it asked what no board asks"),
+        (request(100, record(Told.FIFO_OVERFLOW, 7, pin=200)), "it told of pin 200"),
+        (request(100, record(Told.FIFO_OVERFLOW, 7, time=101)), "it told what was not then"),
         (request(100, record(Told.LEVEL, 1, pin=70)), "it told of pin 70"),
         (request(100, record(Told.WAITED, 7, 0, pin=9)), "it waited as no board does"),
         (request(100, record(Told.LEVEL, 1, time=101)), "it told what was not then"),
