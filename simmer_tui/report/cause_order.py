@@ -68,6 +68,7 @@ _MAP_ADVICE = "Look whether your program's map has {wall}, and compare each move
 """Advice where a right belief led into a wall."""
 _NO_SENSOR_THERE = "No sensor looks to that side: turn until one does, or check the way in your map."
 _OUTLIER_ADVICE = "Read {code} three times and take the middle value, before each movement."
+_WAIT_ADVICE = "Wait for the end of each movement before you send the next command."
 _NO_ECHO_ADVICE = "Take a reading of {code} with nothing in range for no proof of a free way."
 _CORRECT = "Measure after each movement, and correct for the drive's error."
 _SPARE = {
@@ -203,7 +204,7 @@ def _wire(run: RunEvidence) -> Fact | None:
         return Fact(text, away, advice="End the other program, then start this one.")
     if fault is None:
         return None
-    refused, of = run.refused_share
+    refused, of = run.all_refused
     text = fault.text
     if refused and 2 * refused > of:
         text = f"{refused} of {counted(of, 'command')} were refused: {text}"
@@ -219,6 +220,7 @@ def _refused(run: RunEvidence) -> Fact | None:
         return _refused_by(run, f"{begin}, such as {{}}.", first, codes)
     refused, of = run.refused_share
     if 2 * refused > of and seen.refusals:
+        refused, of = run.all_refused
         begin = f"{refused} of {counted(of, 'command')} were refused"
         return _refused_by(run, f"{begin}, such as {{}}.", seen.refusals[0])
     if seen.task is None:
@@ -237,7 +239,8 @@ def _refused(run: RunEvidence) -> Fact | None:
 def _refused_by(run: RunEvidence, text: str, row: RefusalRow, codes: Sequence[str] = ()) -> Fact:
     """A fact about refused commands, with one of them in the braces of its text."""
     one = f"{cut(row.result.command.shown, WORD)} at {row.elapsed:.1f} s: {row.result.reason.rstrip('.')}"
-    return Fact(f"{text.format(one)}{run.origin_of(row)}", row, culprits=tuple(codes))
+    advice = _WAIT_ADVICE if row.result.is_early else None
+    return Fact(f"{text.format(one)}{run.origin_of(row)}", row, culprits=tuple(codes), advice=advice)
 
 
 def _never_done(run: RunEvidence) -> Fact | None:
@@ -882,7 +885,7 @@ ORDER: tuple[CauseRule, ...] = (
         MomentKind.FAULT,
         "most commands, the one before it was lost, or some movements were refused, never to be carried out",
         "what followed",
-        "Look at each reply in your program: NaN says that the command was refused.",
+        "Check the reply to each command in your program: a refused one does nothing.",
     ),
     CauseRule(
         Kind.CRASHED,

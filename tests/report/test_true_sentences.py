@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
-from msgspec.structs import replace
 
 from simmer_tui.config.loader import find_set, load
+from simmer_tui.report.cause_order import cause_of
+from simmer_tui.report.causes import Kind
+from simmer_tui.report.fact_tables import fact_tables
 from simmer_tui.report.finding import Basis, DeviceUnderTest, kept
 from simmer_tui.report.sensor_audit import sensor_tests
 from simmer_tui.report.sensor_sample import SensorSample, inverted_compass
 from simmer_tui.sim.sensors import modelled_sensor
 from simmer_tui.sim.sensors.base import Sensor
+from tests.report.test_causes import begin
 
 SET = load(find_set("mission"))
 
@@ -46,3 +51,23 @@ def test_a_compass_that_is_half_a_turn_off_is_not_said_to_have_the_wrong_sign() 
     (found,) = kept(sensor_tests(DeviceUnderTest("c1", "reading"), sample))
     assert found.kind == "offset"
     assert abs(found.value) == pytest.approx(180.0, abs=1.0)
+
+
+# -- commands ----------------------------------------------------------------------------------------------
+
+
+def test_numbers_of_refused_commands_are_those_of_the_tables() -> None:
+    mission = begin()
+    for _ in range(9):
+        mission.give("u1", "d1-0.5")
+        # The same again until it has ended, without a look at the replies.
+        mission.ask_while_moving(*["d1-0.5"] * 9)
+    mission.ask_while_moving("w1-2", *["r1-3"] * 9)
+    run = mission.evidence()
+    cause = cause_of(run)
+    assert cause.kind is Kind.REFUSED
+    assert re.match(r"91 of 100 commands to drive were refused from 50\.\d s on, such as d1-0.5", cause.text)
+    assert "Wait for the end" in cause.advice
+    commands = {row["fact"]: row["count"] for row in fact_tables(run)[0].objects()}
+    assert commands["refused"] == 91
+    assert "109 commands arrived, 91 refused." in cause.evidence[0]
