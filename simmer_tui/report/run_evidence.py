@@ -268,6 +268,14 @@ class RunEvidence:
         return {code: text for code, text in set_errors(self.seen).items() if code not in known}
 
     @cached_property
+    def time_parts(self) -> dict[str, float]:
+        """Seconds by what they went to, the largest part first."""
+        seen, spent = self.seen, self.seen.spent
+        rest = max(seen.elapsed - seen.begun - spent.driving - spent.reading - spent.link, 0.0)
+        parts = {"driving": spent.driving, "reading": spent.reading, "the link": spent.link, "waiting": rest}
+        return dict(sorted(parts.items(), key=lambda each: -each[1]))
+
+    @cached_property
     def unseen_block(self) -> Unseen | None:
         """The sensors that alone see the block, if none of them was read before the gripper closed first, and
         the robot came within their sight."""
