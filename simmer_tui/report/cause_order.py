@@ -68,6 +68,7 @@ _MAP_ADVICE = "Look whether your program's map has {wall}, and compare each move
 """Advice where a right belief led into a wall."""
 _NO_SENSOR_THERE = "No sensor looks to that side: turn until one does, or check the way in your map."
 _OUTLIER_ADVICE = "Read {code} three times and take the middle value, before each movement."
+_WAIT_ADVICE = "Wait for the end of each movement before you send the next command."
 _NO_ECHO_ADVICE = "Take a reading of {code} with nothing in range for no proof of a free way."
 _CORRECT = "Measure after each movement, and correct for the drive's error."
 _SPARE = {
@@ -203,7 +204,7 @@ def _wire(run: RunEvidence) -> Fact | None:
         return Fact(text, away, advice="End the other program, then start this one.")
     if fault is None:
         return None
-    refused, of = run.refused_share
+    refused, of = run.all_refused
     text = fault.text
     if refused and 2 * refused > of:
         text = f"{refused} of {counted(of, 'command')} were refused: {text}"
@@ -219,6 +220,7 @@ def _refused(run: RunEvidence) -> Fact | None:
         return _refused_by(run, f"{begin}, such as {{}}.", first, codes)
     refused, of = run.refused_share
     if 2 * refused > of and seen.refusals:
+        refused, of = run.all_refused
         begin = f"{refused} of {counted(of, 'command')} were refused"
         return _refused_by(run, f"{begin}, such as {{}}.", seen.refusals[0])
     if seen.task is None:
@@ -237,7 +239,8 @@ def _refused(run: RunEvidence) -> Fact | None:
 def _refused_by(run: RunEvidence, text: str, row: RefusalRow, codes: Sequence[str] = ()) -> Fact:
     """A fact about refused commands, with one of them in the braces of its text."""
     one = f"{cut(row.result.command.shown, WORD)} at {row.elapsed:.1f} s: {row.result.reason.rstrip('.')}"
-    return Fact(f"{text.format(one)}{run.origin_of(row)}", row, culprits=tuple(codes))
+    advice = _WAIT_ADVICE if row.result.is_early else None
+    return Fact(f"{text.format(one)}{run.origin_of(row)}", row, culprits=tuple(codes), advice=advice)
 
 
 def _never_done(run: RunEvidence) -> Fact | None:
@@ -340,10 +343,12 @@ def _unread(run: RunEvidence) -> Fact | None:
         advice = (
             f"Read {codes[0]} before you send {met.met.ended.command.code}." if codes else _NO_SENSOR_THERE
         )
+        if met.quiet_since is not None:
+            codes, advice = [], "Send a velocity of 0 before your program computes or waits."
         fact = _at_contact(run, met, f"{_sent(run)}. {met.unread_text}", advice=advice)
         return replace(fact, culprits=tuple(codes[:1]))
     unseen = None if run.seen.closed else run.unseen_block
-    if unseen is None or run.seen.stuck is not None or run.seen.beliefs[1] is not None:
+    if unseen is None or run.seen.stuck is not None or run.seen.beliefs[1] is not None or _lacked_time(run):
         return None
     # A robot that had stopped making progress before saw the block by chance.
     stalled = _stalled(run)
@@ -481,7 +486,7 @@ def _missed_grip(run: RunEvidence) -> Fact | None:
     if seen.misses and not seen.taken:
         return _closed_on_nothing(run, seen.misses[-1], gripper.code)
     unused = run.unused_grip
-    if unused is None:
+    if unused is None or _lacked_time(run):
         return None
     first, what, value = unused
     text = f"The gripper was never {what}, first at {first.elapsed:.1f} s."
@@ -713,10 +718,8 @@ def _slow(run: RunEvidence) -> Fact | None:
         return None
     if run.cut_off and not seen.out_of_time:
         return Fact("At the real time limit the program was still running.")
-    rest = max(seen.elapsed - seen.begun - spent.driving - spent.reading - spent.link, 0.0)
-    parts = {"driving": spent.driving, "reading": spent.reading, "the link": spent.link, "waiting": rest}
-    most = max(parts, key=lambda name: parts[name])
-    listed = ", ".join(f"{name} {time:.1f} s" for name, time in parts.items() if time >= 0.05)
+    most = next(iter(run.time_parts))
+    listed = ", ".join(f"{name} {time:.1f} s" for name, time in run.time_parts.items() if time >= 0.05)
     counts = spent.took if most == "reading" else spent.readings
     code = next((code for code, _ in counts.most_common(1)), "")
     often = times_text(spent.readings[code])
@@ -725,6 +728,14 @@ def _slow(run: RunEvidence) -> Fact | None:
     read = f" It read sensors {times_text(spent.readings.total())} ({code} {often})." if code else ""
     text = f"Most of its time went to {most} ({listed}).{read}"
     return Fact("", has_behind=True, advice=_SPARE[most].format(code=code), then=text)
+
+
+def _lacked_time(run: RunEvidence) -> bool:
+    """True if time ran out, most of it went to one thing but driving, and the robot got on until then: what
+    it had not done yet it might have done."""
+    most, seconds = next(iter(run.time_parts.items()))
+    is_slow = most != "driving" and 2.0 * seconds > run.seen.elapsed - run.seen.begun
+    return run.seen.out_of_time and is_slow and _stalled(run) is None
 
 
 def _ended(run: RunEvidence) -> Fact | None:
@@ -823,7 +834,7 @@ def _contact(run: RunEvidence) -> str:
     if met is None:
         return ""
     row, contact = met.met.row, met.met.contact
-    went = f"after {row.went:.1f} in"
+    went = f"after {met.went:.1f} in"
     if met.asked is not None and not contact.held_block:
         went = f"after {row.went:.1f} of {abs(met.asked):.4g} in"
     if abs(row.turned) >= 2.0:
@@ -882,7 +893,7 @@ ORDER: tuple[CauseRule, ...] = (
         MomentKind.FAULT,
         "most commands, the one before it was lost, or some movements were refused, never to be carried out",
         "what followed",
-        "Look at each reply in your program: NaN says that the command was refused.",
+        "Check the reply to each command in your program: a refused one does nothing.",
     ),
     CauseRule(
         Kind.CRASHED,

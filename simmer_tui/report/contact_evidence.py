@@ -32,6 +32,7 @@ from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.obstacles import Obstacles
 from simmer_tui.sim.specs import CELL_SIZE, SensorSpec
+from simmer_tui.sim.velocity_commands import WAIT
 
 # Judged: after a third of a cell, or half a quarter turn, a sensor sees other obstacles.
 BLIND, BLIND_TURN = 4.0, 45.0
@@ -97,7 +98,32 @@ class ContactEvidence:
         self.looks = facing_sensor(met.contact, seen.spec.sensors, met.readings)
         moved = seen.history.movements.before(met.row.order + 1)
         self.sent = met.row.elapsed if moved is None else moved.begin
-        """Elapsed seconds at which its movement began."""
+        """Elapsed seconds at which its movement began, or at which its velocity was sent the last time."""
+        commands, names = seen.within(seen.history.commands), np.array(seen.history.code_names)
+        self._commands = commands[commands["elapsed"] <= met.row.elapsed]
+        sent = self._commands["elapsed"][names[self._commands["code"]] == met.ended.command.code]
+        if met.legs and len(sent):
+            self.sent = float(sent[-1])
+
+    @property
+    def went(self) -> float:
+        """Inches driven from its command to the contact: a velocity has many legs."""
+        return self._went_since(self.sent) if self.met.legs else self.met.row.went
+
+    def _went_since(self, time: float) -> float:
+        row, moves = self.met.row, self._seen.within(self._seen.history.movements)
+        moves = moves[moves["order"] < row.order]
+        gone = np.interp(time, [0.0, *moves["elapsed"]], [0.0, *moves["gone"]])
+        return row.gone_before + row.went - float(gone)
+
+    @cached_property
+    def quiet_since(self) -> float | None:
+        """The last command before the contact, elapsed seconds, if a velocity drove the robot on for more
+        than `BLIND` inches after it; None otherwise, or if the program asked for a wait."""
+        if not self.met.legs or not len(self._commands) or WAIT in self._seen.history.code_names:
+            return None
+        last = float(self._commands["elapsed"][-1])
+        return last if self._went_since(last) > BLIND else None
 
     @cached_property
     def tried(self) -> tuple[Counterfactual, ...]:
@@ -171,6 +197,8 @@ class ContactEvidence:
     @property
     def unread_text(self) -> str:
         """The ranges that were not read before the contact, in words without a full stop."""
+        if self.quiet_since is not None:
+            return f"No command came after {self.quiet_since:.1f} s, and the velocity went on"
         ranges = [each.code for each in self._seen.spec.sensors if each.kind.is_range]
         if not any(code in self.met.readings for code in ranges):
             return "; ".join(filter(None, ("No range sensor had been read", self.not_read)))
@@ -229,8 +257,8 @@ class ContactEvidence:
         any of them; for one that does not, only the sensor that looks at the wall counts."""
         met, looks = self.met, self.looks
         shown = self.shown
-        if self.no_echo is not None:
-            return False
+        if self.quiet_since is not None or self.no_echo is not None:
+            return self.quiet_since is not None
         if met.contact.drift or (shown is not None and shown.ago <= BLIND) or self.saved_by(Change.EXACT):
             return False
         # No sensor looks at the room that a held block needs in a turn.
@@ -289,12 +317,13 @@ class ContactEvidence:
     def ignored(self) -> ShownPlace | None:
         """The right reading of the wall that its command led into; None if there is none, or if a later one
         of that sensor, a wrong belief or errors of the drives explain the movement."""
-        shown, far = self.shown, self.beyond > _INTO
+        shown, far = self._exceeded or self.shown, self.beyond > _INTO
         if shown is None or not shown.is_last:
             return None
         # With a right belief a program needs no readings to keep off a wall; only a wall straight ahead
         # counts.
-        against = (far and self._asked_for_more) if self.knew else (far or self._asked_for_more)
+        more = self._exceeded is not None
+        against = (far and more) if self.knew else (far or more)
         misled = self.lost is not None and self.saved_by(Change.BELIEVED) is not False
         if misled or not against or self.saved_by(Change.UNSEEN) or self.saved_by(Change.EXACT):
             return None
@@ -307,20 +336,25 @@ class ContactEvidence:
         saved = self.saved_by(Change.EXACT) or self.saved_by(Change.BELIEVED)
         return self.knew and is_straight and self.beyond > _INTO and not saved
 
-    @property
-    def _asked_for_more(self) -> bool:
-        """True if the command was to go further than a sensor had just read straight ahead of it."""
-        met, last = self.met, self.facing
-        kind, value = met.ended.trajectory.kind, parse_value(met.ended.command.argument)
-        if last is None or kind is None or kind.turns or isinstance(value, str):
-            return False
-        # Readings keep their sums in single precision.
-        gone, turned = met.row.gone_before - last.gone, met.row.turned_before - last.turned
-        if max(gone, turned) > _STOOD:
-            return False
-        sensor = self._sensor(last.code)
-        towards = kind.bearing if value > 0 else kind.bearing + 180.0
-        return abs(half_turn(sensor.rotation - towards)) <= ALIKE and abs(value) > last.value
+    @cached_property
+    def _exceeded(self) -> ShownPlace | None:
+        """The right reading straight ahead of the movement, from where it began, that its command was to go
+        beyond; None without one."""
+        met, kind, asked = self.met, self.met.ended.trajectory.kind, self.asked
+        if kind is None or asked is None or met.contact.held_block:
+            return None
+        towards = kind.bearing if asked > 0 else kind.bearing + 180.0
+        for sensor, rows in self._by_range(self._seen.within(self._seen.history.readings, self._seen.placed)):
+            row = rows[rows["order"] < met.row.order][-1:]
+            # Readings keep their sums in single precision.
+            stood = (met.row.gone_before - row["gone"] <= _STOOD) & (
+                met.row.turned_before - row["turned"] <= _STOOD
+            )
+            row = row[stood & _right(row, sensor) & (row["value"] < abs(asked))]
+            if len(row) and abs(half_turn(sensor.rotation - towards)) <= ALIKE:
+                value, time = float(row["value"][0]), float(row["elapsed"][0])
+                return ShownPlace(sensor.code, value, time, 0.0, is_last=True)
+        return None
 
     # -- was it misled? ------------------------------------------------------------------------------------
 
@@ -397,10 +431,10 @@ class ContactEvidence:
     @property
     def text(self) -> str:
         """The contact, its time and its place in the movement."""
-        row = self.met.row
+        row, went = self.met.row, self.went
         turned = f" and {abs(row.turned):.0f} deg" if abs(row.turned) >= 2 else ""
         place = contact_text(self.met.contact, self._seen.spec)
-        return f"{place}, {side_text(self.met.contact)}, after {row.went:.1f} in{turned} of {row.shown}"
+        return f"{place}, {side_text(self.met.contact)}, after {went:.1f} in{turned} of {row.shown}"
 
 
 def belief_text(belief: BeliefRow | None) -> str:

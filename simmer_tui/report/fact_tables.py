@@ -60,7 +60,7 @@ def _commands(run: RunEvidence) -> Iterator[tuple[object, ...]]:
     seen, history = run.seen, run.seen.history
     rows, names = seen.within(history.commands), history.code_names
     yield "sent", seen.commands, _by_code(seen.command_codes, names)
-    refused = rows[rows["refused"] & seen.counts(rows)]
+    refused = rows[rows["refused"]]
     yield "refused", len(refused), _by_code(refused["code"], names)
     faults = run.fault_texts
     yield "faults on the wire", len(faults), "; ".join(faults[:_LISTED])

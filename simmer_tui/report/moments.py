@@ -146,14 +146,14 @@ def _all_moments(run: RunEvidence) -> Iterator[Moment]:
 
 def _fault(run: RunEvidence) -> Iterator[Moment]:
     fault, refused = next(iter(run.faults), None), next(iter(run.seen.refusals), None)
+    refused = refused if run.mostly_refused is None else run.mostly_refused[-1]
+    count, of = run.all_refused
     fault_text = next(iter(run.fault_texts), "")
     if fault is not None and (refused is None or fault.notice.advice or fault.elapsed <= refused.elapsed):
-        count, of = run.refused_share
         share = f"{count} of {counted(of, 'command')} were refused: " if 2 * count > of else ""
         yield Moment(MomentKind.FAULT, fault.elapsed, f"{share}{fault_text}", fault.line)
     elif refused is not None:
         command, reason = refused.result.command, refused.result.reason
-        count, of = run.refused_share
         others = f"; in all, {count} of {of} commands were refused" if count > 1 else ""
         text = f"{cut(command.shown, WORD)} was refused: {reason}{others}"
         yield Moment(MomentKind.FAULT, refused.elapsed, text, refused.line, command.code)

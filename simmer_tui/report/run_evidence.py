@@ -136,16 +136,24 @@ class RunEvidence:
         return int(rows["refused"].sum()), len(rows)
 
     @cached_property
+    def all_refused(self) -> tuple[int, int]:
+        """The same of every command, those that came too early and again included."""
+        rows = self.seen.within(self.seen.history.commands)
+        rows = rows[~np.isin(rows["number"], self.seen.typed)]
+        return int(rows["refused"].sum()), len(rows)
+
+    @cached_property
     def mostly_refused(self) -> tuple[list[str], int, int, float, RefusalRow] | None:
-        """Codes of refused commands to drive, how many there were, of how many, since when, and one of them.
-        None unless they are more than were carried out, since the last progress or in the whole run."""
+        """Codes of refused commands to drive, how many there were, of how many, since when, and the first of
+        them. None unless they are more than were carried out, in the whole run or since the last progress."""
         seen = self.seen
-        for since in (seen.stalled.since, seen.begun):
+        for since in (seen.begun, seen.stalled.since):
             codes, count, of = seen.refused_drives(since)
             # Only the newest refusals are kept with their reasons.
-            rows = [each for each in seen.refusals if each.result.command.code in codes]
+            rows = [each for each in seen.all_refusals if each.result.command.code in codes]
+            rows = [each for each in rows if each.elapsed >= since]
             if count >= FEWEST["set"] and 2 * count > of and rows:
-                return codes, count, of, since, rows[0]
+                return *seen.refused_drives(since, every=True), max(since, rows[0].elapsed), rows[0]
         return None
 
     @property
@@ -258,6 +266,14 @@ class RunEvidence:
         out."""
         known = {each.of for each in self.findings}
         return {code: text for code, text in set_errors(self.seen).items() if code not in known}
+
+    @cached_property
+    def time_parts(self) -> dict[str, float]:
+        """Seconds by what they went to, the largest part first."""
+        seen, spent = self.seen, self.seen.spent
+        rest = max(seen.elapsed - seen.begun - spent.driving - spent.reading - spent.link, 0.0)
+        parts = {"driving": spent.driving, "reading": spent.reading, "the link": spent.link, "waiting": rest}
+        return dict(sorted(parts.items(), key=lambda each: -each[1]))
 
     @cached_property
     def unseen_block(self) -> Unseen | None:
@@ -425,7 +441,7 @@ class RunEvidence:
     def health_text(self) -> str:
         """Sentences on the commands that arrived, and on the exactness of all readings and movements: not
         beside a finding, or a large error that the set declares."""
-        refused, of = self.refused_share
+        refused, of = self.all_refused
         # The share is of what was answered in time; what a program sent arrived all the same.
         sent = of if len(self.seen.typed) else max(of, self.seen.commands)
         arrived = f"{counted(sent, 'command')} arrived, {refused} refused."

@@ -47,9 +47,8 @@ offset are the same. Judged."""
 
 def sensor_tests(device: DeviceUnderTest, sample: SensorSample) -> list[Claim]:
     """Tests of one sensor by its readings."""
-    fewest = FEWEST[device.basis]
-    tests = [_missed(device, sample)] if sample.looked >= fewest else []
-    if len(sample.values) < fewest:
+    tests = [_missed(device, sample)] if sample.looked >= FEWEST["set"] else []
+    if len(sample.values) < FEWEST[device.basis]:
         return tests
     changed = other_quantity(device, sample)
     tests.append(changed)
@@ -61,7 +60,7 @@ def sensor_tests(device: DeviceUnderTest, sample: SensorSample) -> list[Claim]:
     shaped = [*_limits(device, inside), *_steps(device, inside)]
     if any(each.finding is not None for each in shaped):
         return [*tests, *shaped]
-    return [*tests, *_fitted(device, inside)] if len(inside.values) >= fewest else tests
+    return [*tests, *_fitted(device, inside)] if len(inside.values) >= FEWEST[device.basis] else tests
 
 
 # -- another quantity --------------------------------------------------------------------------------
@@ -189,10 +188,11 @@ def _share(
     device: DeviceUnderTest, hits: int, count: int, declared: float, kind: FindingKind, verb: str
 ) -> Claim:
     probability, share = binomial_tail(hits, count, declared), hits / count
-    if share - declared < LEAST_SHARE:
-        return Claim(probability)
     half = Z_95 * math.sqrt(share * (1.0 - share) / count)
     low, high = max(share - half, 0.0), min(share + half, 1.0)
+    # A share of few has no median: an interval down to the declared one claims nothing.
+    if share - declared < LEAST_SHARE or low <= declared:
+        return Claim(probability)
     what, bounds = f"{verb} {100 * share:.0f} % of its readings", f"{100 * low:.0f} % to {100 * high:.0f} %"
     return device.claim(probability, kind, share, what, count, interval=(low, high), bounds=bounds)
 
@@ -203,7 +203,11 @@ def _share(
 def _fitted(device: DeviceUnderTest, sample: SensorSample) -> list[Claim]:
     """Claims of the simplest model that explains the residuals (no parameter, one, two), and of the remaining
     noise."""
-    residuals = sample.off(sample.expected)
+    residuals, period = sample.off(sample.expected), sample.sensor.period
+    if period:
+        # Half a turn off is one error, not two of both signs.
+        middle = np.angle(np.exp(2j * np.pi * residuals / period).mean()) / (2 * np.pi) * period
+        residuals = middle + sample.sensor.wrapped(residuals - middle)
     counts = sample.spec.kind.counts
     columns = {
         FindingKind.GAIN: sample.expected,

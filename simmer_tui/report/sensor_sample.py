@@ -354,12 +354,14 @@ def inverted_compass(sample: SensorSample, base: FloatArray) -> Iterator[Alterna
     spec = sample.spec
     if spec.kind.is_range or not sample.sensor.period or not len(base):
         return
-    # At one heading any zero fits, and an offset explains as much.
-    headings = np.exp(2j * np.pi * spec.gain * base / sample.sensor.period)
-    if abs(headings.mean()) > _ONE_HEADING:
+    turn = 2j * np.pi / sample.sensor.period
+    mirrored = np.exp(turn * (sample.values + spec.gain * base)).mean()
+    offset = np.exp(turn * (sample.values - spec.gain * base)).mean()
+    # At one heading, or two opposite ones, any zero fits, and an offset explains as much.
+    headings = np.exp(turn * spec.gain * base)
+    if abs(headings.mean()) > _ONE_HEADING or abs(offset) >= abs(mirrored):
         return
-    mirrored = np.radians((sample.values + spec.gain * base) * 360.0 / sample.sensor.period)
-    zero = np.angle(np.exp(1j * mirrored).mean()) / (2 * np.pi) * sample.sensor.period
+    zero = np.angle(mirrored) / (2 * np.pi) * sample.sensor.period
     yield Alternative(FindingKind.SIGN, zero - spec.gain * base, -1.0)
 
 

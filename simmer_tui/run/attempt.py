@@ -207,12 +207,17 @@ class Attempt:
         return self.history.episodes.so_far(ended_badly=True)
 
     @property
+    def all_refusals(self) -> list[RefusalRow]:
+        """The program's commands that did nothing, newest last."""
+        rows = self._rows(self.history.refusals)
+        return [row for row in rows if row.result.command.source not in PEOPLE]
+
+    @property
     def refusals(self) -> list[RefusalRow]:
         """The program's commands that did nothing, newest last. Those that came too early are left out if
         they were sent again until the robot had stopped."""
         moves, names = self.within(self.history.movements), self.history.code_names
-        rows, last = self._rows(self.history.refusals), moves["number"].max(initial=-1)
-        rows = [row for row in rows if row.result.command.source not in PEOPLE]
+        rows, last = self.all_refusals, moves["number"].max(initial=-1)
         drives = {each.code for each in self.spec.drive_rows}
         trailing = {each.result.command.code for each in rows if each.result.number > last} & drives
         is_alone = sum(row.result.is_early for row in rows) == 1
@@ -566,11 +571,12 @@ class Attempt:
         rows = self.within(history.movements, since)
         return without_progress(rows, history.are_legs(rows), *self._place)
 
-    def refused_drives(self, since: float) -> tuple[list[str], int, int]:
+    def refused_drives(self, since: float, *, every: bool = False) -> tuple[list[str], int, int]:
         """Codes of the program's commands to drive that were refused from a moment on (elapsed seconds), how
-        many those were, and how many came in all; see `counts`."""
+        many those were, and how many came in all; see `counts`, unless `every` one is to be counted."""
         rows, names = self.within(self.history.commands), self.history.code_names
-        rows = rows[(rows["elapsed"] >= since) & self.counts(rows) & ~np.isin(rows["number"], self.typed)]
+        kept = (rows["elapsed"] >= since) & ~np.isin(rows["number"], self.typed)
+        rows = rows[kept if every else kept & self.counts(rows)]
         driving = {each.code for each in self.spec.drives} | {each.code for each in self.spec.velocities}
         rows = rows[np.isin(rows["code"], [place for place, name in enumerate(names) if name in driving])]
         codes = rows["code"][rows["refused"]]

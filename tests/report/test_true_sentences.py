@@ -1,0 +1,114 @@
+"""Sentences of causes that their own evidence carries, and none beyond it."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from msgspec.structs import replace
+
+from simmer_tui.config.loader import find_set, load
+from simmer_tui.report.cause_order import cause_of
+from simmer_tui.report.causes import Kind
+from simmer_tui.report.fact_tables import fact_tables
+from simmer_tui.report.finding import Basis, DeviceUnderTest, kept
+from simmer_tui.report.run_evidence import RunEvidence
+from simmer_tui.report.sensor_audit import sensor_tests
+from simmer_tui.report.sensor_sample import SensorSample, inverted_compass
+from simmer_tui.sim.sensors import modelled_sensor
+from simmer_tui.sim.sensors.base import Sensor
+from simmer_tui.sim.specs import Axes, DriveKind
+from tests.report.test_causes import begin
+
+SET = load(find_set("mission"))
+
+
+def sensor_of(code: str) -> Sensor:
+    return modelled_sensor(next(each for each in SET.simulation.sensors if each.code == code))
+
+
+# -- sensors -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("missed", "looked", "found"), [(2, 6, 0), (1, 20, 0), (10, 20, 1)])
+def test_a_share_of_few_readings_or_with_an_interval_down_to_nothing_is_no_finding(
+    missed: int, looked: int, found: int
+) -> None:
+    values = np.linspace(5.0, 20.0, looked - missed)
+    sample = SensorSample(
+        sensor_of("u1"), values, values, np.full(len(values), 0.2), missed=missed, looked=looked
+    )
+    device = DeviceUnderTest("u1", "reading", Basis.NOMINAL, ", against the nominal set")
+    assert len(kept(sensor_tests(device, sample))) == found
+
+
+def test_a_compass_that_is_half_a_turn_off_is_not_said_to_have_the_wrong_sign() -> None:
+    compass = sensor_of("c1")
+    rng = np.random.default_rng(1)
+    # A robot that drives to and fro along one way.
+    headings = np.tile((90.0, 270.0), 25) + rng.normal(0.0, 2.0, 50)
+    values = (headings + 180.0 + rng.normal(0.0, 0.2, 50)) % 360.0
+    sample = SensorSample(compass, values, headings, np.full(50, 0.5))
+    sample = sample.against(inverted_compass(sample, headings))
+    (found,) = kept(sensor_tests(DeviceUnderTest("c1", "reading"), sample))
+    assert found.kind == "offset"
+    assert abs(found.value) == pytest.approx(180.0, abs=1.0)
+
+
+# -- commands ----------------------------------------------------------------------------------------------
+
+
+def test_numbers_of_refused_commands_are_those_of_the_tables() -> None:
+    mission = begin()
+    for _ in range(9):
+        mission.give("u1", "d1-0.5")
+        # The same again until it has ended, without a look at the replies.
+        mission.ask_while_moving(*["d1-0.5"] * 9)
+    mission.ask_while_moving("w1-2", *["r1-3"] * 9)
+    run = mission.evidence()
+    cause = cause_of(run)
+    assert cause.kind is Kind.REFUSED
+    assert re.match(r"91 of 100 commands to drive were refused from 50\.\d s on, such as d1-0.5", cause.text)
+    assert "Wait for the end" in cause.advice
+    commands = {row["fact"]: row["count"] for row in fact_tables(run)[0].objects()}
+    assert commands["refused"] == 91
+    assert "109 commands arrived, 91 refused." in cause.evidence[0]
+
+
+def test_what_was_not_done_for_want_of_time_is_no_cause() -> None:
+    # Each reading takes half a second; the block comes in sight just before the end.
+    mission = begin((42.0, 42.0, 180.0), limit=110.0, change=lambda each: replace(each, read_time=0.5))
+    for _ in range(50):
+        mission.give("u1", "u2")
+        mission.simulator.advance(max(mission.simulator.time, 50.0 + 0.5 * mission.attempt.commands))
+    mission.give(*["d1-0.5"] * 12, *["u1"] * 30)
+    assert mission.attempt.out_of_time
+    run = RunEvidence(mission.attempt)
+    assert run.unseen_block is not None
+    cause = cause_of(run)
+    assert cause.kind is Kind.TOO_SLOW
+    assert cause.text.startswith("Most of its time went to reading (")
+
+
+# -- contacts ----------------------------------------------------------------------------------------------
+
+
+def test_a_command_beyond_what_was_read_straight_ahead_is_said_with_that_reading() -> None:
+    # It pulls aside and touches a wall beside it before it comes to the one ahead.
+    mission = begin((66.0, 42.0, 0.0), bias={DriveKind.RIGHT: Axes(y=0.3)})
+    mission.give("u1", "u2", "u4", "d1-60")
+    cause = mission.why()
+    read = re.match(r"u1 read (\d+\.\d) in at 50\.\d s; then d1-60 was sent\.", cause.text)
+    assert read is not None
+    assert float(read[1]) < 60.0
+    assert (cause.kind, cause.advice.startswith("Compare each movement with u1")) == (Kind.KNOWN_WALL, True)
+
+
+def test_a_velocity_that_goes_on_while_nothing_is_sent_is_told_from_its_last_command_on() -> None:
+    mission = begin((9.0, 42.0, 0.0))
+    mission.give("u2", "u4", "vv-6;0;0", "vv-6;0;0")
+    mission.simulator.advance(60.0)
+    cause = mission.why()
+    assert (cause.kind, cause.elapsed) == (Kind.UNREAD, pytest.approx(50.1, abs=0.1))
+    assert cause.text.startswith("vv-6;0;0 was sent. No command came after 50.1 s, and the velocity went on.")
