@@ -334,7 +334,8 @@ def _compile(
         told += _run(compiler, [*flags, "-x", "c++", "-c", unit, "-o", made], work, files)
         objects.append(made)
     fixed = ["-no-pie"] if links_at_fixed_addresses() else []
-    _run(compiler, [*fixed, *objects, str(runtime), "-o", BOARD_PROGRAM], work, files)
+    # Globals are constructed in this order: `Serial` is there before those of the sketch.
+    _run(compiler, [*fixed, str(runtime), *objects, "-o", BOARD_PROGRAM], work, files)
     (work / _WARNINGS_FILE).write_text("\n".join(told), encoding="utf-8")
     for made in objects:
         (work / made).unlink()
