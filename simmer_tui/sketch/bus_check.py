@@ -15,6 +15,8 @@ GYRO_CLASS, RANGER_CLASSES = "MPU6050", ("VL53L0X", "Adafruit_VL53L0X")
 _CALLED = ("beginTransmission", "requestFrom", "setAddress")
 """Calls whose first argument is an address."""
 _PIN_CALLS = ("digitalWrite", "analogWrite", "digitalRead", "analogRead", "tone", "attach")
+_BUSES = ("Wire", "&Wire")
+"""Arguments of a constructor that are no address."""
 _BY_NUMBER = (
     "readByte",
     "readWord",
@@ -90,7 +92,7 @@ def addresses(facts: SketchFacts) -> Iterator[Pins | None]:
     for call in facts.calls:
         if not _has_address(call, rangers):
             continue
-        if call.arguments:
+        if call.arguments and facts.spelled(call) not in _BUSES:
             yield facts.pins(call)
         else:
             yield Pins({GYRO_ADDRESSES[0] if GYRO_CLASS in (call.name, call.type) else RANGER_ADDRESS})

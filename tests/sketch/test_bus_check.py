@@ -171,6 +171,7 @@ DRAFTED = {
         "MPU6050 mpu(0x69);\nvoid dmpReady() {}\nvoid setup() { attachInterrupt(1, dmpReady, RISING); }",
         [("mpu6050", 3, 0x69)],
     ),
+    "a gyro whose argument is the bus": ("MPU6050 mpu(Wire);\nvoid setup() {}", [("mpu6050", None, None)]),
     "two gyros": (
         "MPU6050 mpu;\nMPU6050 second(MPU6050_ADDRESS_AD0_HIGH);\nvoid setup() {}",
         [("mpu6050", None, None), ("mpu6050", None, 0x69)],

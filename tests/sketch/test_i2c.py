@@ -398,6 +398,51 @@ def test_packets_have_the_angle_of_the_row(tmp_path: Path, calibrates: bool) -> 
     assert last == pytest.approx(-0.35 if calibrates else -2.1, abs=0.12)
 
 
+LIGHT = """
+#include <Wire.h>
+#include <MPU6050_light.h>
+MPU6050 mpu(Wire);
+void setup() {
+  Serial.begin(115200);
+  Wire.begin();
+  mpu.setAddress(0x69); Serial.print(mpu.begin());
+  mpu.setAddress(0x68); Serial.print(mpu.begin());
+  unsigned long t = millis();
+  mpu.calcOffsets();
+  Serial.println(millis() - t);
+  Serial.print(mpu.getGyroZoffset()); Serial.print(' '); Serial.print(mpu.getTemp());
+  Serial.print(' '); Serial.println(mpu.getAccZ() - mpu.getAccZoffset());
+  mpu.update();
+  analogWrite(6, 51); analogWrite(9, 51);
+  t = millis();
+  while (millis() - t < 500) mpu.update();
+  analogWrite(6, 0); analogWrite(9, 0);
+  mpu.update();
+  Serial.print(mpu.getAngleX()); Serial.print(' '); Serial.println(mpu.getAngleZ());
+}
+void loop() {}
+"""
+
+
+@pytest.mark.slow
+@compiled
+def test_angles_are_summed_up_by_the_light_library(tmp_path: Path) -> None:
+    configuration = made_set(tmp_path / "set", ROVER + MOTORS + GYRO, {"rover.ino": LIGHT})
+    boards = Boards(drifting_gyro(configuration, 2.0), noise=False)
+    boards.run_to(3.0)
+    pose = boards.simulator.pose
+    first, second, third = bytes(value for _, value in boards.robot.lockstep.sent).decode().splitlines()
+    boards.close()
+    assert first.startswith("20")
+    assert 1280 <= int(first[2:]) <= 1340
+    assert second == "2.00 25.00 1.00"
+    tilt, yaw = map(float, third.split())
+    assert tilt == 0.0
+    # Steps of a millisecond miss the first and the last turn of the loop.
+    assert yaw == pytest.approx(pose.heading, rel=0.02)
+    assert yaw > 20.0
+
+
 def drifting_gyro(configuration: Configuration, drift: float) -> Configuration:
     spec = configuration.simulation
     sensors = tuple(replace(each, drift=drift) if each.code == "g1" else each for each in spec.sensors)

@@ -22,3 +22,4 @@
 #include "libraries/Wire.cpp"
 #include "libraries/MPU6050.cpp"
 #include "libraries/VL53L0X.cpp"
+#include "libraries/MPU6050_light.cpp"  // last: it has its own MPU6050
