@@ -15,7 +15,7 @@ from simmer_tui.sketch.board_process import NEVER, BoardProcess, BoardRecord, Qu
 from simmer_tui.sketch.boards import BOARDS
 from simmer_tui.sketch.parts import LARGEST_DUTY, SECOND
 from simmer_tui.sketch.sketch_lines import SketchLines
-from simmer_tui.sketch.text_display import DisplayChange
+from simmer_tui.sketch.text_display import MOST_DISPLAYS, DisplayChange
 
 _MOST_PINS = max(each.pins for each in BOARDS.values())
 _SHORTEST_BYTE = 4_000
@@ -103,7 +103,9 @@ class CheckedBoard(BoardProcess):
             self._sent[pin] = time
         elif time > self.now or (time < before and kind not in _SPANS and kind != Told.UNTIL):
             return "it told what was not then"
-        elif kind == Told.STEP:
+        if kind == Told.TEXT and pin >= MOST_DISPLAYS:
+            return f"it told of display {pin}, which no board has"
+        if kind == Told.STEP:
             if time < self._stepped.get(pin, -_SHORTEST_STEP) + _SHORTEST_STEP:
                 return "it stepped faster than a pin changes"
             self._stepped[pin] = time

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 
 from msgspec import Struct
 
@@ -109,7 +110,7 @@ class RobotWorld:
             for each in self._steppers:
                 if each.due == step:
                     each.happen()
-                    self._set(lambda each=each: self._stepped_at(each))  # type: ignore[misc]
+                    self._set(partial(self._stepped_at, each))
         self._advance_motion(time)
 
     def _advance_motion(self, time: int) -> None:

@@ -38,8 +38,9 @@ _ANGLES = {
 }  # fmt: skip
 """The angle of the field by the currents of both coils, in half steps of one period."""
 _PERIOD = 8
-# Slower than any stepper that drives: 5 steps a second. Coils that are on for longer hold the rotor.
-_FIRST = 200_000_000
+# AccelStepper's second step comes 0.96 s after the first with its usual acceleration. Coils that are on for
+# longer hold the rotor.
+_FIRST = SECOND
 """Time after the first field within which the next one tells that the rotor came from a step before it."""
 IDLE, LOST = "idle", "lost"
 """Reasons for which a step moves nothing: the driver is not enabled, or the wheel cannot follow."""

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from enum import IntEnum
 
+MOST_DISPLAYS = 8
+"""Displays of a board that are told apart."""
 _COLUMNS = 40
 _MOST_ROWS = 4
 _ROM = {0x5C: "Y", 0x7E: ">", 0x7F: "<", 0xDF: "\u00b0"}

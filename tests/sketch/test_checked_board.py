@@ -139,6 +139,7 @@ def test_what_boards_tell_is_taken(begun: Begun, pipes: Pipes, fine: bytes) -> N
         (request(100, record(Told.STEP, 7, 101)), "it told what was not then"),
         (request(100, record(Told.TEXT, 5 << 24)), "it told 83886080 as TEXT"),
         (request(100, record(Told.TEXT, -1)), "it told -1 as TEXT"),
+        (request(100, record(Told.TEXT, 0, pin=8)), "it told of display 8"),
         (request(100, wait=(0, 5)), "it waits as no board does"),
         (request(100, record(Told.BYTE, 65, 1 << 62)), "faster than a line carries them"),
         (request(100, record(Told.BYTE, 65, 9000), record(Told.BYTE, 65, 9001)), "faster than a line"),
@@ -214,7 +215,7 @@ def test_a_board_that_cannot_be_started_is_told_as_that() -> None:
 
 CONSTRUCTED = """
 struct Lamp {
-  Lamp(int pin) { pinMode(pin, OUTPUT); digitalWrite(pin, HIGH); Serial.begin(9600); delay(5); }
+  Lamp(int pin) { pinMode(pin, OUTPUT); digitalWrite(pin, HIGH); delay(5); }
 };
 Lamp lamp(5);
 void setup() {}
@@ -233,7 +234,6 @@ def test_constructors_of_globals_tell_at_the_beginning(tmp_path: Path) -> None:
     finally:
         board.close()
     assert (Told.LEVEL, 5, 1, 0) in told
-    assert (Told.BAUD, 1, 9600, 0) in told
     assert board.now == 0
 
 

@@ -185,6 +185,8 @@ def test_coils_that_hold_and_that_jump_turn_nothing() -> None:
     assert rim(stepper(StepperDriver.STEPPER4), [*hold, *short], [4 * SECOND]) == []
     # One step after a hold is one step.
     turned = rim(
-        stepper(StepperDriver.STEPPER4), [*hold, level(SECOND, 2, 0), level(SECOND, 3, 1)], [3 * SECOND]
+        stepper(StepperDriver.STEPPER4),
+        [*hold, level(2 * SECOND, 2, 0), level(2 * SECOND, 3, 1)],
+        [3 * SECOND],
     )
     assert travelled(turned, 3 * SECOND) == pytest.approx(0.01, abs=1e-9)
