@@ -35,7 +35,7 @@ from simmer_tui.run.phrases import (
     program_end_text,
     times_text,
 )
-from simmer_tui.run.progress import HUNDRED
+from simmer_tui.run.progress import GROUND, HUNDRED
 from simmer_tui.run.run_history import CHAIN
 from simmer_tui.run.table import Timed
 from simmer_tui.sim.command import WORD, counted, cut
@@ -68,6 +68,7 @@ _MAP_ADVICE = "Look whether your program's map has {wall}, and compare each move
 """Advice where a right belief led into a wall."""
 _NO_SENSOR_THERE = "No sensor looks to that side: turn until one does, or check the way in your map."
 _OUTLIER_ADVICE = "Read {code} three times and take the middle value, before each movement."
+_LOAD_ADVICE = "Print what {code} replies after you have closed the gripper: 1 says that it holds the block."
 _WAIT_ADVICE = "Wait for the end of each movement before you send the next command."
 _NO_ECHO_ADVICE = "Take a reading of {code} with nothing in range for no proof of a free way."
 _CORRECT = "Measure after each movement, and correct for the drive's error."
@@ -149,7 +150,8 @@ def _made(run: RunEvidence, rule: CauseRule, fact: Fact) -> Cause:
     text = " ".join(filter(None, parts))
     evidence: tuple[str, ...] = (run.health_text, belief_text(seen.beliefs[0]), goals)
     if met is not None:
-        evidence = (run.health_text, belief_text(met.met.belief), shown_tried(met.tried))
+        wrong = bool(run.findings_about(drives=True))
+        evidence = (run.health_text, belief_text(met.met.belief), shown_tried(met.tried, wrong_drive=wrong))
     elif seen.is_silent:
         evidence = (f"Last output: {run.last_words}." if run.last_words else "",)
     # A reason may end with a question; a sentence ends with one mark.
@@ -345,7 +347,11 @@ def _unread(run: RunEvidence) -> Fact | None:
         )
         if met.quiet_since is not None:
             codes, advice = [], "Send a velocity of 0 before your program computes or waits."
-        fact = _at_contact(run, met, f"{_sent(run)}. {met.unread_text}", advice=advice)
+        silent = _silent(run)
+        if silent and not codes[1:]:
+            advice = f"Check what your program does when {silent} reads nothing in range."
+        text = f"{silent} read nothing in range; then {_sent(run)}" if silent else _sent(run)
+        fact = _at_contact(run, met, f"{text}. {met.unread_text}", advice=advice)
         return replace(fact, culprits=tuple(codes[:1]))
     unseen = None if run.seen.closed else run.unseen_block
     if unseen is None or run.seen.stuck is not None or run.seen.beliefs[1] is not None or _lacked_time(run):
@@ -481,8 +487,19 @@ def _first_use(seen: Attempt, code: str) -> float:
 
 def _missed_grip(run: RunEvidence) -> Fact | None:
     seen, gripper = run.seen, run.seen.spec.gripper
-    if seen.task is None or run.has_contact or gripper is None:
+    if seen.task is None or gripper is None:
         return None
+    if run.contact is not None and run.has_contact:
+        opened = run.unnoticed_take if run.contact.met.contact.held_block else None
+        if opened is None:
+            return None
+        code, place = gripper.code, (opened.grip.block.x, opened.grip.block.y)
+        text = (
+            f"{code}-0 was sent at the block at {opened.elapsed:.1f} s, with the jaws open; then a load "
+            f"sensor was read. {code}-1 took the block after that, and no load sensor was read any more."
+        )
+        advice = f"Close the gripper with {code}-1, and open it with {code}-0."
+        return Fact(text, opened, place=place, culprits=(code,), advice=advice, then=_contact(run))
     if seen.misses and not seen.taken:
         return _closed_on_nothing(run, seen.misses[-1], gripper.code)
     unused = run.unused_grip
@@ -537,13 +554,19 @@ def _dropped(run: RunEvidence) -> Fact | None:
         return None
     block, zone = done.grip.block, seen.task.zone
     where = place_text(block.x, block.y)
-    text = f"It set the block down at {where}, which is not in the drop zone."
+    off = "not in the drop zone"
     if zone is not None:
         off = outside_text(missed_zone(zone, block.x, block.y))
-        cell = f"{off} the cell around {place_text(zone.x, zone.y)}"
-        text = f"It set the block down outside the drop zone: at {where}, {cell}."
+        off = f"{off} the cell around {place_text(zone.x, zone.y)}"
+    taken, lay = times_text(seen.takes), run.lay_at
+    if lay is not None and math.hypot(block.x - lay[0], block.y - lay[1]) <= GROUND:
+        load = [each.code for each in seen.load_sensors if each.code in seen.history.sensor_codes]
+        advice = _LOAD_ADVICE.format(code=load[0]) if load else ""
+        text = f"It took the block {taken}, and let it go where it lay: at {where}, {off}."
+        return Fact(text, done, place=(block.x, block.y), has_behind=True, culprits=(), advice=advice)
+    text = f"It set the block down outside the drop zone: at {where}, {off}."
     if seen.takes >= FEWEST["nominal"]:
-        text += f" It had taken it {times_text(seen.takes)}, and let it go each time."
+        text += f" It had taken it {taken}, and let it go each time."
     return Fact(text, done, place=(block.x, block.y), has_behind=True)
 
 
@@ -593,10 +616,12 @@ def _lost(run: RunEvidence) -> Fact | None:
 def _lost_since(run: RunEvidence, lost: BeliefRow) -> Fact:
     """A belief that was wrong, what explains it, and what came of it."""
     parted, fit, advice = run.belief.parted, run.fit_text(lost), None
-    if parted:
-        advice = "Compare what your program adds to its belief for a movement with the command that it sends."
+    moved = bool(parted) and "no movement" not in parted
+    if moved or not (lost.deviation.off_place or lost.deviation.rejects_truth):
+        what = "movement" if moved else "turn"
+        advice = f"Compare what your program adds to its belief for a {what} with the command that it sends."
     elif not run.looked_before(lost):
-        parted = " It had read no range before that."
+        parted = parted or " It had read no range before that."
         advice = "Do not assume the start: read all sensors, and search for the place that they fit."
     elif fit:
         advice = (
@@ -624,13 +649,12 @@ def _too_close(run: RunEvidence) -> Fact | None:
     met = run.contact if run.has_contact else None
     if met is None or _stalled(run) is not None:
         return None
-    contact, row = met.met.contact, met.met.row
+    contact = met.met.contact
     text, advice = _sent(run), None
     if contact.held_block:
-        advice = advice_on(Kind.TOO_CLOSE)
+        advice = "Plan with the held block, and an inch more on each side."
     elif met.leads_into:
-        seen = [each.reading for each in row.seen if each.reading.sensor.kind.is_range]
-        silent = " and ".join(each.sensor.code for each in seen if math.isinf(each.value))
+        silent = _silent(run)
         text = f"{silent} read nothing in range; then {text}" if silent else text
         advice = advice_on(Kind.KNOWN_WALL)
     fact = _at_contact(run, met, _with_belief(met, text), advice=advice)
@@ -638,6 +662,14 @@ def _too_close(run: RunEvidence) -> Fact | None:
     if errors is None:
         return fact
     return replace(fact, then=f"{fact.then} {_without(errors)}", culprits=errors.codes, advice=_CORRECT)
+
+
+def _silent(run: RunEvidence) -> str:
+    """The range sensors that had no echo just before a contact's movement."""
+    seen = [] if run.contact is None else [each.reading for each in run.contact.met.row.seen]
+    return " and ".join(
+        each.sensor.code for each in seen if each.sensor.kind.is_range and math.isinf(each.value)
+    )
 
 
 def _nowhere(run: RunEvidence) -> Fact | None:
@@ -751,8 +783,10 @@ def _ended(run: RunEvidence) -> Fact | None:
     advice = None
     if waited_text(run) or _NO_LINK in run.last_words:
         advice = f"Look at the link: {LINK_ADVICE}"
-    elif run.last_words:
-        advice = f"Look in your program at what leads to '{cut(run.last_words, WORD)}'."
+    elif run.velocities_left:
+        often = f"it made {run.velocities_left} for {counted(seen.commands, 'command')}"
+        text = f"Its velocities ended with their connections: {often}. {text}"
+        advice = "Keep one connection open for all commands."
     return Fact("", has_behind=True, advice=advice, then=text)
 
 
@@ -979,7 +1013,7 @@ ORDER: tuple[CauseRule, ...] = (
         MomentKind.COMMAND,
         "the robot or its block touched a wall",
         "wrong beliefs",
-        "Plan with an inch more on each side, and with the held block.",
+        "Plan with an inch more on each side.",
     ),
     CauseRule(
         Kind.GOT_NOWHERE,
