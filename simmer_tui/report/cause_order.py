@@ -9,7 +9,6 @@ import math
 import re
 from collections.abc import Callable, Sequence
 
-import numpy as np
 from msgspec import Struct
 from msgspec.structs import replace
 
@@ -57,13 +56,6 @@ _NO_LINK = "closed the connection"
 LINK_ADVICE = "which command got no reply, and who closed the connection; simmer-tui doctor checks the ports."
 _WAITED = 2.0
 """Real seconds without a command until the program's end from which it waited for something. Judged."""
-# Most programs send both signs: a heading is corrected to either side.
-_TURNS = 20
-"""Turns to one side alone from which that is told."""
-_FAR = CELL_SIZE
-"""Distance to the block, inches, from which a grip was no miss but another place."""
-_SAME_MISS = 0.5
-"""Inches within which misses are one and the same. Judged."""
 _MAP_ADVICE = "Look whether your program's map has {wall}, and compare each movement with the distance to it."
 """Advice where a right belief led into a wall."""
 _NO_SENSOR_THERE = "No sensor looks to that side: turn until one does, or check the way in your map."
@@ -140,13 +132,9 @@ def _made(run: RunEvidence, rule: CauseRule, fact: Fact) -> Cause:
         culprits = tuple(dict.fromkeys((*culprits, *marked, *codes)))
     met = run.contact if run.has_contact else None
     parts.append(fact.then)
-    if run.stray_block is not None and rule.kind in _ABOUT_BLOCK:
-        parts.append(f"The block lay at {place_text(*run.stray_block)}, outside the loading zone.")
     goals = _goals(run)
     if met is None and rule.kind in _ABOUT_GOALS:
         parts.append(goals)
-    if rule.kind in _ABOUT_TURNS:
-        parts.append(_one_sided(run))
     text = " ".join(filter(None, parts))
     evidence: tuple[str, ...] = (run.health_text, belief_text(seen.beliefs[0]), goals)
     if met is not None:
@@ -242,7 +230,7 @@ def _refused_by(run: RunEvidence, text: str, row: RefusalRow, codes: Sequence[st
     """A fact about refused commands, with one of them in the braces of its text."""
     one = f"{cut(row.result.command.shown, WORD)} at {row.elapsed:.1f} s: {row.result.reason.rstrip('.')}"
     advice = _WAIT_ADVICE if row.result.is_early else None
-    return Fact(f"{text.format(one)}{run.origin_of(row)}", row, culprits=tuple(codes), advice=advice)
+    return Fact(f"{text.format(one)}", row, culprits=tuple(codes), advice=advice)
 
 
 def _never_done(run: RunEvidence) -> Fact | None:
@@ -267,7 +255,7 @@ def _undone(run: RunEvidence, rows: Sequence[RefusalRow], then: str) -> Fact:
         text = (
             f"{len(rows)} commands were refused and never carried out. The first: {text.replace(often, '')}"
         )
-    return Fact(f"{text}{run.origin_of(first)}", first, culprits=(command.code,), then=then)
+    return Fact(f"{text}", first, culprits=(command.code,), then=then)
 
 
 def _crashed(run: RunEvidence) -> Fact | None:
@@ -507,9 +495,6 @@ def _missed_grip(run: RunEvidence) -> Fact | None:
         return None
     first, what, value = unused
     text = f"The gripper was never {what}, first at {first.elapsed:.1f} s."
-    dwell = seen.dwell
-    if dwell is not None and dwell.readings >= HUNDRED:
-        text += f" From {dwell.since:.1f} s on it only read: {dwell.code} {times_text(dwell.often)}."
     advice = f"Send {gripper.code}-{value} there."
     return Fact(text, first, place=(first.x, first.y), culprits=(gripper.code,), advice=advice)
 
@@ -528,16 +513,7 @@ def _closed_on_nothing(run: RunEvidence, done: GripRow, code: str) -> Fact:
     last = "" if missed is None else f": {miss_text(missed)}"
     if often and last:
         last = f". The last time, {last[2:]}"
-    all_missed = [each.grip.missed for each in seen.misses if each.grip.missed is not None]
-    if last and len(all_missed) >= FEWEST["nominal"]:
-        spread = np.ptp(np.array(all_missed), axis=0)
-        last = f"{last}, each time within {spread.max():.2f} in" if spread.max() <= _SAME_MISS else last
     text = f"The gripper closed on nothing{often}{last}."
-    moved = seen.history.movements.before(done.order)
-    if moved is not None and missed is not None and math.hypot(*missed) > _FAR:
-        off = math.hypot(moved.x - place[0], moved.y - place[1])
-        where = place_text(moved.x, moved.y)
-        text += f" The robot was at {where}, {off:.0f} in from the block, and had driven {moved.gone:.1f} in."
     unseen, advice = run.unseen_block, None
     if unseen is not None:
         names, was, sees = _alone(unseen.codes)
@@ -558,8 +534,9 @@ def _dropped(run: RunEvidence) -> Fact | None:
     if zone is not None:
         off = outside_text(missed_zone(zone, block.x, block.y))
         off = f"{off} the cell around {place_text(zone.x, zone.y)}"
-    taken, lay = times_text(seen.takes), run.lay_at
-    if lay is not None and math.hypot(block.x - lay[0], block.y - lay[1]) <= GROUND:
+    taken = times_text(seen.takes)
+    lay = next((row.block for row in seen.history.blocks.items if not row.held), block)
+    if lay is not block and math.hypot(block.x - lay.x, block.y - lay.y) <= GROUND:
         load = [each.code for each in seen.load_sensors if each.code in seen.history.sensor_codes]
         advice = _LOAD_ADVICE.format(code=load[0]) if load else ""
         text = f"It took the block {taken}, and let it go where it lay: at {where}, {off}."
@@ -808,19 +785,6 @@ def lost_text(run: RunEvidence, lost: BeliefRow) -> str:
     return f"it never found its place: from {lost.elapsed:.1f} s on {said}"
 
 
-def _one_sided(run: RunEvidence) -> str:
-    """Turns that all went to one side; empty for few, or for both sides."""
-    seen, names = run.seen, run.seen.history.code_names
-    turns = {each.code for each in seen.spec.drives if each.kind.turns}
-    moves = seen.within(seen.history.movements)
-    asked = moves["asked"][[names[number] in turns for number in moves["code"]]]
-    asked = asked[np.isfinite(asked) & (asked != 0.0)]
-    if len(asked) < _TURNS or abs(int(np.sign(asked).sum())) < len(asked):
-        return ""
-    sign = "positive" if asked[0] > 0.0 else "negative"
-    return f"All its {len(asked)} turns had a {sign} value."
-
-
 def _stand(run: RunEvidence) -> str:
     """The robot's place at the end, and the belief of it."""
     seen = run.seen
@@ -848,18 +812,9 @@ def waited_text(run: RunEvidence) -> str:
     if last is None or not (last[2] >= _WAITED or (asked and last[2] >= _WAITED / 2)):
         return ""
     name, at, quiet = last
-    text = (
+    return (
         f" Its last command to arrive, {name}, was answered at {at:.1f} s; then none came for {quiet:.0f} s."
     )
-    words = [] if asked is None else asked[1].split()
-    if len(words) > 1:
-        numbers = run.seen.within(run.seen.history.commands)["code"][-len(words) :]
-        came = [run.seen.history.code_names[number] for number in numbers]
-        lacks = [word for word in words if word not in came]
-        # The tail of a message: what stands before it belongs to others.
-        if lacks and words[-1] == came[-1]:
-            text += f" Of {' '.join(words)}, {' '.join(lacks)} did not arrive as a command of its own."
-    return text
 
 
 def _contact(run: RunEvidence) -> str:
@@ -874,9 +829,6 @@ def _contact(run: RunEvidence) -> str:
     if abs(row.turned) >= 2.0:
         went += f" and {abs(row.turned):.0f} deg"
     place = obstacle_place(contact, run.seen.spec)
-    far = CELL_SIZE * math.hypot(run.seen.spec.maze.columns, run.seen.spec.maze.rows)
-    if met.asked is not None and abs(met.asked) > far:
-        went += f"; no way in this maze is longer than {far:.0f} in"
     block = " of the held block" if contact.held_block else ""
     return f"Contact{block} at {row.elapsed:.2f} s with {place}, {went}.{_twice(run)}"
 
@@ -1040,12 +992,8 @@ ORDER: tuple[CauseRule, ...] = (
     ),
 )
 """The rules, the first first."""
-_ABOUT_TURNS = (Kind.KNOWN_WALL, Kind.LOST, Kind.TOO_CLOSE, Kind.GOT_NOWHERE, Kind.TOO_SLOW, Kind.ENDED)
-"""Causes beside which it matters that all turns went to one side."""
 _ABOUT_GOALS = (Kind.LOST, Kind.SILENCE, Kind.GOT_NOWHERE, Kind.TOO_SLOW, Kind.ENDED)
 """Causes beside which it matters how far the mission came."""
-_ABOUT_BLOCK = (Kind.GOT_NOWHERE, Kind.TOO_SLOW, Kind.ENDED, Kind.UNREAD)
-"""Causes beside which it matters that the block lay outside the loading zone."""
 NO_RULE = CauseRule(
     Kind.UNKNOWN,
     lambda run: None,

@@ -9,7 +9,6 @@ from functools import cached_property
 import numpy as np
 from msgspec import Struct
 
-from simmer_tui.config.mission_plan import cells_of
 from simmer_tui.report.belief_facts import BeliefFacts, has_read_range, listed_movements, ranges_fit_text
 from simmer_tui.report.command_audit import multiplied_corrections
 from simmer_tui.report.contact_evidence import ContactEvidence
@@ -26,10 +25,10 @@ from simmer_tui.run.phrases import REAL_TIME_LIMIT, last_output, times_text
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.block import Block
-from simmer_tui.sim.command import counted, parse_value
+from simmer_tui.sim.command import counted
 from simmer_tui.sim.sensors import ObservingSensor, modelled_sensor
 from simmer_tui.sim.sensors.base import World
-from simmer_tui.sim.specs import BLOCK, CELL_SIZE
+from simmer_tui.sim.specs import CELL_SIZE
 
 # Judged: a program that computes for so long between two commands has stopped.
 _QUIET, _QUIET_SHARE = 5.0, 0.25
@@ -40,10 +39,6 @@ _HARDLY = 0.01
 """Share of the ranges read since the last goal below which a sensor was hardly read. Judged."""
 _NONSENSE = "makes no sense as a movement"
 """Words of the connection doctor for the value of a command."""
-_NO_NUMBER = {"inf": "a finished movement", "infinity": "a finished movement", "nan": "a refused command"}
-"""Values that are no numbers, and the commands that are replied to with them."""
-_HUGE = 1e6
-"""Least value that no sensor replies, in any unit."""
 _CODES = 3
 """Codes of movements that are named in a sentence."""
 _STOPS = 3
@@ -146,14 +141,17 @@ class RunEvidence:
     def mostly_refused(self) -> tuple[list[str], int, int, float, RefusalRow] | None:
         """Codes of refused commands to drive, how many there were, of how many, since when, and the first of
         them. None unless they are more than were carried out, in the whole run or since the last progress."""
-        seen = self.seen
+        seen, names = self.seen, np.array(self.seen.history.code_names)
+        answers = seen.within(seen.history.commands)
         for since in (seen.begun, seen.stalled.since):
             codes, count, of = seen.refused_drives(since)
             # Only the newest refusals are kept with their reasons.
             rows = [each for each in seen.all_refusals if each.result.command.code in codes]
             rows = [each for each in rows if each.elapsed >= since]
             if count >= FEWEST["set"] and 2 * count > of and rows:
-                return *seen.refused_drives(since, every=True), max(since, rows[0].elapsed), rows[0]
+                mine = answers["refused"] & np.isin(names[answers["code"]], codes)
+                first = answers["elapsed"][mine & (answers["elapsed"] >= since)].min()
+                return *seen.refused_drives(since, every=True), float(first), rows[0]
         return None
 
     @property
@@ -334,16 +332,6 @@ class RunEvidence:
         places = np.flatnonzero(off > _SEEN)
         return int(places[0]) if len(places) >= fewest else None
 
-    @property
-    def stray_block(self) -> tuple[float, float] | None:
-        """The place of the block that was never taken, if it lay outside the loading zone."""
-        zone = cells_of(self.seen.spec.maze, BLOCK)
-        lying = next((row for row in reversed(self.seen.history.blocks.items) if not row.held), None)
-        if self.seen.task is None or self.seen.taken or lying is None or not self.seen.spec.block_size:
-            return None
-        x, y = lying.block.x, lying.block.y
-        return None if not zone or any(cell.holds(x, y) for cell in zone) else (x, y)
-
     # -- beliefs -------------------------------------------------------------------------------------------
 
     @cached_property
@@ -405,12 +393,6 @@ class RunEvidence:
                     break
                 first = row
         return first
-
-    @property
-    def lay_at(self) -> tuple[float, float] | None:
-        """The first place of the block; None if it was held from the start."""
-        first = next((row for row in self.seen.history.blocks.items if not row.held), None)
-        return None if first is None else (first.block.x, first.block.y)
 
     @property
     def unnoticed_take(self) -> GripRow | None:
@@ -520,30 +502,6 @@ class RunEvidence:
         if max(lost.distance, abs(lost.turn)) < CELL_SIZE or self.findings or self.seen.history.is_twin:
             return ""
         return ranges_fit_text(self.seen, lost)
-
-    def origin_of(self, row: RefusalRow) -> str:
-        """A sentence, with a space before it, on a value of a command that is no value of a sensor: the reply
-        that has its bytes in the other order, or the command that was replied to with it."""
-        value = parse_value(row.result.command.argument)
-        text = (row.result.command.argument or "").strip().lstrip("+-").lower()
-        earlier = self.seen.within(self.seen.history.readings)
-        earlier = earlier[earlier["order"] < row.order]
-        values, codes = earlier["value"].astype(np.float64), self.seen.history.sensor_codes
-        if text in _NO_NUMBER:
-            same = np.isinf(values) if text.startswith("inf") else np.isnan(values)
-            if same.any() or not len(values):
-                return ""
-            return f" No sensor had replied {text}; {_NO_NUMBER[text]} is replied with it."
-        if isinstance(value, str) or not len(values):
-            return ""
-        turned = np.abs(values.byteswap())
-        with np.errstate(invalid="ignore", over="ignore"):
-            same = (turned > _HUGE) & np.isclose(turned, abs(value), rtol=1e-6, atol=0.0)
-        if not same.any():
-            return ""
-        last = earlier[int(np.flatnonzero(same)[-1])]
-        code = codes[last["sensor"]]
-        return f" That is {code}'s reply {float(last['value']):.3g} with its 8 bytes in the other order."
 
 
 def _nonsense(row: NoticeRow) -> tuple[str, bool]:
