@@ -136,12 +136,10 @@ def _made(run: RunEvidence, rule: CauseRule, fact: Fact) -> Cause:
     if met is None and rule.kind in _ABOUT_GOALS:
         parts.append(goals)
     text = " ".join(filter(None, parts))
-    evidence: tuple[str, ...] = (run.health_text, belief_text(seen.beliefs[0]), goals)
+    evidence: tuple[str, ...] = (run.arrived_text, belief_text(seen.beliefs[0]), goals)
     if met is not None:
         wrong = bool(run.findings_about(drives=True))
-        evidence = (run.health_text, belief_text(met.met.belief), shown_tried(met.tried, wrong_drive=wrong))
-    elif seen.is_silent:
-        evidence = (f"Last output: {run.last_words}." if run.last_words else "",)
+        evidence = (run.arrived_text, belief_text(met.met.belief), shown_tried(met.tried, wrong_drive=wrong))
     # A reason may end with a question; a sentence ends with one mark.
     text = text.replace("?.", "?")
     at = fact.at
@@ -230,7 +228,7 @@ def _refused_by(run: RunEvidence, text: str, row: RefusalRow, codes: Sequence[st
     """A fact about refused commands, with one of them in the braces of its text."""
     one = f"{cut(row.result.command.shown, WORD)} at {row.elapsed:.1f} s: {row.result.reason.rstrip('.')}"
     advice = _WAIT_ADVICE if row.result.is_early else None
-    return Fact(f"{text.format(one)}", row, culprits=tuple(codes), advice=advice)
+    return Fact(f"{text.format(one)}{run.origin_of(row)}", row, culprits=tuple(codes), advice=advice)
 
 
 def _never_done(run: RunEvidence) -> Fact | None:
@@ -255,7 +253,7 @@ def _undone(run: RunEvidence, rows: Sequence[RefusalRow], then: str) -> Fact:
         text = (
             f"{len(rows)} commands were refused and never carried out. The first: {text.replace(often, '')}"
         )
-    return Fact(f"{text}", first, culprits=(command.code,), then=then)
+    return Fact(f"{text}{run.origin_of(first)}", first, culprits=(command.code,), then=then)
 
 
 def _crashed(run: RunEvidence) -> Fact | None:
@@ -542,8 +540,6 @@ def _dropped(run: RunEvidence) -> Fact | None:
         text = f"It took the block {taken}, and let it go where it lay: at {where}, {off}."
         return Fact(text, done, place=(block.x, block.y), has_behind=True, culprits=(), advice=advice)
     text = f"It set the block down outside the drop zone: at {where}, {off}."
-    if seen.takes >= FEWEST["nominal"]:
-        text += f" It had taken it {taken}, and let it go each time."
     return Fact(text, done, place=(block.x, block.y), has_behind=True)
 
 

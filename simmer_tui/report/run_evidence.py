@@ -12,7 +12,6 @@ from msgspec import Struct
 from simmer_tui.report.belief_facts import BeliefFacts, has_read_range, listed_movements, ranges_fit_text
 from simmer_tui.report.command_audit import multiplied_corrections
 from simmer_tui.report.contact_evidence import ContactEvidence
-from simmer_tui.report.device_health import health_of
 from simmer_tui.report.finding import FEWEST, Basis, Disagreement, Finding, kept_disagreements
 from simmer_tui.report.sensor_sample import world_without_block
 from simmer_tui.report.set_errors import set_errors
@@ -25,7 +24,7 @@ from simmer_tui.run.phrases import REAL_TIME_LIMIT, last_output, times_text
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.block import Block
-from simmer_tui.sim.command import counted
+from simmer_tui.sim.command import counted, parse_value
 from simmer_tui.sim.sensors import ObservingSensor, modelled_sensor
 from simmer_tui.sim.sensors.base import World
 from simmer_tui.sim.specs import CELL_SIZE
@@ -39,6 +38,10 @@ _HARDLY = 0.01
 """Share of the ranges read since the last goal below which a sensor was hardly read. Judged."""
 _NONSENSE = "makes no sense as a movement"
 """Words of the connection doctor for the value of a command."""
+_NO_NUMBER = {"inf": "a finished movement", "infinity": "a finished movement", "nan": "a refused command"}
+"""Values that are no numbers, and the commands that are replied to with them."""
+_HUGE = 1e6
+"""Least value that no sensor replies, in any unit."""
 _CODES = 3
 """Codes of movements that are named in a sentence."""
 _STOPS = 3
@@ -452,15 +455,12 @@ class RunEvidence:
     # -- what fits -----------------------------------------------------------------------------------------
 
     @property
-    def health_text(self) -> str:
-        """Sentences on the commands that arrived, and on the exactness of all readings and movements: not
-        beside a finding, or a large error that the set declares."""
+    def arrived_text(self) -> str:
+        """A sentence on the commands that arrived."""
         refused, of = self.all_refused
         # The share is of what was answered in time; what a program sent arrived all the same.
         sent = of if len(self.seen.typed) else max(of, self.seen.commands)
-        arrived = f"{counted(sent, 'command')} arrived, {refused} refused."
-        exact = "" if self.findings or self.declared else health_of(self.seen).text
-        return f"{arrived} {exact}".rstrip()
+        return f"{counted(sent, 'command')} arrived, {refused} refused."
 
     @property
     def last_reading(self) -> str:
@@ -502,6 +502,30 @@ class RunEvidence:
         if max(lost.distance, abs(lost.turn)) < CELL_SIZE or self.findings or self.seen.history.is_twin:
             return ""
         return ranges_fit_text(self.seen, lost)
+
+    def origin_of(self, row: RefusalRow) -> str:
+        """A sentence, with a space before it, on a value of a command that is no value of a sensor: the reply
+        that has its bytes in the other order, or the command that was replied to with it."""
+        value = parse_value(row.result.command.argument)
+        text = (row.result.command.argument or "").strip().lstrip("+-").lower()
+        earlier = self.seen.within(self.seen.history.readings)
+        earlier = earlier[earlier["order"] < row.order]
+        values, codes = earlier["value"].astype(np.float64), self.seen.history.sensor_codes
+        if text in _NO_NUMBER:
+            same = np.isinf(values) if text.startswith("inf") else np.isnan(values)
+            if same.any() or not len(values):
+                return ""
+            return f" No sensor had replied {text}; {_NO_NUMBER[text]} is replied with it."
+        if isinstance(value, str) or not len(values):
+            return ""
+        turned = np.abs(values.byteswap())
+        with np.errstate(invalid="ignore", over="ignore"):
+            same = (turned > _HUGE) & np.isclose(turned, abs(value), rtol=1e-6, atol=0.0)
+        if not same.any():
+            return ""
+        last = earlier[int(np.flatnonzero(same)[-1])]
+        code = codes[last["sensor"]]
+        return f" That is {code}'s reply {float(last['value']):.3g} with its 8 bytes in the other order."
 
 
 def _nonsense(row: NoticeRow) -> tuple[str, bool]:
