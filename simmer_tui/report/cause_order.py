@@ -9,7 +9,6 @@ import math
 import re
 from collections.abc import Callable, Sequence
 
-import numpy as np
 from msgspec import Struct
 from msgspec.structs import replace
 
@@ -35,7 +34,7 @@ from simmer_tui.run.phrases import (
     program_end_text,
     times_text,
 )
-from simmer_tui.run.progress import HUNDRED
+from simmer_tui.run.progress import GROUND, HUNDRED
 from simmer_tui.run.run_history import CHAIN
 from simmer_tui.run.table import Timed
 from simmer_tui.sim.command import WORD, counted, cut
@@ -57,17 +56,11 @@ _NO_LINK = "closed the connection"
 LINK_ADVICE = "which command got no reply, and who closed the connection; simmer-tui doctor checks the ports."
 _WAITED = 2.0
 """Real seconds without a command until the program's end from which it waited for something. Judged."""
-# Most programs send both signs: a heading is corrected to either side.
-_TURNS = 20
-"""Turns to one side alone from which that is told."""
-_FAR = CELL_SIZE
-"""Distance to the block, inches, from which a grip was no miss but another place."""
-_SAME_MISS = 0.5
-"""Inches within which misses are one and the same. Judged."""
 _MAP_ADVICE = "Look whether your program's map has {wall}, and compare each movement with the distance to it."
 """Advice where a right belief led into a wall."""
 _NO_SENSOR_THERE = "No sensor looks to that side: turn until one does, or check the way in your map."
 _OUTLIER_ADVICE = "Read {code} three times and take the middle value, before each movement."
+_LOAD_ADVICE = "Print what {code} replies after you have closed the gripper: 1 says that it holds the block."
 _WAIT_ADVICE = "Wait for the end of each movement before you send the next command."
 _NO_ECHO_ADVICE = "Take a reading of {code} with nothing in range for no proof of a free way."
 _CORRECT = "Measure after each movement, and correct for the drive's error."
@@ -139,19 +132,14 @@ def _made(run: RunEvidence, rule: CauseRule, fact: Fact) -> Cause:
         culprits = tuple(dict.fromkeys((*culprits, *marked, *codes)))
     met = run.contact if run.has_contact else None
     parts.append(fact.then)
-    if run.stray_block is not None and rule.kind in _ABOUT_BLOCK:
-        parts.append(f"The block lay at {place_text(*run.stray_block)}, outside the loading zone.")
     goals = _goals(run)
     if met is None and rule.kind in _ABOUT_GOALS:
         parts.append(goals)
-    if rule.kind in _ABOUT_TURNS:
-        parts.append(_one_sided(run))
     text = " ".join(filter(None, parts))
-    evidence: tuple[str, ...] = (run.health_text, belief_text(seen.beliefs[0]), goals)
+    evidence: tuple[str, ...] = (run.arrived_text, belief_text(seen.beliefs[0]), goals)
     if met is not None:
-        evidence = (run.health_text, belief_text(met.met.belief), shown_tried(met.tried))
-    elif seen.is_silent:
-        evidence = (f"Last output: {run.last_words}." if run.last_words else "",)
+        wrong = bool(run.findings_about(drives=True))
+        evidence = (run.arrived_text, belief_text(met.met.belief), shown_tried(met.tried, wrong_drive=wrong))
     # A reason may end with a question; a sentence ends with one mark.
     text = text.replace("?.", "?")
     at = fact.at
@@ -345,7 +333,11 @@ def _unread(run: RunEvidence) -> Fact | None:
         )
         if met.quiet_since is not None:
             codes, advice = [], "Send a velocity of 0 before your program computes or waits."
-        fact = _at_contact(run, met, f"{_sent(run)}. {met.unread_text}", advice=advice)
+        silent = _silent(run)
+        if silent and not codes[1:]:
+            advice = f"Check what your program does when {silent} reads nothing in range."
+        text = f"{silent} read nothing in range; then {_sent(run)}" if silent else _sent(run)
+        fact = _at_contact(run, met, f"{text}. {met.unread_text}", advice=advice)
         return replace(fact, culprits=tuple(codes[:1]))
     unseen = None if run.seen.closed else run.unseen_block
     if unseen is None or run.seen.stuck is not None or run.seen.beliefs[1] is not None or _lacked_time(run):
@@ -481,8 +473,19 @@ def _first_use(seen: Attempt, code: str) -> float:
 
 def _missed_grip(run: RunEvidence) -> Fact | None:
     seen, gripper = run.seen, run.seen.spec.gripper
-    if seen.task is None or run.has_contact or gripper is None:
+    if seen.task is None or gripper is None:
         return None
+    if run.contact is not None and run.has_contact:
+        opened = run.unnoticed_take if run.contact.met.contact.held_block else None
+        if opened is None:
+            return None
+        code, place = gripper.code, (opened.grip.block.x, opened.grip.block.y)
+        text = (
+            f"{code}-0 was sent at the block at {opened.elapsed:.1f} s, with the jaws open; then a load "
+            f"sensor was read. {code}-1 took the block after that, and no load sensor was read any more."
+        )
+        advice = f"Close the gripper with {code}-1, and open it with {code}-0."
+        return Fact(text, opened, place=place, culprits=(code,), advice=advice, then=_contact(run))
     if seen.misses and not seen.taken:
         return _closed_on_nothing(run, seen.misses[-1], gripper.code)
     unused = run.unused_grip
@@ -490,9 +493,6 @@ def _missed_grip(run: RunEvidence) -> Fact | None:
         return None
     first, what, value = unused
     text = f"The gripper was never {what}, first at {first.elapsed:.1f} s."
-    dwell = seen.dwell
-    if dwell is not None and dwell.readings >= HUNDRED:
-        text += f" From {dwell.since:.1f} s on it only read: {dwell.code} {times_text(dwell.often)}."
     advice = f"Send {gripper.code}-{value} there."
     return Fact(text, first, place=(first.x, first.y), culprits=(gripper.code,), advice=advice)
 
@@ -511,16 +511,7 @@ def _closed_on_nothing(run: RunEvidence, done: GripRow, code: str) -> Fact:
     last = "" if missed is None else f": {miss_text(missed)}"
     if often and last:
         last = f". The last time, {last[2:]}"
-    all_missed = [each.grip.missed for each in seen.misses if each.grip.missed is not None]
-    if last and len(all_missed) >= FEWEST["nominal"]:
-        spread = np.ptp(np.array(all_missed), axis=0)
-        last = f"{last}, each time within {spread.max():.2f} in" if spread.max() <= _SAME_MISS else last
     text = f"The gripper closed on nothing{often}{last}."
-    moved = seen.history.movements.before(done.order)
-    if moved is not None and missed is not None and math.hypot(*missed) > _FAR:
-        off = math.hypot(moved.x - place[0], moved.y - place[1])
-        where = place_text(moved.x, moved.y)
-        text += f" The robot was at {where}, {off:.0f} in from the block, and had driven {moved.gone:.1f} in."
     unseen, advice = run.unseen_block, None
     if unseen is not None:
         names, was, sees = _alone(unseen.codes)
@@ -537,13 +528,18 @@ def _dropped(run: RunEvidence) -> Fact | None:
         return None
     block, zone = done.grip.block, seen.task.zone
     where = place_text(block.x, block.y)
-    text = f"It set the block down at {where}, which is not in the drop zone."
+    off = "not in the drop zone"
     if zone is not None:
         off = outside_text(missed_zone(zone, block.x, block.y))
-        cell = f"{off} the cell around {place_text(zone.x, zone.y)}"
-        text = f"It set the block down outside the drop zone: at {where}, {cell}."
-    if seen.takes >= FEWEST["nominal"]:
-        text += f" It had taken it {times_text(seen.takes)}, and let it go each time."
+        off = f"{off} the cell around {place_text(zone.x, zone.y)}"
+    taken = times_text(seen.takes)
+    lay = next((row.block for row in seen.history.blocks.items if not row.held), block)
+    if lay is not block and math.hypot(block.x - lay.x, block.y - lay.y) <= GROUND:
+        load = [each.code for each in seen.load_sensors if each.code in seen.history.sensor_codes]
+        advice = _LOAD_ADVICE.format(code=load[0]) if load else ""
+        text = f"It took the block {taken}, and let it go where it lay: at {where}, {off}."
+        return Fact(text, done, place=(block.x, block.y), has_behind=True, culprits=(), advice=advice)
+    text = f"It set the block down outside the drop zone: at {where}, {off}."
     return Fact(text, done, place=(block.x, block.y), has_behind=True)
 
 
@@ -593,10 +589,12 @@ def _lost(run: RunEvidence) -> Fact | None:
 def _lost_since(run: RunEvidence, lost: BeliefRow) -> Fact:
     """A belief that was wrong, what explains it, and what came of it."""
     parted, fit, advice = run.belief.parted, run.fit_text(lost), None
-    if parted:
-        advice = "Compare what your program adds to its belief for a movement with the command that it sends."
+    moved = bool(parted) and "no movement" not in parted
+    if moved or not (lost.deviation.off_place or lost.deviation.rejects_truth):
+        what = "movement" if moved else "turn"
+        advice = f"Compare what your program adds to its belief for a {what} with the command that it sends."
     elif not run.looked_before(lost):
-        parted = " It had read no range before that."
+        parted = parted or " It had read no range before that."
         advice = "Do not assume the start: read all sensors, and search for the place that they fit."
     elif fit:
         advice = (
@@ -624,13 +622,12 @@ def _too_close(run: RunEvidence) -> Fact | None:
     met = run.contact if run.has_contact else None
     if met is None or _stalled(run) is not None:
         return None
-    contact, row = met.met.contact, met.met.row
+    contact = met.met.contact
     text, advice = _sent(run), None
     if contact.held_block:
-        advice = advice_on(Kind.TOO_CLOSE)
+        advice = "Plan with the held block, and an inch more on each side."
     elif met.leads_into:
-        seen = [each.reading for each in row.seen if each.reading.sensor.kind.is_range]
-        silent = " and ".join(each.sensor.code for each in seen if math.isinf(each.value))
+        silent = _silent(run)
         text = f"{silent} read nothing in range; then {text}" if silent else text
         advice = advice_on(Kind.KNOWN_WALL)
     fact = _at_contact(run, met, _with_belief(met, text), advice=advice)
@@ -638,6 +635,14 @@ def _too_close(run: RunEvidence) -> Fact | None:
     if errors is None:
         return fact
     return replace(fact, then=f"{fact.then} {_without(errors)}", culprits=errors.codes, advice=_CORRECT)
+
+
+def _silent(run: RunEvidence) -> str:
+    """The range sensors that had no echo just before a contact's movement."""
+    seen = [] if run.contact is None else [each.reading for each in run.contact.met.row.seen]
+    return " and ".join(
+        each.sensor.code for each in seen if each.sensor.kind.is_range and math.isinf(each.value)
+    )
 
 
 def _nowhere(run: RunEvidence) -> Fact | None:
@@ -751,8 +756,10 @@ def _ended(run: RunEvidence) -> Fact | None:
     advice = None
     if waited_text(run) or _NO_LINK in run.last_words:
         advice = f"Look at the link: {LINK_ADVICE}"
-    elif run.last_words:
-        advice = f"Look in your program at what leads to '{cut(run.last_words, WORD)}'."
+    elif run.velocities_left:
+        often = f"it made {run.velocities_left} for {counted(seen.commands, 'command')}"
+        text = f"Its velocities ended with their connections: {often}. {text}"
+        advice = "Keep one connection open for all commands."
     return Fact("", has_behind=True, advice=advice, then=text)
 
 
@@ -772,19 +779,6 @@ def lost_text(run: RunEvidence, lost: BeliefRow) -> str:
     if run.belief.was_right:
         return f"it was lost since {lost.elapsed:.1f} s: {said}"
     return f"it never found its place: from {lost.elapsed:.1f} s on {said}"
-
-
-def _one_sided(run: RunEvidence) -> str:
-    """Turns that all went to one side; empty for few, or for both sides."""
-    seen, names = run.seen, run.seen.history.code_names
-    turns = {each.code for each in seen.spec.drives if each.kind.turns}
-    moves = seen.within(seen.history.movements)
-    asked = moves["asked"][[names[number] in turns for number in moves["code"]]]
-    asked = asked[np.isfinite(asked) & (asked != 0.0)]
-    if len(asked) < _TURNS or abs(int(np.sign(asked).sum())) < len(asked):
-        return ""
-    sign = "positive" if asked[0] > 0.0 else "negative"
-    return f"All its {len(asked)} turns had a {sign} value."
 
 
 def _stand(run: RunEvidence) -> str:
@@ -814,18 +808,9 @@ def waited_text(run: RunEvidence) -> str:
     if last is None or not (last[2] >= _WAITED or (asked and last[2] >= _WAITED / 2)):
         return ""
     name, at, quiet = last
-    text = (
+    return (
         f" Its last command to arrive, {name}, was answered at {at:.1f} s; then none came for {quiet:.0f} s."
     )
-    words = [] if asked is None else asked[1].split()
-    if len(words) > 1:
-        numbers = run.seen.within(run.seen.history.commands)["code"][-len(words) :]
-        came = [run.seen.history.code_names[number] for number in numbers]
-        lacks = [word for word in words if word not in came]
-        # The tail of a message: what stands before it belongs to others.
-        if lacks and words[-1] == came[-1]:
-            text += f" Of {' '.join(words)}, {' '.join(lacks)} did not arrive as a command of its own."
-    return text
 
 
 def _contact(run: RunEvidence) -> str:
@@ -840,9 +825,6 @@ def _contact(run: RunEvidence) -> str:
     if abs(row.turned) >= 2.0:
         went += f" and {abs(row.turned):.0f} deg"
     place = obstacle_place(contact, run.seen.spec)
-    far = CELL_SIZE * math.hypot(run.seen.spec.maze.columns, run.seen.spec.maze.rows)
-    if met.asked is not None and abs(met.asked) > far:
-        went += f"; no way in this maze is longer than {far:.0f} in"
     block = " of the held block" if contact.held_block else ""
     return f"Contact{block} at {row.elapsed:.2f} s with {place}, {went}.{_twice(run)}"
 
@@ -979,7 +961,7 @@ ORDER: tuple[CauseRule, ...] = (
         MomentKind.COMMAND,
         "the robot or its block touched a wall",
         "wrong beliefs",
-        "Plan with an inch more on each side, and with the held block.",
+        "Plan with an inch more on each side.",
     ),
     CauseRule(
         Kind.GOT_NOWHERE,
@@ -1006,12 +988,8 @@ ORDER: tuple[CauseRule, ...] = (
     ),
 )
 """The rules, the first first."""
-_ABOUT_TURNS = (Kind.KNOWN_WALL, Kind.LOST, Kind.TOO_CLOSE, Kind.GOT_NOWHERE, Kind.TOO_SLOW, Kind.ENDED)
-"""Causes beside which it matters that all turns went to one side."""
 _ABOUT_GOALS = (Kind.LOST, Kind.SILENCE, Kind.GOT_NOWHERE, Kind.TOO_SLOW, Kind.ENDED)
 """Causes beside which it matters how far the mission came."""
-_ABOUT_BLOCK = (Kind.GOT_NOWHERE, Kind.TOO_SLOW, Kind.ENDED, Kind.UNREAD)
-"""Causes beside which it matters that the block lay outside the loading zone."""
 NO_RULE = CauseRule(
     Kind.UNKNOWN,
     lambda run: None,

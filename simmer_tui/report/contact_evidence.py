@@ -446,8 +446,10 @@ def belief_text(belief: BeliefRow | None) -> str:
     return f"The belief sent at {belief.elapsed:.1f} s was off by {belief.error_text}; {said}."
 
 
-def shown_tried(tried: Iterable[Counterfactual]) -> str:
-    """Changes that would have avoided a contact, and those that would not."""
+def shown_tried(tried: Iterable[Counterfactual], *, wrong_drive: bool = False) -> str:
+    """Changes that would have avoided a contact, and those that would not. What a wrong drive does is no
+    error of the movements that are repeated: of it they say nothing."""
+    tried = [each for each in tried if not wrong_drive or each.change in (Change.BELIEVED, Change.NO_BLOCK)]
     parts = []
     for saved, touched in ((True, "nothing"), (False, "something even")):
         changes = [_SHOWN.get(each.change, each.change.value) for each in tried if each.saved is saved]

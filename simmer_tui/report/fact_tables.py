@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from msgspec.structs import replace
 
 from simmer_tui.document.formats import COUNT, PASSAGE, number
 from simmer_tui.document.model import DataColumn, DataTable, data_table
@@ -69,7 +70,8 @@ def _commands(run: RunEvidence) -> Iterator[tuple[object, ...]]:
     alone = run.unseen_block
     text = "" if alone is None else f"the block, in sight at {alone.since:.1f} s: {' '.join(alone.codes)}"
     yield "seen only by them", None if alone is None else len(alone.codes), text
-    yield "longest silence", None, _longest_gap(rows)
+    ends = (seen.elapsed, history.real_time if seen.over is None else np.nan)
+    yield "longest silence", None, _longest_gap(rows, ends)
     told = ", and ".join(each.text for each in run.corrections)
     yield "corrections that do not shrink", run.corrections[0].count if run.corrections else 0, told
     again, of, example = _repeated(seen.within(history.movements), names)
@@ -82,13 +84,13 @@ def _by_code(codes: IntArray, names: list[str]) -> str:
     return ", ".join(f"{names[numbers[place]]} {counts[place]}" for place in order)
 
 
-def _longest_gap(rows: Columns) -> str:
-    """The longest time between two answers, real and simulated."""
-    if len(rows) < 2:
+def _longest_gap(rows: Columns, ends: tuple[float, float]) -> str:
+    """The longest time without an answer, simulated and real, the one until the end included."""
+    if not len(rows):
         return ""
     parts = []
-    for column, kind in (("elapsed", "simulated"), ("real_time", "real")):
-        gaps = np.diff(rows[column].astype(np.float64))
+    for column, kind, end in zip(("elapsed", "real_time"), ("simulated", "real"), ends, strict=True):
+        gaps = np.diff(rows[column].astype(np.float64), append=end)
         if np.isfinite(gaps).any():
             place = int(np.nanargmax(gaps))
             parts.append(f"{gaps[place]:.1f} {kind} s after {rows['elapsed'][place]:.1f} s")
@@ -139,7 +141,14 @@ def _told(run: RunEvidence, code: str, count: int, noun: str) -> str:
         return "never read" if noun == "reading" else "never used"
     if code in run.declared:
         return f"as its set says: {run.declared[code]}"
-    return "as its set says" if count >= FEWEST["set"] else f"{counted(count, noun)}: too few to compare"
+    if count < FEWEST["set"]:
+        return f"{counted(count, noun)}: too few to compare"
+    nominal = run.seen.history.nominal
+    usual = {} if nominal is None else {each.code: each for each in nominal.spec.sensors}
+    own = next((each for each in run.seen.spec.sensors if each.code == code), None)
+    if nominal is None or own is None or code not in usual or replace(usual[code], number=own.number) == own:
+        return "as its set says"
+    return f"as its set says, not as {nominal.name}"
 
 
 # -- beliefs -----------------------------------------------------------------------------------------------

@@ -9,11 +9,9 @@ from functools import cached_property
 import numpy as np
 from msgspec import Struct
 
-from simmer_tui.config.mission_plan import cells_of
 from simmer_tui.report.belief_facts import BeliefFacts, has_read_range, listed_movements, ranges_fit_text
 from simmer_tui.report.command_audit import multiplied_corrections
 from simmer_tui.report.contact_evidence import ContactEvidence
-from simmer_tui.report.device_health import health_of
 from simmer_tui.report.finding import FEWEST, Basis, Disagreement, Finding, kept_disagreements
 from simmer_tui.report.sensor_sample import world_without_block
 from simmer_tui.report.set_errors import set_errors
@@ -29,7 +27,7 @@ from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import counted, parse_value
 from simmer_tui.sim.sensors import ObservingSensor, modelled_sensor
 from simmer_tui.sim.sensors.base import World
-from simmer_tui.sim.specs import BLOCK, CELL_SIZE
+from simmer_tui.sim.specs import CELL_SIZE
 
 # Judged: a program that computes for so long between two commands has stopped.
 _QUIET, _QUIET_SHARE = 5.0, 0.25
@@ -146,14 +144,17 @@ class RunEvidence:
     def mostly_refused(self) -> tuple[list[str], int, int, float, RefusalRow] | None:
         """Codes of refused commands to drive, how many there were, of how many, since when, and the first of
         them. None unless they are more than were carried out, in the whole run or since the last progress."""
-        seen = self.seen
+        seen, names = self.seen, np.array(self.seen.history.code_names)
+        answers = seen.within(seen.history.commands)
         for since in (seen.begun, seen.stalled.since):
             codes, count, of = seen.refused_drives(since)
             # Only the newest refusals are kept with their reasons.
             rows = [each for each in seen.all_refusals if each.result.command.code in codes]
             rows = [each for each in rows if each.elapsed >= since]
             if count >= FEWEST["set"] and 2 * count > of and rows:
-                return *seen.refused_drives(since, every=True), max(since, rows[0].elapsed), rows[0]
+                mine = answers["refused"] & np.isin(names[answers["code"]], codes)
+                first = answers["elapsed"][mine & (answers["elapsed"] >= since)].min()
+                return *seen.refused_drives(since, every=True), float(first), rows[0]
         return None
 
     @property
@@ -334,16 +335,6 @@ class RunEvidence:
         places = np.flatnonzero(off > _SEEN)
         return int(places[0]) if len(places) >= fewest else None
 
-    @property
-    def stray_block(self) -> tuple[float, float] | None:
-        """The place of the block that was never taken, if it lay outside the loading zone."""
-        zone = cells_of(self.seen.spec.maze, BLOCK)
-        lying = next((row for row in reversed(self.seen.history.blocks.items) if not row.held), None)
-        if self.seen.task is None or self.seen.taken or lying is None or not self.seen.spec.block_size:
-            return None
-        x, y = lying.block.x, lying.block.y
-        return None if not zone or any(cell.holds(x, y) for cell in zone) else (x, y)
-
     # -- beliefs -------------------------------------------------------------------------------------------
 
     @cached_property
@@ -407,6 +398,32 @@ class RunEvidence:
         return first
 
     @property
+    def unnoticed_take(self) -> GripRow | None:
+        """The opening of open jaws with the block between them, after which a load sensor was read, if the
+        next grip took the block and none was read after that: the program takes one command for the other."""
+        seen, load = self.seen, {each.code for each in self.seen.load_sensors}
+        grips = [row for row in seen.history.grips.items if row.order > seen.history.began]
+        codes, readings = seen.history.sensor_codes, seen.within(seen.history.readings)
+        orders = readings["order"][[codes[number] in load for number in readings["sensor"]]]
+        moves = seen.within(seen.history.movements)
+        moved = moves["order"][~moves["grips"]]
+        for opened, took in zip(grips[-2::-1], grips[:0:-1], strict=True):
+            if took.grip.holding and not took.had:
+                asked = opened.order < orders[-1:].max(initial=0) < took.order
+                is_open = not opened.grip.closed and not opened.had and self.closed_before(opened) is None
+                has_stood = not ((moved > opened.order) & (moved < took.order)).any()
+                return opened if asked and is_open and has_stood else None
+        return None
+
+    @property
+    def velocities_left(self) -> int:
+        """Number of connections of a program that drove by velocities and connected for nearly each command:
+        a velocity ends with its connection. Else 0."""
+        seen, came = self.seen, sum(row.notice.kind is NoticeKind.CONNECTED for row in self._connections)
+        drives = any(each.code in seen.history.code_names for each in seen.spec.velocities)
+        return came if drives and came >= max(FEWEST["set"], seen.commands / 2) else 0
+
+    @property
     def missed_by(self) -> float:
         """Inches by which the deciding grip missed the block, or the block the drop zone; 0 without one."""
         row, zone = self.last_grip, None if self.seen.task is None else self.seen.task.zone
@@ -438,15 +455,12 @@ class RunEvidence:
     # -- what fits -----------------------------------------------------------------------------------------
 
     @property
-    def health_text(self) -> str:
-        """Sentences on the commands that arrived, and on the exactness of all readings and movements: not
-        beside a finding, or a large error that the set declares."""
+    def arrived_text(self) -> str:
+        """A sentence on the commands that arrived."""
         refused, of = self.all_refused
         # The share is of what was answered in time; what a program sent arrived all the same.
         sent = of if len(self.seen.typed) else max(of, self.seen.commands)
-        arrived = f"{counted(sent, 'command')} arrived, {refused} refused."
-        exact = "" if self.findings or self.declared else health_of(self.seen).text
-        return f"{arrived} {exact}".rstrip()
+        return f"{counted(sent, 'command')} arrived, {refused} refused."
 
     @property
     def last_reading(self) -> str:

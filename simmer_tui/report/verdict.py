@@ -17,6 +17,7 @@ from simmer_tui.report.cause_order import (
     LINK_ADVICE,
     LINK_ENDED,
     LINK_WAITED,
+    advice_on,
     cause_of,
     waited_text,
 )
@@ -216,7 +217,7 @@ class _Judge:
             cause=cause,
             moments=moments_of(run, cause),
             evidence=() if cause is None else cause.evidence,
-            advice=self._advice(cause),
+            advice=self._advice(cause, run),
             notes=() if late is None else (f"After that the program crashed: {crash_text(late)}.",),
             program=self._program,
             restart=self._attempt.restart,
@@ -274,7 +275,9 @@ class _Judge:
     def _text(self, outcome: Outcome, cause: Cause | None, run: RunEvidence) -> str:
         attempt, goal = self._attempt, self._goal
         over = attempt.over
-        seconds = f"{attempt.seconds:.1f} s"
+        # A mission's clock begins with its first command.
+        lasted = attempt.elapsed - attempt.begun if outcome is Outcome.CRASHED else attempt.seconds
+        seconds = f"{lasted:.1f} s"
         when = f"{seconds}{attempt.restart}" if attempt.restart else f"after {seconds}"
         reached = f" (last goal: {goal.value})" if goal is not None else ""
         if outcome is Outcome.SUCCEEDED:
@@ -304,9 +307,14 @@ class _Judge:
         how = f"{end}; " if end else ""
         return f"{outcome.value.capitalize()} {when}{reached}: {how}{self._worst()}."
 
-    def _advice(self, cause: Cause | None) -> str:
+    def _is_quiet(self, run: RunEvidence) -> bool:
+        """True if a program was stopped that had sent nothing for seconds."""
+        program, last = self._program, run.last_command
+        return program is not None and program.stopped and last is not None and last[2] >= _QUIET
+
+    def _advice(self, cause: Cause | None, run: RunEvidence) -> str:
         if cause is None:
-            return ""
+            return f"Try: {advice_on(Kind.SILENCE)}" if self._is_quiet(run) else ""
         program = self._program
         own = program is not None and program.exit_code and not program.stopped
         if program is None or not own or cause.kind not in _OF_THE_PROGRAM:
@@ -321,6 +329,8 @@ class _Judge:
                     return f"Try: {CONNECT_ADVICE}"
                 return f"Try: look at the link: {LINK_ADVICE}"
             place = program.place
+            if program.error.startswith(_OF_VALUES) and place:
+                return f"Try: print what {place} is given, and what was sent and received before it."
             return f"Try: mend the error in {place}." if place else ""
         return f"Try: find out why the program ends with exit code {program.exit_code}."
 
@@ -368,6 +378,8 @@ class _Judge:
 _QUIET = 5.0
 """Real seconds without a command before a person ended the program, from which that is told."""
 _OF_THE_PROGRAM = (Kind.CRASHED, Kind.SILENCE)
+_OF_VALUES = "ValueError"
+"""Errors of values that a program was given: their line need not be the wrong one."""
 _NO_PACKAGE = "ModuleNotFoundError: No module named 'simmer_tui'"
 # Editors and older systems have Pythons of their own.
 _OTHER_PYTHON = (

@@ -110,16 +110,6 @@ class SpentTime(Struct):
     """Whole milliseconds of the readings, by code."""
 
 
-class Dwell(Struct, frozen=True):
-    """A stretch at the end, from `since` on (elapsed seconds), in which the robot only read its sensors.
-    There were `readings` readings, `often` of them by the sensor with `code`, the one read most."""
-
-    since: float
-    readings: int
-    code: str
-    often: int
-
-
 class Attempt:
     """The part of a run since its last restart, until its mission ends.
 
@@ -613,19 +603,6 @@ class Attempt:
     def loop(self) -> CommandLoop | None:
         """The movements that it repeated until the end."""
         return loop_at_end(self.within(self.history.movements, max(self.placed, self._began)))
-
-    @cached_property
-    def dwell(self) -> Dwell | None:
-        """The time since its last movement, while it only read sensors; None if it read none."""
-        history, last = self.history, self._last_movement
-        order, since = max(self.placed, self._began), self._place[1]
-        if last is not None and last.order > order:
-            order, since = last.order, last.elapsed
-        numbers, counts = np.unique(self.within(history.readings, order)["sensor"], return_counts=True)
-        if not len(numbers):
-            return None
-        code = history.sensor_codes[numbers[counts.argmax()]]
-        return Dwell(since, int(counts.sum()), code, int(counts.max()))
 
     @property
     def left_block(self) -> bool:

@@ -318,7 +318,7 @@ def exit_text(code: int | None) -> str:
 def program_end_text(program: ProgramEnded) -> str:
     """End of a program: `the program crashed: ...`, `the program ended with exit code 3`."""
     if program.stopped:
-        return "the simulator ended the program"
+        return "the program was stopped"
     if not program.started:
         return f"the program {crash_text(program)}"
     if program.crashed:

@@ -9,13 +9,15 @@ import pytest
 from msgspec.structs import replace
 
 from simmer_tui.config.loader import find_set, load
-from simmer_tui.report.cause_order import cause_of
+from simmer_tui.report.cause_order import advice_on, cause_of
 from simmer_tui.report.causes import Kind
 from simmer_tui.report.fact_tables import fact_tables
-from simmer_tui.report.finding import Basis, DeviceUnderTest, kept
+from simmer_tui.report.finding import Basis, DeviceUnderTest, Finding, FindingKind, kept
 from simmer_tui.report.run_evidence import RunEvidence
 from simmer_tui.report.sensor_audit import sensor_tests
 from simmer_tui.report.sensor_sample import SensorSample, inverted_compass
+from simmer_tui.report.verdict import verdict_of
+from simmer_tui.run.events import Notice, NoticeKind, ProgramEnded
 from simmer_tui.sim.sensors import modelled_sensor
 from simmer_tui.sim.sensors.base import Sensor
 from simmer_tui.sim.specs import Axes, DriveKind
@@ -112,3 +114,94 @@ def test_a_velocity_that_goes_on_while_nothing_is_sent_is_told_from_its_last_com
     cause = mission.why()
     assert (cause.kind, cause.elapsed) == (Kind.UNREAD, pytest.approx(50.1, abs=0.1))
     assert cause.text.startswith("vv-6;0;0 was sent. No command came after 50.1 s, and the velocity went on.")
+
+
+def test_errors_of_a_wrong_drive_are_not_said_to_be_without_effect() -> None:
+    mission = begin((66.0, 42.0, 0.0), bias={DriveKind.RIGHT: Axes(y=0.3)})
+    mission.give("u1", "u2", "u4", "d1-3", "d1-60")
+    found = Finding("r1", FindingKind.GAIN, 0.7, 0.66, 0.71, "", 3, Basis.NOMINAL, "r1 turns 0.70 times")
+    assert "errors of its drive" in " ".join(cause_of(mission.evidence()).evidence)
+    cause = cause_of(mission.evidence(findings=(found,)))
+    assert cause.kind is Kind.DRIVE_WRONG
+    assert "would have touched" not in " ".join(cause.evidence)
+
+
+def test_only_a_held_block_is_planned_with() -> None:
+    assert "block" not in advice_on(Kind.TOO_CLOSE)
+    mission = begin((28.0, 42.0, 180.0))
+    mission.give("d1-4", "p1-1", "l1", "u1", "u2", "u4", "w1--2", *["r1-90"] * 4)
+    assert mission.why().advice == "Plan with the held block, and an inch more on each side."
+
+
+# -- the gripper -------------------------------------------------------------------------------------------
+
+
+def test_a_block_that_was_let_go_where_it_lay_was_carried_nowhere() -> None:
+    mission = begin((28.0, 42.0, 180.0))
+    mission.give("d1-4", *("p1-1", "l1", "p1-0") * 3)
+    cause = mission.why(1)
+    assert cause.kind is Kind.DROPPED_OUTSIDE
+    assert cause.text.startswith("It took the block 3 times, and let it go where it lay: at (20.0, 42.0), ")
+    assert cause.advice.startswith("Print what l1 replies")
+
+
+@pytest.mark.parametrize("noticed", [True, False])
+def test_a_block_that_was_taken_by_the_command_for_opening_is_told(noticed: bool) -> None:
+    mission = begin((28.0, 42.0, 180.0))
+    mission.give("d1-4", "p1-0", "l1", "p1-1", *(("l1",) if noticed else ()))
+    mission.give("u1", "u2", "u4", "w1--2", *["r1-90"] * 4)
+    cause = mission.why()
+    assert cause.kind is (Kind.TOO_CLOSE if noticed else Kind.MISSED_GRIP)
+    assert noticed or cause.text.startswith("p1-0 was sent at the block at 5")
+
+
+# -- beliefs, and the end ----------------------------------------------------------------------------------
+
+
+def test_a_wrong_heading_is_compared_with_turns_not_with_ranges() -> None:
+    mission = begin()
+    mission.give("u1", "u2", "u4")
+    mission.believe()
+    mission.give("u1", "u2", "u4", *["r1-2", "r1--1"] * 3, "r1-3", "r1-4", "r1-5", "r1-6")
+    mission.believe(turn=-90.0)
+    cause = mission.why(1)
+    assert cause.kind is Kind.LOST
+    assert "for a turn with the command" in cause.advice
+
+
+def test_who_was_sent_no_movement_is_not_told_to_compare_movements() -> None:
+    mission = begin()
+    mission.believe(ahead=30.0)
+    mission.give("d1-6", "w1-30")
+    cause = mission.why()
+    assert cause.kind is Kind.LOST
+    assert cause.advice.startswith("Do not assume the start")
+
+
+def test_velocities_that_end_with_their_connections_are_told() -> None:
+    mission = begin()
+    for _ in range(9):
+        mission.engine.tell(Notice(NoticeKind.CONNECTED, "client 127.0.0.1:4 connected", "127.0.0.1:4"))
+        mission.give("vv-0;0;1")
+        mission.engine.tell(Notice(NoticeKind.LEFT, "client 127.0.0.1:4 left", "127.0.0.1:4"))
+    cause = mission.why(1, words="explored")
+    assert cause.text.startswith("Its velocities ended with their connections: it made 9 for 9 commands.")
+    assert cause.advice == "Keep one connection open for all commands."
+
+
+def test_a_line_that_was_given_a_wrong_value_is_not_said_to_be_wrong() -> None:
+    mission = begin()
+    mission.give("u1")
+    mission.referee.end("the program ended with exit code 1")
+    error = "ValueError: could not convert string to float: 'ok'"
+    mission.history.add_program_end(ProgramEnded(10.0, 1, error=error, place="main.py:15"))
+    verdict = verdict_of(mission.history, mission.task)
+    assert verdict.advice == "Try: print what main.py:15 is given, and what was sent and received before it."
+
+
+def test_the_longest_silence_includes_the_one_until_the_end() -> None:
+    mission = begin()
+    mission.give("u1", "u2")
+    mission.referee.check(400.0)
+    commands = {row["fact"]: row["text"] for row in fact_tables(RunEvidence(mission.attempt))[0].objects()}
+    assert str(commands["longest silence"]) == "249.9 simulated s after 50.1 s"
