@@ -215,7 +215,7 @@ def test_a_board_that_cannot_be_started_is_told_as_that() -> None:
 
 CONSTRUCTED = """
 struct Lamp {
-  Lamp(int pin) { pinMode(pin, OUTPUT); digitalWrite(pin, HIGH); delay(5); }
+  Lamp(int pin) { pinMode(pin, OUTPUT); digitalWrite(pin, HIGH); Serial.begin(9600); delay(5); }
 };
 Lamp lamp(5);
 void setup() {}
@@ -234,6 +234,7 @@ def test_constructors_of_globals_tell_at_the_beginning(tmp_path: Path) -> None:
     finally:
         board.close()
     assert (Told.LEVEL, 5, 1, 0) in told
+    assert (Told.BAUD, 1, 9600, 0) in told
     assert board.now == 0
 
 
