@@ -30,6 +30,8 @@ _SHORTEST_STEP = 8_000
 # Every call that stops a board costs microseconds of its clock: some hundred stops are the most.
 _MILLISECOND, _MOST_STOPS = 1_000_000, 10_000
 """Stops of a board's own in a millisecond of its clock."""
+_SHORTEST_RANGE = 20_000_000
+"""Nanoseconds of a VL53L0X's measurement with its shortest budget."""
 _HIGHEST: dict[int, tuple[int, int]] = {
     Told.LEVEL: (0, 1),
     Told.DUTY: (0, LARGEST_DUTY),
@@ -62,6 +64,8 @@ class CheckedBoard(BoardProcess):
         self._stepped: dict[int, int] = {}
         """Time of the last step by its pin."""
         self._since = self._stops = 0
+        self._ranged: dict[int, int] = {}
+        """Time of the last distance of each part on the bus."""
 
     def receive(self) -> list[BoardRecord]:
         before, place = self.now, self.place
@@ -76,7 +80,7 @@ class CheckedBoard(BoardProcess):
             wrong = "it waits as no board does"
         else:
             wrong = next(filter(None, (self._wrong(each, before) for each in records)), "")
-            wrong = wrong or self._stands()
+            wrong = wrong or self._too_soon() or self._stands()
         if wrong:
             self.wait = None
             # What was told last may be no address at all.
@@ -110,6 +114,15 @@ class CheckedBoard(BoardProcess):
                 return "it stepped faster than a pin changes"
             self._stepped[pin] = time
         return ""
+
+    def _too_soon(self) -> str:
+        """The fault of a distance that no part measures so soon after the last; empty without one."""
+        if self.reason != Reason.QUERY or self.query != Query.RANGE:
+            return ""
+        if not 0 <= self.pin < _MOST_PINS:
+            return "it asked what no board asks"
+        last, self._ranged[self.pin] = self._ranged.get(self.pin, -_SHORTEST_RANGE), self.now
+        return "" if self.now - last >= _SHORTEST_RANGE else "it measured faster than its part does"
 
     def _stands(self) -> str:
         """The reason why its time stands; empty while it passes."""

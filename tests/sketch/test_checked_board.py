@@ -64,10 +64,11 @@ def request(
     *records: BoardRecord,
     reason: int = Reason.HORIZON,
     query: int = 0,
+    pin: int = 0,
     wait: tuple[int, int] = (0, 0),
 ) -> bytes:
     begin, kind = wait
-    head = _REQUEST.pack(now, reason, query, len(records), 0, 0, 0, begin, 0, kind)
+    head = _REQUEST.pack(now, reason, query, len(records), pin, 0, 0, begin, 0, kind)
     return head + b"".join(_RECORD.pack(*each) for each in records)
 
 
@@ -130,6 +131,8 @@ def test_what_boards_tell_is_taken(begun: Begun, pipes: Pipes, fine: bytes) -> N
         (request(100, record(Told.BAUD, 0)), "it told 0 as BAUD"),
         (request(100, record(99)), "it told 0 as 99"),
         (request(100, query=Query.RATE + 1), "it asked what no board asks"),
+        (request(100, reason=Reason.QUERY, query=Query.RANGE, pin=70), "it asked what no board asks"),
+        (request(100, reason=Reason.QUERY, query=Query.RANGE, pin=-1), "it asked what no board asks"),
         (request(100, record(Told.FIFO_OVERFLOW, 7, pin=200)), "it told of pin 200"),
         (request(100, record(Told.FIFO_OVERFLOW, 7, time=101)), "it told what was not then"),
         (request(100, record(Told.LEVEL, 1, pin=70)), "it told of pin 70"),
@@ -154,6 +157,19 @@ def test_what_no_board_tells_ends_it(begun: Begun, pipes: Pipes, told: bytes, wh
         board.receive()
     assert what in str(caught.value)
     assert 0 <= board.now <= _HORIZON
+
+
+def test_a_distance_takes_the_time_of_its_part(begun: Begun, pipes: Pipes) -> None:
+    board = begun()
+    asked = {"reason": Reason.QUERY, "query": Query.RANGE}
+    os.write(pipes.told, request(_HORIZON // 2, **asked))
+    board.receive()
+    board.grant(3 * _HORIZON, [], 0.0, 0)
+    os.write(pipes.told, request(_HORIZON // 2 + 20_000_000, **asked))
+    board.receive()
+    os.write(pipes.told, request(_HORIZON // 2 + 39_999_999, **asked))
+    with pytest.raises(BoardError, match="it measured faster than its part does"):
+        board.receive()
 
 
 def test_a_clock_goes_neither_back_nor_stands(begun: Begun, pipes: Pipes) -> None:

@@ -75,7 +75,10 @@ class Vl53l0x : public I2cPart {
     clear();
   }
 
-  Nanoseconds budget() const { return (registers_[BUDGET] << 8 | registers_[BUDGET + 1]) * BUDGET_UNIT * MICROSECOND; }
+  Nanoseconds budget() const {
+    const unsigned int steps = static_cast<unsigned int>(registers_[BUDGET] << 8 | registers_[BUDGET + 1]);
+    return std::max(steps * BUDGET_UNIT, SHORTEST_BUDGET) * MICROSECOND;
+  }
   Nanoseconds period() const {
     if (mode_ != TIMED) return budget();
     uint32_t milliseconds = 0;

@@ -15,7 +15,7 @@ constexpr uint8_t MODEL_ID = 0xEE;
 constexpr unsigned int NOTHING = 8190;          // millimetres that stand for no target in range
 // The chip counts periods of its laser here. Only our own libraries write this: steps of 16 us.
 constexpr unsigned int BUDGET_UNIT = 16;
-constexpr unsigned int DEFAULT_BUDGET = 33000;  // microseconds
+constexpr unsigned int DEFAULT_BUDGET = 33000, SHORTEST_BUDGET = 20000;  // microseconds
 
 }  // namespace vl53l0x
 }  // namespace board

@@ -9,7 +9,7 @@ namespace reg = board::vl53l0x;
 namespace {
 // The chip's settings at its start, and two calibrations of 5 ms: 40 ms in all at 100 kHz.
 constexpr unsigned int SETTINGS = 300, CALIBRATIONS = 10;
-constexpr uint32_t SHORTEST_BUDGET = 20000, LONGEST_BUDGET = 0xFFFFu * reg::BUDGET_UNIT;
+constexpr uint32_t LONGEST_BUDGET = 0xFFFFu * reg::BUDGET_UNIT;
 constexpr uint16_t NO_ANSWER = 65535;
 }  // namespace
 
@@ -79,7 +79,7 @@ bool VL53L0X::setSignalRateLimit(float limit) {
 float VL53L0X::getSignalRateLimit() { return static_cast<float>(readReg16Bit(reg::SIGNAL_LIMIT)) / 128; }
 
 bool VL53L0X::setMeasurementTimingBudget(uint32_t microseconds) {
-  if (microseconds < SHORTEST_BUDGET || microseconds > LONGEST_BUDGET) return false;
+  if (microseconds < reg::SHORTEST_BUDGET || microseconds > LONGEST_BUDGET) return false;
   writeReg16Bit(reg::BUDGET, static_cast<uint16_t>(microseconds / reg::BUDGET_UNIT));
   return true;
 }
