@@ -364,8 +364,9 @@ class _Judge:
         program = self._program
         if program is not None and program.exit_code and not program.stopped:
             # It has failed in its own opinion, and its last line says why at best.
-            said = last_output(program)
-            return f"it printed last: {said}" if said else "it printed nothing"
+            said, last = last_output(program), history.unanswered
+            waits = f"; its last message, '{last[0]}' at {last[1]:.1f} s, had no reply" if last else ""
+            return f"it printed last: {said}{waits}" if said else f"it printed nothing{waits}"
         wires = history.totals.wires
         done = counted(attempt.commands, "command") if attempt.commands else counted(wires, "serial message")
         if program is not None and program.exit_code:
