@@ -60,10 +60,6 @@ _MAP_ADVICE = "Look whether your program's map has {wall}, and compare each move
 """Advice where a right belief led into a wall."""
 _NO_SENSOR_THERE = "No sensor looks to that side: turn until one does, or check the way in your map."
 _OUTLIER_ADVICE = "Read {code} three times and take the middle value, before each movement."
-_COMPARE_ADVICE = (
-    "Compare each movement with {code} before you send it, and print what your program has for it."
-)
-_LOAD_ADVICE = "Print what {code} replies after you have closed the gripper: 1 says that it holds the block."
 _NO_ECHO_ADVICE = "Take a reading of {code} with nothing in range for no proof of a free way."
 _CORRECT = "Measure after each movement, and correct for the drive's error."
 _SPARE = {
@@ -140,8 +136,10 @@ def _made(run: RunEvidence, rule: CauseRule, fact: Fact) -> Cause:
     text = " ".join(filter(None, parts))
     evidence: tuple[str, ...] = (run.arrived_text, belief_text(seen.beliefs[0]), goals)
     if met is not None:
-        wrong = bool(run.findings_about(drives=True))
-        evidence = (run.arrived_text, belief_text(met.met.belief), shown_tried(met.tried, wrong_drive=wrong))
+        tried = shown_tried(met.tried, wrong_drive=bool(run.findings_about(drives=True)))
+        evidence = (run.arrived_text, belief_text(met.met.belief), tried)
+    elif seen.is_silent:
+        evidence = (f"Last output: {run.last_words}." if run.last_words else "",)
     # A reason may end with a question; a sentence ends with one mark.
     text = text.replace("?.", "?")
     at = fact.at
@@ -386,7 +384,10 @@ def _known_wall(run: RunEvidence) -> Fact | None:
     # A wrong sensor shows the program something else than its set says.
     if shown is not None and all(each.of != shown.code for each in run.findings):
         read = f"{shown.code} read {shown_range(shown.value)} at {shown.elapsed:.1f} s; then {_sent(run)}"
-        advice = _COMPARE_ADVICE.format(code=shown.code)
+        advice = (
+            f"Compare each movement with {shown.code} before you send it, "
+            "and print what your program has for it."
+        )
         return _at_contact(run, met, _with_belief(met, read), advice=advice)
     if not met.is_into_known:
         return None
@@ -545,7 +546,9 @@ def _dropped(run: RunEvidence) -> Fact | None:
     lay = next((row.block for row in seen.history.blocks.items if not row.held), block)
     if lay is not block and math.hypot(block.x - lay.x, block.y - lay.y) <= GROUND:
         load = [each.code for each in seen.load_sensors if each.code in seen.history.sensor_codes]
-        advice = _LOAD_ADVICE.format(code=load[0]) if load else ""
+        advice = (
+            "" if not load else f"Print what {load[0]} replies after it has closed: 1 says that it holds."
+        )
         text = f"It took the block {times_text(seen.takes)}, and let it go where it lay: at {where}, {off}."
         return Fact(text, done, place=(block.x, block.y), has_behind=True, advice=advice)
     text = f"It set the block down outside the drop zone: at {where}, {off}."

@@ -364,8 +364,8 @@ class _Judge:
         program = self._program
         if program is not None and program.exit_code and not program.stopped:
             # It has failed in its own opinion, and its last line says why at best.
-            said, last = last_output(program), history.unanswered
-            waits = f"; its last message, '{last[0]}' at {last[1]:.1f} s, had no reply" if last else ""
+            said, sent = last_output(program), history.unanswered
+            waits = f"; its last message, '{sent[0]}' at {sent[1]:.1f} s, had no reply" if sent else ""
             return f"it printed last: {said}{waits}" if said else f"it printed nothing{waits}"
         wires = history.totals.wires
         done = counted(attempt.commands, "command") if attempt.commands else counted(wires, "serial message")

@@ -142,7 +142,7 @@ def test_a_block_that_was_let_go_where_it_lay_was_carried_nowhere() -> None:
     cause = mission.why(1)
     assert cause.kind is Kind.DROPPED_OUTSIDE
     assert cause.text.startswith("It took the block 3 times, and let it go where it lay: at (20.0, 42.0), ")
-    assert cause.advice.startswith("Print what l1 replies")
+    assert cause.advice.startswith("Print what l1 replies after it has closed")
 
 
 @pytest.mark.parametrize("noticed", [True, False])
