@@ -529,8 +529,9 @@ def _closed_on_nothing(run: RunEvidence, done: GripRow, code: str) -> Fact:
         read = f"read {times_text(unseen.readings)}" if unseen.readings else "not read"
         text += f" {names} alone {sees} the block, and {was} {read} on the way to it."
         advice = f"Read {unseen.codes[0]} before you close the gripper."
-    codes = () if unseen is None else unseen.codes
-    return Fact(text, done, place=place, has_behind=True, culprits=codes, advice=advice)
+    return Fact(
+        text, done, place=place, has_behind=True, culprits=unseen.codes if unseen else (), advice=advice
+    )
 
 
 def _dropped(run: RunEvidence) -> Fact | None:

@@ -356,9 +356,10 @@ class _Judge:
         lost = attempt.beliefs[1]
         if lost is not None:
             return f"lost since {lost.elapsed:.1f} s, by {lost.error_text}"
+        fault = next((f": {row.text}" for row in history.faults.first.items), "")
         for count, name in ((history.faults.first.given, "fault"), (attempt.refused, "refused command")):
             if count:
-                return counted(count, name)
+                return f"{counted(count, name)}{fault}"
         if attempt.is_silent:
             return "no command was sent"
         program = self._program

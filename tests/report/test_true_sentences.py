@@ -199,6 +199,15 @@ def test_a_line_that_was_given_a_wrong_value_is_not_said_to_be_wrong() -> None:
     assert verdict.advice == "Try: print what main.py:15 is given, and what was sent and received before it."
 
 
+def test_a_fault_is_told_where_nothing_else_was_wrong() -> None:
+    mission = begin()
+    mission.engine.tell(Notice(NoticeKind.FAULT, "9600 baud, but the sketch has 38400", advice=True))
+    mission.give("u1")
+    mission.history.add_program_end(ProgramEnded(53.0, 1))
+    text = verdict_of(mission.history, None).text
+    assert text.endswith("1 fault: 9600 baud, but the sketch has 38400.")
+
+
 @pytest.mark.parametrize("reply", [False, True])
 def test_a_message_without_a_reply_is_told_where_the_program_gave_up(reply: bool) -> None:
     mission = begin()
