@@ -60,8 +60,6 @@ _MAP_ADVICE = "Look whether your program's map has {wall}, and compare each move
 """Advice where a right belief led into a wall."""
 _NO_SENSOR_THERE = "No sensor looks to that side: turn until one does, or check the way in your map."
 _OUTLIER_ADVICE = "Read {code} three times and take the middle value, before each movement."
-_LOAD_ADVICE = "Print what {code} replies after you have closed the gripper: 1 says that it holds the block."
-_WAIT_ADVICE = "Wait for the end of each movement before you send the next command."
 _NO_ECHO_ADVICE = "Take a reading of {code} with nothing in range for no proof of a free way."
 _CORRECT = "Measure after each movement, and correct for the drive's error."
 _SPARE = {
@@ -138,8 +136,10 @@ def _made(run: RunEvidence, rule: CauseRule, fact: Fact) -> Cause:
     text = " ".join(filter(None, parts))
     evidence: tuple[str, ...] = (run.arrived_text, belief_text(seen.beliefs[0]), goals)
     if met is not None:
-        wrong = bool(run.findings_about(drives=True))
-        evidence = (run.arrived_text, belief_text(met.met.belief), shown_tried(met.tried, wrong_drive=wrong))
+        tried = shown_tried(met.tried, wrong_drive=bool(run.findings_about(drives=True)))
+        evidence = (run.arrived_text, belief_text(met.met.belief), tried)
+    elif seen.is_silent:
+        evidence = (f"Last output: {run.last_words}." if run.last_words else "",)
     # A reason may end with a question; a sentence ends with one mark.
     text = text.replace("?.", "?")
     at = fact.at
@@ -227,8 +227,13 @@ def _refused(run: RunEvidence) -> Fact | None:
 def _refused_by(run: RunEvidence, text: str, row: RefusalRow, codes: Sequence[str] = ()) -> Fact:
     """A fact about refused commands, with one of them in the braces of its text."""
     one = f"{cut(row.result.command.shown, WORD)} at {row.elapsed:.1f} s: {row.result.reason.rstrip('.')}"
-    advice = _WAIT_ADVICE if row.result.is_early else None
-    return Fact(f"{text.format(one)}{run.origin_of(row)}", row, culprits=tuple(codes), advice=advice)
+    wait = "Wait for the end of each movement before you send the next command."
+    return Fact(
+        f"{text.format(one)}{run.origin_of(row)}",
+        row,
+        culprits=tuple(codes),
+        advice=wait if row.result.is_early else None,
+    )
 
 
 def _never_done(run: RunEvidence) -> Fact | None:
@@ -332,7 +337,10 @@ def _unread(run: RunEvidence) -> Fact | None:
             f"Read {codes[0]} before you send {met.met.ended.command.code}." if codes else _NO_SENSOR_THERE
         )
         if met.quiet_since is not None:
-            codes, advice = [], "Send a velocity of 0 before your program computes or waits."
+            codes, advice = (
+                [],
+                "Read and send more often under a velocity, or set it to 0 while your program computes.",
+            )
         silent = _silent(run)
         if silent and not codes[1:]:
             advice = f"Check what your program does when {silent} reads nothing in range."
@@ -376,7 +384,10 @@ def _known_wall(run: RunEvidence) -> Fact | None:
     # A wrong sensor shows the program something else than its set says.
     if shown is not None and all(each.of != shown.code for each in run.findings):
         read = f"{shown.code} read {shown_range(shown.value)} at {shown.elapsed:.1f} s; then {_sent(run)}"
-        advice = f"Compare each movement with {shown.code} before you send it."
+        advice = (
+            f"Compare each movement with {shown.code} before you send it, "
+            "and print what your program has for it."
+        )
         return _at_contact(run, met, _with_belief(met, read), advice=advice)
     if not met.is_into_known:
         return None
@@ -518,8 +529,9 @@ def _closed_on_nothing(run: RunEvidence, done: GripRow, code: str) -> Fact:
         read = f"read {times_text(unseen.readings)}" if unseen.readings else "not read"
         text += f" {names} alone {sees} the block, and {was} {read} on the way to it."
         advice = f"Read {unseen.codes[0]} before you close the gripper."
-    codes = () if unseen is None else unseen.codes
-    return Fact(text, done, place=place, has_behind=True, culprits=codes, advice=advice)
+    return Fact(
+        text, done, place=place, has_behind=True, culprits=unseen.codes if unseen else (), advice=advice
+    )
 
 
 def _dropped(run: RunEvidence) -> Fact | None:
@@ -532,13 +544,14 @@ def _dropped(run: RunEvidence) -> Fact | None:
     if zone is not None:
         off = outside_text(missed_zone(zone, block.x, block.y))
         off = f"{off} the cell around {place_text(zone.x, zone.y)}"
-    taken = times_text(seen.takes)
     lay = next((row.block for row in seen.history.blocks.items if not row.held), block)
     if lay is not block and math.hypot(block.x - lay.x, block.y - lay.y) <= GROUND:
         load = [each.code for each in seen.load_sensors if each.code in seen.history.sensor_codes]
-        advice = _LOAD_ADVICE.format(code=load[0]) if load else ""
-        text = f"It took the block {taken}, and let it go where it lay: at {where}, {off}."
-        return Fact(text, done, place=(block.x, block.y), has_behind=True, culprits=(), advice=advice)
+        advice = (
+            "" if not load else f"Print what {load[0]} replies after it has closed: 1 says that it holds."
+        )
+        text = f"It took the block {times_text(seen.takes)}, and let it go where it lay: at {where}, {off}."
+        return Fact(text, done, place=(block.x, block.y), has_behind=True, advice=advice)
     text = f"It set the block down outside the drop zone: at {where}, {off}."
     return Fact(text, done, place=(block.x, block.y), has_behind=True)
 
@@ -760,6 +773,8 @@ def _ended(run: RunEvidence) -> Fact | None:
         often = f"it made {run.velocities_left} for {counted(seen.commands, 'command')}"
         text = f"Its velocities ended with their connections: {often}. {text}"
         advice = "Keep one connection open for all commands."
+    elif run.last_words and run.exit_code:
+        advice = f"Look in your program at what leads to '{cut(run.last_words, WORD)}'."
     return Fact("", has_behind=True, advice=advice, then=text)
 
 

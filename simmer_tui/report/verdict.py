@@ -356,16 +356,18 @@ class _Judge:
         lost = attempt.beliefs[1]
         if lost is not None:
             return f"lost since {lost.elapsed:.1f} s, by {lost.error_text}"
+        fault = next((f": {row.text}" for row in history.faults.first.items), "")
         for count, name in ((history.faults.first.given, "fault"), (attempt.refused, "refused command")):
             if count:
-                return counted(count, name)
+                return f"{counted(count, name)}{fault}"
         if attempt.is_silent:
             return "no command was sent"
         program = self._program
         if program is not None and program.exit_code and not program.stopped:
             # It has failed in its own opinion, and its last line says why at best.
-            said = last_output(program)
-            return f"it printed last: {said}" if said else "it printed nothing"
+            said, sent = last_output(program), history.unanswered
+            waits = f"; its last message, '{sent[0]}' at {sent[1]:.1f} s, had no reply" if sent else ""
+            return f"it printed last: {said}{waits}" if said else f"it printed nothing{waits}"
         wires = history.totals.wires
         done = counted(attempt.commands, "command") if attempt.commands else counted(wires, "serial message")
         if program is not None and program.exit_code:

@@ -269,6 +269,8 @@ class RunHistory:
         """Real time of the first event, seconds."""
         self._totals = Totals()
         self._trail = MessageTrail()
+        self.unanswered: tuple[str, float] | None = None
+        """The last message of a dialect or to a sketch, with its elapsed time, unless a reply came since."""
         self._names = {each.code: each.id for each in spec.sensors}
         self._velocities = frozenset(each.code for each in spec.velocities)
         drives = (row.code for row in spec.drive_rows)
@@ -607,6 +609,7 @@ class RunHistory:
         """Add a message of a dialect, or a reply."""
         self._totals.wires += 1
         self._trail.add_message(message)
+        self.unanswered = None if message.reply else (message.data.strip(), self.clock.before + message.time)
         if message.reply:
             return
         is_unknown = message.meaning.startswith(UNKNOWN_MESSAGE)

@@ -339,7 +339,8 @@ def test_a_wall_that_a_right_reading_had_shown_is_said_with_the_command() -> Non
     assert (cause.kind, cause.moment) == (Kind.KNOWN_WALL, MomentKind.COMMAND)
     said = r"u1 read 3\.0 in at 50\.1 s; then d1-60 was sent\. Contact at .* s with .*, after 3\.0 of 60 in\."
     assert re.fullmatch(said, cause.text)
-    assert cause.advice == "Compare each movement with u1 before you send it."
+    said = "Compare each movement with u1 before you send it, and print what your program has for it."
+    assert cause.advice == said
 
 
 def test_a_wall_that_a_right_belief_had_shown_is_known_too() -> None:

@@ -17,7 +17,7 @@ from simmer_tui.report.run_evidence import RunEvidence
 from simmer_tui.report.sensor_audit import sensor_tests
 from simmer_tui.report.sensor_sample import SensorSample, inverted_compass
 from simmer_tui.report.verdict import verdict_of
-from simmer_tui.run.events import Notice, NoticeKind, ProgramEnded
+from simmer_tui.run.events import Notice, NoticeKind, OutputLine, ProgramEnded, WireMessage
 from simmer_tui.sim.sensors import modelled_sensor
 from simmer_tui.sim.sensors.base import Sensor
 from simmer_tui.sim.specs import Axes, DriveKind
@@ -142,7 +142,7 @@ def test_a_block_that_was_let_go_where_it_lay_was_carried_nowhere() -> None:
     cause = mission.why(1)
     assert cause.kind is Kind.DROPPED_OUTSIDE
     assert cause.text.startswith("It took the block 3 times, and let it go where it lay: at (20.0, 42.0), ")
-    assert cause.advice.startswith("Print what l1 replies")
+    assert cause.advice.startswith("Print what l1 replies after it has closed")
 
 
 @pytest.mark.parametrize("noticed", [True, False])
@@ -197,6 +197,29 @@ def test_a_line_that_was_given_a_wrong_value_is_not_said_to_be_wrong() -> None:
     mission.history.add_program_end(ProgramEnded(10.0, 1, error=error, place="main.py:15"))
     verdict = verdict_of(mission.history, mission.task)
     assert verdict.advice == "Try: print what main.py:15 is given, and what was sent and received before it."
+
+
+def test_a_fault_is_told_where_nothing_else_was_wrong() -> None:
+    mission = begin()
+    mission.engine.tell(Notice(NoticeKind.FAULT, "9600 baud, but the sketch has 38400", advice=True))
+    mission.give("u1")
+    mission.history.add_program_end(ProgramEnded(53.0, 1))
+    text = verdict_of(mission.history, None).text
+    assert text.endswith("1 fault: 9600 baud, but the sketch has 38400.")
+
+
+@pytest.mark.parametrize("reply", [False, True])
+def test_a_message_without_a_reply_is_told_where_the_program_gave_up(reply: bool) -> None:
+    mission = begin()
+    mission.give("u1")
+    mission.engine.tell(WireMessage(51.0, "s\n"))
+    if reply:
+        mission.engine.tell(WireMessage(52.0, "stopped\n", reply=True))
+    said = (OutputLine(0.0, "no answer to the stop: ''"),)
+    mission.history.add_program_end(ProgramEnded(53.0, 1, stderr=said))
+    text = verdict_of(mission.history, None).text
+    assert "it printed last: no answer to the stop: ''" in text
+    assert ("its last message, 's' at 51.0 s, had no reply." in text) is not reply
 
 
 def test_the_longest_silence_includes_the_one_until_the_end() -> None:
