@@ -148,6 +148,8 @@ def _simmer_tui(tree: Path, *arguments: str) -> None:
     """Run the command of a checkout. A mission that failed is no error here."""
     command = [sys.executable, "-m", "simmer_tui", *arguments]
     environment = {**os.environ, "PYTHONPATH": str(tree)}
+    # Without this variable both are compiled once, as in an installation.
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)
     done = subprocess.run(command, check=False, capture_output=True, env=environment, cwd=tree)
     if done.returncode > 1:
         raise RuntimeError(f"{' '.join(command)}: {done.stderr.decode(errors='replace')[-500:]}")

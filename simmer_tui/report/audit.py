@@ -30,6 +30,7 @@ from simmer_tui.report.finding import (
     FindingKind,
     kept,
 )
+from simmer_tui.report.robust_fit import median_of
 from simmer_tui.report.sensor_audit import change_text, sensor_tests
 from simmer_tui.report.sensor_sample import by_sensor, sample_of
 from simmer_tui.run.run_history import RunHistory
@@ -234,7 +235,7 @@ def is_another_robot(spec: SimulationSpec, nominal: SimulationSpec) -> bool:
 
 def _slower(rows: Columns, own: SensorSpec, row: SensorSpec, nominal: Nominal) -> Iterator[Claim]:
     """A sensor that takes longer to answer."""
-    took = float(np.median(rows["took"])) - row.read_time
+    took = median_of(rows["took"]) - row.read_time
     if own.read_time != row.read_time and abs(took) >= _LEAST_DELAY:
         how = "later" if took > 0 else "sooner"
         what = f"answers {abs(took):.2f} s {how} than in {_by(nominal)}"

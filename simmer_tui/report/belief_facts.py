@@ -13,6 +13,7 @@ from msgspec.structs import astuple
 
 from simmer_tui.report.belief_audit import SURE, BeliefMotion
 from simmer_tui.report.finding import FEWEST, Disagreement, kept_disagreements
+from simmer_tui.report.robust_fit import median_of
 from simmer_tui.report.sensor_sample import by_sensor, poses_of, world_without_block
 from simmer_tui.report.why import shown_range
 from simmer_tui.run.attempt import Attempt
@@ -103,7 +104,7 @@ class BeliefFacts:
         return max(kept, key=lambda each: each.share, default=None)
 
     def _offset(self, x: FloatArray, y: FloatArray, where: str) -> ConstantOffset | None:
-        across, up = float(np.median(x)), float(np.median(y))
+        across, up = median_of(x), median_of(y)
         if np.hypot(across, up) < _LEAST:
             return None
         share = float((np.hypot(x - across, y - up) <= _NEAR).mean())
@@ -261,8 +262,9 @@ class BeliefFacts:
 def has_read_range(seen: Attempt, order: int) -> bool:
     """True if a range was read before an event."""
     readings, codes = seen.within(seen.history.readings), seen.history.sensor_codes
+    before = readings["sensor"][readings["order"] < order]
     ranges = {each.code for each in seen.spec.sensors if each.kind.is_range}
-    return any(codes[number] in ranges for number in np.unique(readings["sensor"][readings["order"] < order]))
+    return any(codes[number] in ranges for number in set(before.tolist()))
 
 
 def listed_movements(history: RunHistory, moves: Columns) -> str:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from simmer_tui.report.finding import FEWEST, Disagreement, moment
-from simmer_tui.report.robust_fit import binomial_tail
+from simmer_tui.report.robust_fit import binomial_tail, median_of
 from simmer_tui.report.sensor_sample import by_sensor
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.table import Columns
@@ -147,10 +147,10 @@ def _most_alike(
     # One that takes the one before back is about as long, until it is as long as the program's longest.
     alike = _ALIKE if factor != _UNDOING else _THE_SAME
     sizes = np.round(np.log(np.abs(pairs.first[found])) / alike)
-    if len(np.unique(sizes)) < _FEWEST:
+    if len(set(sizes.tolist())) < _FEWEST:
         return None
     probability = min(binomial_tail(int(found.sum()), len(found), by_chance) * len(factors), 1.0)
-    return _Found(float(np.median(pairs.ratios[found])), probability, pairs.rows[found])
+    return _Found(median_of(pairs.ratios[found]), probability, pairs.rows[found])
 
 
 def _multiplied(row: DriveSpec, found: _Found) -> Disagreement:

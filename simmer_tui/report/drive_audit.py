@@ -24,7 +24,14 @@ from simmer_tui.report.finding import (
     DeviceUnderTest,
     FindingKind,
 )
-from simmer_tui.report.robust_fit import RobustFit, binomial_tail, excess_noise, robust_fit
+from simmer_tui.report.robust_fit import (
+    RobustFit,
+    binomial_tail,
+    excess_noise,
+    median_of,
+    quantiles,
+    robust_fit,
+)
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.arrays import BoolArray, FloatArray
@@ -103,7 +110,7 @@ def other_direction(
     off = int((along < _OTHER_AXIS).sum())
     # Movements of which less than half is done on their axis: without a fault hardly one in a hundred.
     probability = binomial_tail(off, len(asked), 0.01)
-    typical = float(np.median(along))
+    typical = median_of(along)
     if typical >= _OTHER_AXIS:
         return Claim(probability)
     count = len(asked)
@@ -112,7 +119,7 @@ def other_direction(
         if each.code != row.code and each.enabled and each.kind.turns == row.kind.turns:
             as_other = done @ _direction(each.kind) / (asked * each.gain)
             opposite = float(direction @ _direction(each.kind)) == -1.0
-            if float(np.median(as_other)) >= _OTHER_AXIS and not opposite:
+            if median_of(as_other) >= _OTHER_AXIS and not opposite:
                 what = f"does what {each.code} should do"
                 return device.claim(probability, FindingKind.SWAPPED, 1.0, what, count, other=each.code)
     if typical <= -_OTHER_AXIS:
@@ -139,22 +146,23 @@ def _axes(device: DeviceUnderTest, rule: DriveRule, asked: FloatArray, done: Flo
             gain = _allowing(fit, float(rule.allowed[axis]))
             tests.append(device.gain(gain, 0, row.kind.verb, "what is asked"))
             if len(fit.values) == 2:
-                tests.append(_shortfall(device, row.kind, fit, float(np.median(np.abs(driven)))))
+                tests.append(_shortfall(device, row.kind, fit, median_of(np.abs(driven))))
         else:
             fit = robust_fit(driven[:, None], rest, noise)
             tests.append(_bias(device, row.kind.unit, name, _allowing(fit, float(rule.allowed[axis]))))
-        tests.append(_scatter(device, row.kind.unit, name, fit, float(np.median(error))))
+        tests.append(_scatter(device, row.kind.unit, name, fit, median_of(error)))
     return tests
 
 
 def _gain_fit(driven: FloatArray, rest: FloatArray, noise: FloatArray) -> RobustFit:
     """Gain, and a shortfall that is the same for all movements, where their lengths separate the two."""
     single = robust_fit(driven[:, None], rest, noise)
+    short, long = quantiles(np.abs(driven), (0.1, 0.9))
+    if long <= 1.5 * short:
+        return single
     both = robust_fit(np.column_stack((driven, np.sign(driven))), rest, noise)
-    size = np.abs(driven)
-    short, long = np.quantile(size, (0.1, 0.9))
     # Judged: the fit with a shortfall must be better by a tenth.
-    return both if long > 1.5 * short and single.rough > 1.1 * both.rough else single
+    return both if single.rough > 1.1 * both.rough else single
 
 
 def _allowing(fit: RobustFit, allowed: float) -> RobustFit:

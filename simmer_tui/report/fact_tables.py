@@ -10,6 +10,7 @@ from msgspec.structs import replace
 from simmer_tui.document.formats import COUNT, PASSAGE, number
 from simmer_tui.document.model import DataColumn, DataTable, data_table
 from simmer_tui.report.finding import FEWEST, Finding
+from simmer_tui.report.robust_fit import median_of
 from simmer_tui.report.run_evidence import RunEvidence
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.arrays import IntArray
@@ -127,7 +128,7 @@ def _devices(run: RunEvidence) -> Iterator[tuple[object, ...]]:
         if len(mine) and not history.is_twin:
             axis = "total_r" if drive.kind.turns else "total_x" if drive.kind.direction.x else "total_y"
             sign = drive.kind.direction.x + drive.kind.direction.y + drive.kind.direction.r
-            gain = float(np.median(mine[axis] * sign / mine["asked"]))
+            gain = median_of(mine[axis] * sign / mine["asked"])
         yield drive.code, "drive", len(mine), gain, _told(run, drive.code, len(mine), "movement")
 
 
@@ -166,7 +167,7 @@ def _beliefs(run: RunEvidence) -> Iterator[tuple[object, ...]]:
         return
     error = ""
     if len(sure):
-        off, turn = float(np.median(sure["distance"])), float(np.median(np.abs(sure["turn"])))
+        off, turn = median_of(sure["distance"]), median_of(np.abs(sure["turn"]))
         error = f"{off:.1f} in and {turn:.0f} deg, the median of the sure ones"
     yield "error", len(sure), error
     yield "constant offset", None, "" if facts.constant is None else facts.constant.text

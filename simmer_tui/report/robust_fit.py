@@ -94,9 +94,27 @@ def _product(subscripts: str, left: FloatArray, right: FloatArray) -> FloatArray
     return product
 
 
+# Not np.median and np.quantile: they make numpy import its masked arrays, which takes as long as a report of
+# 500 commands.
+def median_of(values: FloatArray) -> float:
+    """Median of numbers, at least one; NaN if one of them is."""
+    middle, last = len(values) // 2, len(values) - 1
+    ordered = np.partition(values.astype(np.float64), (last - middle, middle, last))
+    if np.isnan(ordered[last]):
+        return math.nan
+    return (float(ordered[last - middle]) + float(ordered[middle])) / 2
+
+
+def quantiles(values: FloatArray, shares: tuple[float, ...]) -> list[float]:
+    """Quantiles of numbers, at least one, by linear interpolation between the two nearest."""
+    places = np.multiply(shares, len(values) - 1)
+    found: list[float] = np.interp(places, np.arange(len(values)), np.sort(values)).tolist()
+    return found
+
+
 def mad_scale(values: FloatArray) -> float:
     """Standard deviation of numbers around 0 by their median absolute value; 0 of none."""
-    return _MAD_TO_SIGMA * float(np.median(np.abs(values))) if len(values) else 0.0
+    return _MAD_TO_SIGMA * median_of(np.abs(values)) if len(values) else 0.0
 
 
 def excess_noise(

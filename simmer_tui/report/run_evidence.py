@@ -13,6 +13,7 @@ from simmer_tui.report.belief_facts import BeliefFacts, has_read_range, listed_m
 from simmer_tui.report.command_audit import multiplied_corrections
 from simmer_tui.report.contact_evidence import ContactEvidence
 from simmer_tui.report.finding import FEWEST, Basis, Disagreement, Finding, kept_disagreements
+from simmer_tui.report.robust_fit import median_of
 from simmer_tui.report.sensor_sample import world_without_block
 from simmer_tui.report.set_errors import set_errors
 from simmer_tui.run.attempt import Attempt
@@ -487,7 +488,7 @@ class RunEvidence:
         numbers, counts = np.unique(moves["code"], return_counts=True)
         told = []
         for place in np.argsort(-counts)[:_CODES]:
-            usual = float(np.median(np.abs(moves["asked"][moves["code"] == numbers[place]])))
+            usual = median_of(np.abs(moves["asked"][moves["code"] == numbers[place]]))
             told.append(f"{names[numbers[place]]} {times_text(int(counts[place]))}, mostly by {usual:.2g}")
         return "; ".join(told)
 

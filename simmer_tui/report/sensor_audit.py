@@ -20,6 +20,8 @@ from simmer_tui.report.robust_fit import (
     binomial_tail,
     excess_noise,
     mad_scale,
+    median_of,
+    quantiles,
     robust_fit,
     two_sided,
 )
@@ -151,10 +153,12 @@ def _limits(device: DeviceUnderTest, sample: SensorSample) -> list[Claim]:
 
 def _steps(device: DeviceUnderTest, sample: SensorSample) -> list[Claim]:
     """The claim of a coarse resolution: all readings lie on a grid on which the truth does not lie."""
-    levels = np.unique(sample.values)
-    if not sample.spec.kind.is_range or len(levels) < FEWEST["nominal"]:
+    # Not np.unique, for the same reason as `quantiles`.
+    gaps = np.diff(np.sort(sample.values))
+    gaps = gaps[gaps > 0.0]
+    if not sample.spec.kind.is_range or len(gaps) + 1 < FEWEST["nominal"]:
         return []
-    step, count = float(np.diff(levels).min()), len(sample.values)
+    step, count = float(gaps.min()), len(sample.values)
     if step < max(sample.least, 2.0 * sample.spec.resolution):
         return []
     near, truly = (
@@ -215,7 +219,7 @@ def _fitted(device: DeviceUnderTest, sample: SensorSample) -> list[Claim]:
             sample.seconds if counts else np.ones(len(residuals))
         ),
     }
-    low, middle, high = np.quantile(sample.expected, (0.1, 0.5, 0.9))
+    low, middle, high = quantiles(sample.expected, (0.1, 0.5, 0.9))
     if not counts and high - low <= max(_ONE_VALUE * abs(middle), sample.least):
         del columns[FindingKind.GAIN]
     singles, double = [(kind,) for kind in columns], tuple(columns)
@@ -296,7 +300,7 @@ def _first_offset(device: DeviceUnderTest, sample: SensorSample, error: float, s
 def _noise(device: DeviceUnderTest, sample: SensorSample, residuals: FloatArray) -> Claim:
     """Residuals that scatter by more than the set says."""
     unit, count = sample.spec.unit, len(residuals)
-    ratio, declared = mad_scale(residuals / sample.spread), float(np.median(sample.spread))
+    ratio, declared = mad_scale(residuals / sample.spread), median_of(sample.spread)
     probability, excess, interval = excess_noise(ratio, declared, count, 2)
     if excess < sample.least:
         return Claim(probability)

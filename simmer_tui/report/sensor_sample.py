@@ -14,6 +14,7 @@ from msgspec import Struct, field
 from msgspec.structs import replace
 
 from simmer_tui.report.finding import LEAST_DEGREES, LEAST_INCHES, FindingKind
+from simmer_tui.report.robust_fit import median_of, quantiles
 from simmer_tui.run.run_history import RunHistory, rows_by_name
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.arrays import BoolArray, FloatArray
@@ -332,9 +333,9 @@ def stuck(sample: SensorSample) -> Iterator[Alternative]:
     """A constant value, where the truth varied by more than its noise."""
     if not len(sample.values):
         return
-    low, high = np.quantile(sample.expected, (0.1, 0.9))
-    middle = float(np.median(sample.values))
-    if high - low > 2 * sample.least + 4 * float(np.median(sample.spread)) or sample.least == 0.5:
+    low, high = quantiles(sample.expected, (0.1, 0.9))
+    middle = median_of(sample.values)
+    if high - low > 2 * sample.least + 4 * median_of(sample.spread) or sample.least == 0.5:
         yield Alternative(FindingKind.STUCK, np.full(len(sample.values), middle), middle)
 
 
@@ -406,7 +407,7 @@ def _seen_by(history: RunHistory, rows: Columns, sensor: ObservingSensor) -> Flo
     since = np.searchsorted([each.order for each in blocks], rows["order"], "right") - 1
     asked = np.zeros(len(rows), bool)
     asked[:: _stride(len(rows), _PLACES)] = True
-    for place in np.unique(since).tolist():
+    for place in sorted(set(since.tolist())):
         chosen = asked & (since == place)
         state = blocks[max(place, 0)]
         if state.held and sensor.sees_block(state.block.size):

@@ -97,7 +97,7 @@ def _of_drives(seen: Attempt) -> Iterator[tuple[str, str]]:
     name, reference = reference_set(seen.history)
     usual = {each.code: each for each in reference.drives}
     names = seen.history.code_names
-    used = {names[number] for number in np.unique(seen.within(seen.history.movements)["code"])}
+    used = {names[number] for number in set(seen.within(seen.history.movements)["code"].tolist())}
     for own in seen.spec.drives:
         row = usual.get(own.code)
         if own.code not in used or row is None or row.kind is not own.kind or not row.gain:

@@ -535,7 +535,7 @@ class Attempt:
             after = movements[place].order if place < len(movements) else self._until
             begin, end = readings.place_of(row.order), readings.place_of(after)
             numbers = readings.columns(begin, end)["sensor"]
-            if any(self.history.sensor_codes[number] in load for number in np.unique(numbers)):
+            if any(self.history.sensor_codes[number] in load for number in set(numbers.tolist())):
                 return True
         return False
 
@@ -570,7 +570,7 @@ class Attempt:
         driving = {each.code for each in self.spec.drives} | {each.code for each in self.spec.velocities}
         rows = rows[np.isin(rows["code"], [place for place, name in enumerate(names) if name in driving])]
         codes = rows["code"][rows["refused"]]
-        return [names[number] for number in np.unique(codes)], len(codes), len(rows)
+        return [names[number] for number in sorted(set(codes.tolist()))], len(codes), len(rows)
 
     @cached_property
     def asks_end(self) -> BoolArray:
