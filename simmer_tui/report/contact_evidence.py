@@ -350,10 +350,13 @@ class ContactEvidence:
             stood = (met.row.gone_before - row["gone"] <= _STOOD) & (
                 met.row.turned_before - row["turned"] <= _STOOD
             )
-            row = row[stood & _right(row, sensor) & (row["value"] < abs(asked))]
+            # Where a wall aside was touched, only a clear excess counts.
+            least = 0.0 if self.looks_at(sensor.code) else _INTO
+            row = row[stood & _right(row, sensor) & (row["value"] < abs(asked) - least)]
             if len(row) and abs(half_turn(sensor.rotation - towards)) <= ALIKE:
-                value, time = float(row["value"][0]), float(row["elapsed"][0])
-                return ShownPlace(sensor.code, value, time, 0.0, is_last=True)
+                return ShownPlace(
+                    sensor.code, float(row["value"][0]), float(row["elapsed"][0]), 0.0, is_last=True
+                )
         return None
 
     # -- was it misled? ------------------------------------------------------------------------------------
