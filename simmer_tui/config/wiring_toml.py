@@ -214,7 +214,8 @@ MOTOR = (
 """The keys of [[motors]], without those of their drivers."""
 MOTOR_OPTIONAL = ("dead_band", "reversed", "enable_on")
 _ADDRESS = _key(
-    *("address", IntegerRule(0x08, 0x77, "an address from 0x08 to 0x77")),
+    # Chips answer at reserved addresses too, and sketches number their rangers from 1.
+    *("address", IntegerRule(0x01, 0x7F, "an address from 0x01 to 0x7f")),
     "mpu6050: 0x68, or 0x69 with AD0 high; vl53l0x: the address that the sketch gives it",
 )
 _INTERRUPT = _pin("int", "mpu6050, vl53l0x: pin at its interrupt output (INT, GPIO1), if it is wired")

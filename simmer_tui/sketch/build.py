@@ -57,6 +57,7 @@ _OTHER_NAMES = {
     "math.h": "math.h",
     "string.h": "string.h",
     "wire.h": "Wire.h",
+    "lcd.h": "LiquidCrystal_I2C.h",  # of a library with the same class
 }
 _FLAGS = (
     "-std=gnu++17",

@@ -1,7 +1,7 @@
 """Parts on a board's I2C bus, as a sketch shows them: for `init --sketch`.
 
-An XSHUT pin is the one that was released last, to HIGH or as an input, before its ranger is begun or gets its
-address.
+An XSHUT pin is the one that was released last, to HIGH or as an input, and not pulled low again, before its
+ranger is begun or gets its address.
 """
 
 from __future__ import annotations
@@ -63,16 +63,20 @@ def draft_rangers(facts: SketchFacts) -> list[DraftRanger]:
             counts[each.name] = min(max(size), _MOST_RANGERS) if size else 1
     pins: dict[str, list[int | None]] = {}
     named: dict[str, list[int | None]] = {}
-    released: list[int | None] = []
+    released: list[list[int | None]] = []
     function = ""
     for call in facts.calls:
         if call.function != function:
             function, released = call.function, []
         if _releases(facts, call):
-            released = _elements(facts, call.arguments[0], call.function)
+            released.append(_elements(facts, call.arguments[0], call.function))
+        elif _holds(facts, call):
+            held = _elements(facts, call.arguments[0], call.function)
+            released = [each for each in released if each != held]
         elif call.object in counts and call.name in ("init", "begin", "setAddress"):
-            if released:
-                pins.setdefault(call.object, released)
+            free = [each for each in released if each not in pins.values()]
+            if free and free[-1]:
+                pins.setdefault(call.object, free[-1])
             released = []
             if call.arguments and call.name != "init":
                 given = _elements(facts, call.arguments[0], call.function)
@@ -103,6 +107,11 @@ def _releases(facts: SketchFacts, call: SketchCall) -> bool:
     if call.name == "pinMode":
         return facts.spelled(call, 1) in ("INPUT", "INPUT_PULLUP")
     return call.name == "digitalWrite" and facts.pins(call, 1) == Pins({1})
+
+
+def _holds(facts: SketchFacts, call: SketchCall) -> bool:
+    """True for a call that pulls a pin low."""
+    return call.name == "digitalWrite" and facts.pins(call, 1) == Pins({0})
 
 
 def _shut_pins(facts: SketchFacts) -> Iterator[int]:

@@ -29,6 +29,8 @@ _BRAKE, LAMP, _STANDBY, _DUTY, _MOTOR, _INPUT = (
 )
 _WAYS = re.compile(r"forwards?|backwards?|reverse|fwd|bwd|rev|back|cw|ccw|plus|minus|pos|neg", re.IGNORECASE)
 """Words of a name that tell the direction."""
+_ROLE = re.compile("dir(ection)?|pwm|speed|spd|enable|pin|_", re.IGNORECASE)
+"""Words of a name that tell what the pin is, and not of which motor."""
 # Arduino's Motor Shield R3 has its pins fixed: direction, PWM and brake of channels A and B.
 _SHIELD = ({"dir": 12, "pwm": 3, "brake": 9}, {"dir": 13, "pwm": 11, "brake": 8})
 
@@ -82,6 +84,8 @@ def _with_duties(steps: Sequence[SketchStep]) -> Iterator[DraftMotor]:
             pairs.update(zip(analog[1::2], analog[2::2], strict=True))
             analog = analog[:1]
         share = len(sides) // len(analog)
+        if share == 1:
+            sides = _by_name(sides, [names[pin] for pin in analog])
         if share in (1, 2) and share * len(analog) == len(sides):
             for at, duty in enumerate(analog):
                 votes.setdefault(duty, Counter())[tuple(sides[share * at : share * (at + 1)])] += 1
@@ -115,6 +119,14 @@ def _with_duties(steps: Sequence[SketchStep]) -> Iterator[DraftMotor]:
         if one != other and not used & {one, other}:
             used |= {one, other}
             yield DraftMotor("pwm2", {"in1": one, "in2": other})
+
+
+def _by_name(sides: list[tuple[int, str]], duties: Sequence[str]) -> list[tuple[int, str]]:
+    """Directions in the order of their duties: by what their names have beside these words, else as they
+    are."""
+    stems = {_ROLE.sub("", name).lower(): (pin, name) for pin, name in sides}
+    wanted = [_ROLE.sub("", name).lower() for name in duties]
+    return [stems[each] for each in wanted] if {*wanted} == {*stems} and len(stems) == len(sides) else sides
 
 
 def _directions(steps: Sequence[SketchStep], taken: set[int], count: int) -> tuple[int, ...]:

@@ -229,7 +229,8 @@ def _motor_duty(facts: SketchFacts, motor: WiredMotor) -> Iterator[Problem]:
     """Duties on pins that have no PWM, or that lose it to the Servo library."""
     kind = facts.kind
     uses_servo = any(name == "Servo.h" for name, _ in facts.includes) and any(facts.named("attach"))
-    for name in (*_DUTY_PINS[motor.driver], *(() if "en" in motor.pins else ("in1", "in2"))):
+    inputs = () if "en" in motor.pins else ("in1", "in2")
+    for name in dict.fromkeys((*_DUTY_PINS[motor.driver], *inputs)):
         pin = motor.pins.get(name)
         if pin is None:
             continue

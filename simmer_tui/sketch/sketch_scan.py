@@ -47,6 +47,11 @@ _NAMED = {
     **dict.fromkeys(("MPU6050_ADDRESS_AD0_LOW", "MPU6050_DEFAULT_ADDRESS"), 0x68),
     "MPU6050_ADDRESS_AD0_HIGH": 0x69,
     "VL53L0X_I2C_ADDR": 0x29,
+    # Kinds of AccelStepper.
+    "DRIVER": 1,
+    "FULL2WIRE": 2,
+    "FULL4WIRE": 4,
+    "HALF4WIRE": 8,
 }
 """Constants of the core and of libraries."""
 WRITES = ("digitalWrite", "analogWrite")
@@ -219,6 +224,8 @@ class SketchFacts:
         if len(tokens) == 1:
             return self._value_of(first, function, depth, bound)
         marks = [token.text for token in tokens]
+        if marks[1:-1] == ["::"]:
+            return self._value_of(tokens[2], "", depth, None)
         if "?" in marks and ":" in marks:
             half, end = marks.index("?"), marks.index(":")
             one = self.values(tokens[half + 1 : end], function, depth + 1, bound)

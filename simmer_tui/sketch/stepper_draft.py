@@ -8,11 +8,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from msgspec import Struct
 
 from simmer_tui.sketch.motion_check import forward_levels, is_inverted
-from simmer_tui.sketch.sketch_scan import SketchCall, SketchFacts
+from simmer_tui.sketch.sketch_scan import Pins, SketchCall, SketchFacts
 
 _DIRECTION, _ENABLE, _STEP = (
     re.compile(word, re.IGNORECASE) for word in ("dir", r"enable|^en_?\w?(pin)?$|_en(pin)?$", "step|stp|pul")
 )
+_TWO_PINS, _FOUR_PINS = (Pins({1}), Pins({2})), (Pins({4}), Pins({8}))
+"""Kinds of AccelStepper, its first argument, by the number of their pins."""
 # Steps a turn of a 28BYJ-48, as its sketches have them: with its gear of about 1/64, or without it.
 _GEARED = frozenset((32, 64, 513, 2037, 2038, 2048, 4076, 4096))
 
@@ -36,16 +38,16 @@ def draft_steppers(facts: SketchFacts, taken: set[int]) -> list[DraftStepper]:
 
 def _objects(facts: SketchFacts) -> Iterator[DraftStepper]:
     for call in facts.objects("AccelStepper"):
-        interface = facts.spelled(call).rpartition("::")[2]
-        number = facts.pins(call) or frozenset()
-        if interface == "DRIVER" or number == {1}:
+        kind = facts.pins(call)
+        # Two wires make the rises of a driver as well: one in four steps, with the direction beside it.
+        if kind in _TWO_PINS:
             pairs = zip(facts.ordered_pins(call, 1), facts.ordered_pins(call, 2), strict=False)
             for step, way in pairs:
                 pins = {"step": step, "dir": way}
                 pins |= _enable(facts, call.name)
                 is_high, is_turned = _is_high(facts, call.name), is_inverted(facts, call.name)
                 yield DraftStepper("step_dir", pins, is_high, is_turned)
-        elif interface in ("FULL4WIRE", "HALF4WIRE") or number in ({4}, {8}):
+        elif kind in _FOUR_PINS:
             yield from _coils(facts, call, is_geared=False)
     for call in facts.objects("Stepper"):
         yield from _coils(facts, call, is_geared=bool(_GEARED & (facts.pins(call) or frozenset())))

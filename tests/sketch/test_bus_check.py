@@ -166,6 +166,18 @@ DRAFTED = {
         " digitalWrite(SHT_LOX2, HIGH); lox2.begin(0x31); }",
         [("vl53l0x", 7, 0x30), ("vl53l0x", 6, 0x31)],
     ),
+    "all on, and off again but for one": (
+        "#define ON_A 11\nconst int onB = 12;\nAdafruit_VL53L0X a, b;\nvoid setup() {"
+        " digitalWrite(ON_A, LOW); digitalWrite(onB, LOW); delay(9); digitalWrite(ON_A, HIGH);"
+        " digitalWrite(onB, HIGH); delay(9); digitalWrite(onB, LOW); a.begin(0x30);"
+        " digitalWrite(onB, HIGH); b.begin(0x31); }",
+        [("vl53l0x", 11, 0x30), ("vl53l0x", 12, 0x31)],
+    ),
+    "a pin that another one has": (
+        "VL53L0X a, b;\nvoid setup() { digitalWrite(7, HIGH); a.init(); a.setAddress(0x01);"
+        " digitalWrite(7, HIGH); b.init(); }",
+        [("vl53l0x", 7, 0x01), ("vl53l0x", None, None)],
+    ),
     "one alone": ("Adafruit_VL53L0X lox;\nvoid setup() { lox.begin(); }", [("vl53l0x", None, None)]),
     "a gyro at its second address": (
         "MPU6050 mpu(0x69);\nvoid dmpReady() {}\nvoid setup() { attachInterrupt(1, dmpReady, RISING); }",

@@ -336,6 +336,45 @@ def test_rangers_begin_at_one_address_and_are_off_by_xshut(tmp_path: Path) -> No
     assert found[11:] == ["0", "6553510", "29 31 ", "1", "0"]
 
 
+NOT_WAITING = """
+#include <Wire.h>
+#include <VL53L0X.h>
+VL53L0X eye;
+bool ready() { return (eye.readReg(VL53L0X::RESULT_INTERRUPT_STATUS) & 0x07) != 0; }
+void setup() {
+  Serial.begin(115200);
+  Wire.begin();
+  eye.init();
+  Serial.println(eye.readReg(VL53L0X::IDENTIFICATION_MODEL_ID), HEX);
+  eye.startContinuous();
+  for (int i = 0; i < 2; i++) {
+    Serial.print(ready()); Serial.print(' ');
+    delay(36);
+    Serial.print(ready()); Serial.print(' ');
+    Serial.print(eye.readReg16Bit(VL53L0X::RESULT_RANGE_STATUS + 10)); Serial.print(' ');
+    eye.writeReg(VL53L0X::SYSTEM_INTERRUPT_CLEAR, 0x01);
+    Serial.println(ready());
+  }
+  eye.writeReg(VL53L0X::SYSRANGE_START, 0x01);
+  delay(80);
+  Serial.println(ready());
+}
+void loop() {}
+"""
+
+
+@pytest.mark.slow
+@compiled
+def test_a_ranger_is_read_by_the_names_of_its_registers(tmp_path: Path) -> None:
+    found = lines_of(tmp_path, RANGER.format(code="t1"), NOT_WAITING, 1.0)
+    assert found[0] == "EE"
+    for line in found[1:3]:
+        before, after, reading, cleared = map(int, line.split())
+        assert (before, after, cleared) == (0, 1, 0)
+        assert 0 < reading <= NOTHING_IN_RANGE
+    assert found[3] == "0"
+
+
 OWN_GYRO = """
 #include "MPU6050_6Axis_MotionApps20.h"
 MPU6050 mpu(0x69);

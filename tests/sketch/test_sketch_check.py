@@ -229,6 +229,15 @@ def test_a_duty_on_a_pin_without_pwm_is_told(tmp_path: Path, parts: WiringParts)
     ]
 
 
+def test_each_pin_without_pwm_is_told_once(tmp_path: Path, parts: WiringParts) -> None:
+    head, end = WIRING.index("[[motors]]"), WIRING.index("[[sensors]]")
+    motor = '[[motors]]\nboard = "rover"\ndriver = "pwm2"\nin1 = 4\nin2 = 7\nwheel = "left"\ntop_speed = 9\n'
+    text = ROVER + "void more() { analogWrite(4, 9); analogWrite(7, 9); }\n"
+    problems = found(tmp_path, parts, WIRING[:head] + motor + WIRING[end:], text, EYES)
+    told = [each for each in problems if "has no PWM" in each]
+    assert [each.split(":")[2] for each in told] == ["motors.1.in1", "motors.1.in2"]
+
+
 def test_a_mega_receives_at_some_pins_only(tmp_path: Path, parts: WiringParts) -> None:
     wiring = WIRING.replace('"eyes.ino"\nboard = "uno"', '"eyes.ino"\nboard = "mega"')
     problems = found(tmp_path, parts, wiring, ROVER, EYES.replace("link(A1, A0)", "link(7, A0)"))

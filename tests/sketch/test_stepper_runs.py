@@ -206,6 +206,71 @@ def test_what_boards_with_them_tell_is_taken_in_a_grading(name: str, tmp_path: P
     assert boards.robot.failed == ""
 
 
+TWO_WIRES = """
+#include <AccelStepper.h>
+AccelStepper left(AccelStepper::FULL2WIRE, 2, 5), right(AccelStepper::FULL2WIRE, 3, 6);
+void go(long steps) {
+  left.move(steps); right.move(steps);
+  left.setSpeed(steps > 0 ? 800 : -800); right.setSpeed(steps > 0 ? 800 : -800);
+  while (left.distanceToGo() || right.distanceToGo()) {
+    left.runSpeedToPosition(); right.runSpeedToPosition();
+  }
+}
+void setup() {
+  pinMode(8, OUTPUT);
+  left.setMaxSpeed(1000); right.setMaxSpeed(1000);
+  go(400); delay(50); go(-160);
+}
+void loop() {}
+"""
+
+
+def test_two_wires_make_one_step_of_a_driver_in_four(tmp_path: Path) -> None:
+    configuration = made_set(tmp_path / "set", ROVER + STEPPERS, {"rover.ino": TWO_WIRES})
+    boards = exact(configuration, 1.5)
+    boards.close()
+    start, pose = configuration.simulation.start_pose, boards.simulator.pose
+    # 100 rises ahead, of which the first one comes before its direction, and 40 back.
+    assert (pose.x, pose.y) == pytest.approx((start.x + 0.58, start.y), abs=1e-3)
+
+
+OTHER_DISPLAYS = """
+#include <Wire.h>
+#include <LCD.h>
+#include <LiquidCrystal_I2C.h>
+LiquidCrystal_I2C a(0x27, 2, 1, 0, 4, 5, 6, 7, 3, POSITIVE), b(0x3F, 2, 1, 0, 4, 5, 6, 7);
+LiquidCrystal_I2C c(0x26, 3, NEGATIVE), d(0x25, 20, 4, LCD_5x8DOTS);
+void setup() {
+  a.begin(16, 2);
+  a.setBacklight(HIGH);
+  a.print("one");
+  b.setBacklightPin(3, POSITIVE);
+  b.begin(20, 4, LCD_5x8DOTS);
+  b.off(); b.on();
+  b.setCursor(0, 3);
+  b.print("two");
+  c.begin(8, 1);
+  c.print("three");
+  d.begin();
+  d.print("four");
+}
+void loop() {}
+"""
+
+
+def test_displays_of_other_libraries_of_the_name_show_what_is_printed(tmp_path: Path) -> None:
+    boards = Boards(made_set(tmp_path / "set", ROVER, {"rover.ino": OTHER_DISPLAYS}))
+    boards.run_to(5.0)
+    (view,) = boards.robot.views()
+    boards.close()
+    assert view.displays == (
+        ("one" + 13 * " ", 16 * " "),
+        (*(3 * [20 * " "]), "two" + 17 * " "),
+        ("three   ",),
+        ("four" + 16 * " ", *(3 * [20 * " "])),
+    )
+
+
 DISPLAYS = """
 #include <LiquidCrystal.h>
 #include <LiquidCrystal_I2C.h>

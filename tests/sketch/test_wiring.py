@@ -284,7 +284,7 @@ def test_parts_on_a_bus_are_read_with_its_wires(parts: WiringParts) -> None:
         ("int = 3", 'int = "A4"', "pin A4 of rover is already sda of sensors[1]"),
         ("int = 3", "xshut = 8\naddress = 0x30", "0x30 is the address of sensors[2] already"),
         ("0x69", "0x30", "an MPU6050 is at 0x68, with AD0 high at 0x69, never at 0x30"),
-        ("0x69", "0x100", "must be an address from 0x08 to 0x77, not 256"),
+        ("0x69", "0x100", "must be an address from 0x01 to 0x7f, not 256"),
         ('"g1"', '"c1"', "which is no gyro; an mpu6050 is one"),
         ('"t1"', '"i1"', "which measures no distance; a vl53l0x does"),
         ('part = "mpu6050"', 'part = "mpu6050"\nxshut = 4', "sensors.1.xshut: is not known here"),

@@ -66,6 +66,11 @@ MOTORS = {
         "void f() { digitalWrite(4, 1); analogWrite(5, 9); digitalWrite(7, 1); analogWrite(6, 9); }",
         [("shield", 4, 5), ("shield", 7, 6)],
     ),
+    "directions and duties in two orders, by their names": (
+        "int turnA = 8, dirB = 7, dir_A = 4, pwmB = 6, speed_a = 5;\nvoid f(int v) { digitalWrite(dir_A, 1);"
+        " digitalWrite(dirB, 1); analogWrite(pwmB, v); analogWrite(speed_a, v); }",
+        [("shield", 7, 6), ("shield", 4, 5)],
+    ),
     "two duties a motor": (
         "void f() { analogWrite(5, 9); analogWrite(6, 0); analogWrite(9, 9); analogWrite(10, 0); }",
         [("pwm2", 5, 6), ("pwm2", 9, 10)],
@@ -252,6 +257,15 @@ STEPPERS = {
         "AccelStepper right = AccelStepper(1, 3, 6);\nvoid setup() { left.setEnablePin(EN); "
         "left.setPinsInverted(false, false, true); pinMode(EN, OUTPUT); digitalWrite(EN, LOW); }",
         [("step_dir", 2, 5, 8), ("step_dir", 3, 6, 8)],
+    ),
+    "a kind that is a constant": (
+        "const uint8_t kind = AccelStepper::DRIVER;\n#define COILS AccelStepper::FULL4WIRE\n"
+        "AccelStepper a(kind, 2, 5), b = AccelStepper(COILS, 8, 9, 10, 11);",
+        [("step_dir", 2, 5), ("stepper4", 8, 9, 10, 11)],
+    ),
+    "two wires": (
+        "AccelStepper a(AccelStepper::FULL2WIRE, 2, 5), b(2, 3, 6);",
+        [("step_dir", 2, 5), ("step_dir", 3, 6)],
     ),
     "an array of objects": (
         "const int kind = 1;\nAccelStepper both[] = {AccelStepper(kind, 4, 7), AccelStepper(kind, 12, 13)};",

@@ -4,6 +4,9 @@
 
 #include "../core/Print.h"
 
+#define LCD_5x8DOTS 0
+#define LCD_5x10DOTS 4
+
 namespace board {
 
 // What is told: an operation in the upper byte, its numbers in the others.

@@ -4,8 +4,9 @@
 
 class AccelStepper {
  public:
-  enum MotorInterfaceType : int { FUNCTION = 0, DRIVER = 1, FULL4WIRE = 4, HALF4WIRE = 8 };
-  // DRIVER: pin1 steps, pin2 is the direction.
+  enum MotorInterfaceType : int { FUNCTION = 0, DRIVER = 1, FULL2WIRE = 2, FULL4WIRE = 4, HALF4WIRE = 8 };
+  // DRIVER: pin1 steps, pin2 is the direction. FULL2WIRE: both ends of two coils, by inverters; at a driver, one step
+  // in four.
   AccelStepper(int interface = FULL4WIRE, int pin1 = 2, int pin2 = 3, int pin3 = 4, int pin4 = 5, bool enable = true);
   AccelStepper(void (*forward)(), void (*backward)());
   virtual ~AccelStepper() = default;
@@ -46,7 +47,7 @@ class AccelStepper {
   void plan();             // the time of the next step, by the acceleration
   int32_t steps_to_stop() const;
   void put(unsigned int levels);
-  int pin_count() const { return interface_ == DRIVER ? 2 : interface_ == FUNCTION ? 0 : 4; }
+  int pin_count() const { return interface_ == FUNCTION ? 0 : interface_ == DRIVER || interface_ == FULL2WIRE ? 2 : 4; }
 
   int interface_, pins_[4] = {}, enable_pin_ = NO_PIN;
   bool inverted_[4] = {}, enable_inverted_ = false, forward_ = false;

@@ -56,7 +56,13 @@ void LiquidCrystal::transfer(bool is_text, uint8_t value) {
 
 // -- on I2C ------------------------------------------------------------------------------------------
 
-LiquidCrystal_I2C::LiquidCrystal_I2C(int, int columns, int rows) : columns_(columns), rows_(rows) {}
+LiquidCrystal_I2C::LiquidCrystal_I2C(int, int columns, int rows, int) : columns_(columns), rows_(rows) {}
+// Without a size it is that of `begin`, or the most frequent one.
+LiquidCrystal_I2C::LiquidCrystal_I2C(int address, int, int, int, int, int, int, int)
+    : LiquidCrystal_I2C(address, 16, 2) {}
+LiquidCrystal_I2C::LiquidCrystal_I2C(int address, int, int, int, int, int, int, int, int, t_backlighPol)
+    : LiquidCrystal_I2C(address, 16, 2) {}
+LiquidCrystal_I2C::LiquidCrystal_I2C(int address, int, t_backlighPol) : LiquidCrystal_I2C(address, 16, 2) {}
 
 void LiquidCrystal_I2C::init() { begin(columns_, rows_); }
 
@@ -91,3 +97,11 @@ void LiquidCrystal_I2C::transfer(bool, uint8_t) {
 // The light makes no difference to what is seen here.
 void LiquidCrystal_I2C::backlight() { board::pass(board::cost::DISPLAY_TRANSFER); }
 void LiquidCrystal_I2C::noBacklight() { backlight(); }
+void LiquidCrystal_I2C::on() {
+  display();
+  backlight();
+}
+void LiquidCrystal_I2C::off() {
+  noBacklight();
+  noDisplay();
+}

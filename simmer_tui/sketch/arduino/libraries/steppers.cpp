@@ -6,7 +6,8 @@
 
 using namespace board;
 
-// Levels of four pins, the first in bit 0, in the order of the steps.
+// Levels of two and of four pins, the first in bit 0, in the order of the steps.
+static constexpr unsigned int TWO_WIRE_STEPS[] = {0b10, 0b11, 0b01, 0b00};
 static constexpr unsigned int FULL_STEPS[] = {0b0101, 0b0110, 0b1010, 0b1001};
 static constexpr unsigned int HALF_STEPS[] = {0b0001, 0b0101, 0b0100, 0b0110, 0b0010, 0b1010, 0b1000, 0b1001};
 
@@ -148,6 +149,8 @@ void AccelStepper::step(int32_t position) {
     put(direction | 1);
     delayMicroseconds(pulse_);
     put(direction);
+  } else if (interface_ == FULL2WIRE) {
+    put(TWO_WIRE_STEPS[position & 3]);
   } else {
     put(interface_ == HALF4WIRE ? HALF_STEPS[position & 7] : FULL_STEPS[position & 3]);
   }
