@@ -204,7 +204,7 @@ def _refused(run: RunEvidence) -> Fact | None:
     seen, found = run.seen, run.mostly_refused
     if found is not None:
         codes, count, of, since, first = found
-        begin = f"{count} of {of} commands to drive were refused from {since:.1f} s on"
+        begin = f"{count} of {of} commands to drive were refused, the first at {since:.1f} s"
         return _refused_by(run, f"{begin}, such as {{}}.", first, codes)
     refused, of = run.refused_share
     if 2 * refused > of and seen.refusals:

@@ -154,6 +154,7 @@ class RunEvidence:
             rows = [each for each in rows if each.elapsed >= since]
             if count >= FEWEST["set"] and 2 * count > of and rows:
                 mine = answers["refused"] & np.isin(names[answers["code"]], codes)
+                mine &= ~np.isin(answers["number"], seen.typed)
                 first = answers["elapsed"][mine & (answers["elapsed"] >= since)].min()
                 return *seen.refused_drives(since, every=True), float(first), rows[0]
         return None

@@ -109,6 +109,8 @@ class BoardFacts:
     def bus_stuck(self, board: Board, place: int) -> None:
         """Tell that a board waits for its bus, and goes on waiting: interrupts are off."""
         line = board.process.line_of(place)
+        if not self._is_due(f"bus {board.name}", line):
+            return
         where = f" at {line}" if line else ""
         because = "Wire needs interrupts, which are off there, as in an interrupt's function"
         self._tell(f"board {board.name} waits without end{where}: {because}", line)

@@ -53,8 +53,9 @@ def bus_problems(wiring: Wiring, board: str, facts: SketchFacts) -> Iterator[Pro
 
 def _begins(facts: SketchFacts) -> bool:
     """True if a sketch begins Wire, itself or by a library that does."""
-    rangers = {each.name for each in facts.declared if each.type == "Adafruit_VL53L0X"}
-    return any(call.object == "Wire" or call.object in rangers for call in facts.named("begin"))
+    libraries = ("Adafruit_VL53L0X", "LiquidCrystal_I2C")
+    objects = {"Wire", *(each.name for each in facts.declared if each.type in libraries)}
+    return any(call.object in objects for call in facts.named("begin", "init"))
 
 
 def _other_uses(facts: SketchFacts) -> Iterator[Problem]:

@@ -46,6 +46,7 @@ REAL_SLICE = 0.02
 # Names of an enumeration take longer to read than its values, thousands of times a second.
 _QUERY = int(Reason.QUERY)
 _RATE = int(Query.RATE)
+_OF_PINS = frozenset((int(Told.LEVEL), int(Told.DUTY), int(Told.SERVO), int(Told.MODE), int(Told.STEP)))
 _OF_THE_BUS = frozenset((int(Told.FIFO_OVERFLOW), int(Told.BUS_STUCK)))
 
 
@@ -311,8 +312,8 @@ class Lockstep:
         board.answer = 0.0
         if process.reason == _QUERY:
             board.answer = self._world.answer(board, process.query, process.pin)
-            # A sketch that sums up a gyro's rate asks for it thousands of times a second.
-            if process.query == _RATE and all(each is board for each in self._drivers):
+            # A sketch that sums up a gyro's rate asks for it thousands of times a second. Steps end no slice.
+            if process.query == _RATE and not board.steppers and all(each is board for each in self._drivers):
                 board.holds = self._world.steady_until
 
     def _horizon(self, board: Board, until: int) -> int:
@@ -374,8 +375,10 @@ class Lockstep:
             elif record.kind == Told.BAUD:
                 board.baud[record.pin] = record.value if record.value > 0 else _USUAL_BAUD
             else:
-                for stepper in board.steppers.get(record.pin, ()):
-                    stepper.add(record)
+                # Others have the number of a part in the place of a pin.
+                for stepper in board.steppers.get(record.pin, ()) if record.kind in _OF_PINS else ():
+                    if record.kind != Told.STEP or record.pin == stepper.step_pin:
+                        stepper.add(record)
                 board.records.append(record)
                 board.waits = True
 

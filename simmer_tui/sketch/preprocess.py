@@ -73,6 +73,7 @@ Templates = Mapping[str, tuple[int, ...]]
 _TEMPLATE = re.compile(
     r"\btemplate\s*<(?P<types>[^<>;{}()]*)>[^;{}()]*?\b(?P<name>[A-Za-z_]\w*)\s*\((?P<arguments>[^(){};]*)\)"
 )
+_MEMBER = re.compile(r"(?:\.|->)\s*[A-Za-z_]\w*\s*$")
 _BEFORE_CALLS = frozenset(("return", "else", "do", "case", "and", "or", "not"))
 """Words before the name of a function that is called."""
 
@@ -189,7 +190,9 @@ def _with_one_width(source: str, templates: Templates) -> str:
         if match.start() in heads or not is_call or end is None:
             continue
         for place, (first, last) in enumerate(_argument_places(plain, match.end() + 1, end)):
-            if place in templates[match[1]] and first < last and plain[first] != "{":
+            # A bit-field cannot be passed on.
+            is_member = _MEMBER.search(plain, first, last) is not None
+            if place in templates[match[1]] and first < last and plain[first] != "{" and not is_member:
                 added += [(first, "board_wide("), (last, ")")]
     made: list[str] = []
     done = 0
@@ -343,6 +346,9 @@ def prototypes(source: str) -> tuple[list[str], list[int], list[tuple[int, int]]
         if _without_defaults(f"{kind} {name}({arguments})") in declared:
             continue
         if "=" in arguments:
+            names = re.findall(r"[A-Za-z_]\w*", " ".join(re.findall(r"=([^,]*)", arguments)))
+            if any(_is_defined_after(places.get((), begin), each, plain) for each in names):
+                continue
             # A default stands once: in the prototype, with the texts that it may have.
             arguments = source[opened:closed].strip()
             given = re.finditer(r"=[^,]*", flat[opened:closed])
@@ -350,6 +356,12 @@ def prototypes(source: str) -> tuple[list[str], list[int], list[tuple[int, int]]
         made = f"{kind} {name}({arguments})"
         found.append("\n".join((*inside, f"{made};", *("#endif" for line in inside if _opens(line)))))
     return found, list(places.values()), defaults
+
+
+def _is_defined_after(place: int, name: str, plain: str) -> bool:
+    """True if a source defines a name only after a place: a macro, a constant or a function."""
+    found = re.search(rf"#\s*define\s+{name}\b|\b{name}\s*(?:=|\()", plain)
+    return found is not None and found.start() > place
 
 
 def _without_defaults(declaration: str) -> str:

@@ -612,7 +612,7 @@ def test_who_is_mostly_refused_got_nowhere_because_of_that(last: tuple[str, ...]
     mission.give("u1", "d1-1", *("u1", "d1-0,5", "r1-12,5") * 60, *last)
     cause = mission.why(1, words="failed")
     assert (cause.kind, cause.culprits) == (Kind.REFUSED, ("d1", "r1"))
-    assert re.match(r"120 of 12\d commands to drive were refused from 5\d\.\d s on", cause.text)
+    assert re.match(r"120 of 12\d commands to drive were refused, the first at 5\d\.\d s", cause.text)
     assert "such as d1-0,5 at 50.3 s: '0,5' is not a finite decimal number" in cause.text
 
 

@@ -71,7 +71,9 @@ def test_numbers_of_refused_commands_are_those_of_the_tables() -> None:
     run = mission.evidence()
     cause = cause_of(run)
     assert cause.kind is Kind.REFUSED
-    assert re.match(r"91 of 100 commands to drive were refused from 50\.\d s on, such as d1-0.5", cause.text)
+    assert re.match(
+        r"91 of 100 commands to drive were refused, the first at 50\.\d s, such as d1-0.5", cause.text
+    )
     assert "Wait for the end" in cause.advice
     commands = {row["fact"]: row["count"] for row in fact_tables(run)[0].objects()}
     assert commands["refused"] == 91

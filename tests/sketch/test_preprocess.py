@@ -98,6 +98,14 @@ def test_a_default_of_a_function_stands_in_its_prototype_alone(tmp_path: Path) -
     assert "int16_t ahead(int16_t by = 1);\nint16_t ahead(int16_t by) {" in rest
 
 
+def test_a_default_of_what_is_defined_later_stays_where_it_is() -> None:
+    source = (
+        "const int FAST = 9;\nvoid setup() {}\n#define PAUSE 5\nconst int SLOW = 3;\n"
+        "void a(int s = SLOW) {}\nvoid b(int t = PAUSE) {}\nvoid c(int f = FAST) {}\n"
+    )
+    assert prototypes(source)[0] == ["void setup();", "void c(int f = FAST);"]
+
+
 @pytest.mark.parametrize(
     ("written", "made"),
     [
@@ -106,6 +114,8 @@ def test_a_default_of_a_function_stands_in_its_prototype_alone(tmp_path: Path) -
         ("// limit(a, b, c)", "// limit(a, b, c)"),
         ("swap(a, b); put(3, x); o.limit(1, 2);", "swap(a, b); put(3, x); o.limit(1, 2);"),
         ("limit<long>(a, 0, 9)", "limit<int32_t>(a, 0, 9)"),
+        # A bit-field cannot be passed on.
+        ("limit(c.b, c->b, 9)", "limit(c.b, c->b, board_wide(9))"),
     ],
 )
 def test_arguments_of_one_type_have_one_width(written: str, made: str | None) -> None:

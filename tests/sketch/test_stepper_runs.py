@@ -96,6 +96,46 @@ def test_the_robot_stands_where_its_steps_say_whatever_slices_are(tmp_path: Path
     assert "rover.ino:" in changes[0].command.source
 
 
+BUS = """
+#include <Wire.h>
+#include <MPU6050_light.h>
+#include <LiquidCrystal_I2C.h>
+MPU6050 mpu(Wire);
+LiquidCrystal_I2C lcd(0x27, 16, 2);
+void setup() {
+  for (int pin = 2; pin < 9; pin++) pinMode(pin, OUTPUT);
+  Serial.begin(115200); lcd.init(); Wire.setClock(400000); mpu.begin(); mpu.calcOffsets();
+  digitalWrite(5, LOW); digitalWrite(6, HIGH);
+  for (int step = 0; step < 60; step++) {
+    digitalWrite(2, HIGH); digitalWrite(3, HIGH); delayMicroseconds(700);
+    digitalWrite(2, LOW); digitalWrite(3, LOW); delayMicroseconds(700);
+    mpu.update();
+    if (step % 20 == 0) lcd.print(step);
+  }
+  for (int i = 0; i < 100; i++) { mpu.update(); delay(1); }
+  Serial.println(mpu.getAngleZ());
+}
+void loop() {}
+"""
+
+
+def test_a_gyro_beside_steppers_measures_each_step_whatever_slices_are(tmp_path: Path) -> None:
+    gyro = '[[sensors]]\ncode = "g1"\nboard = "rover"\npart = "mpu6050"\n'
+    configuration = made_set(tmp_path / "set", ROVER + STEPPERS + gyro, {"rover.ino": BUS})
+    runs = []
+    for slice_length in (100_000, 1_000_000, 20_000_000):
+        boards = exact(configuration, 4.0, slice_length)
+        boards.close()
+        sent = bytes(value for _, value in boards.robot.lockstep.sent)
+        runs.append((sent, boards.simulator.pose))
+    assert runs[1:] == runs[:1] * 2
+    sent, pose = runs[0]
+    # 60 steps of each wheel, in opposite directions.
+    assert pose.heading == pytest.approx(math.degrees(1.2 / _TRACK), abs=1e-4)
+    # It is read right after a step, when the rim is fast.
+    assert float(sent.decode()) > pose.heading
+
+
 def test_encoders_turn_with_steps_of_the_same_board(tmp_path: Path) -> None:
     text = f"""{PULSED}
 volatile int edges;

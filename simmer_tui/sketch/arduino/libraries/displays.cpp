@@ -2,6 +2,8 @@
 #include "../core/Arduino.h"
 #include "LiquidCrystal.h"
 #include "LiquidCrystal_I2C.h"
+#include "../board/i2c.h"
+#include "Wire.h"
 
 // Waits at the start that the controller's data sheet asks for, microseconds.
 static constexpr unsigned int POWER_UP = 50000, FIRST_MODES = 4500, LAST_MODE = 150;
@@ -67,6 +69,7 @@ LiquidCrystal_I2C::LiquidCrystal_I2C(int address, int, t_backlighPol) : LiquidCr
 void LiquidCrystal_I2C::init() { begin(columns_, rows_); }
 
 void LiquidCrystal_I2C::begin(int columns, int rows, int) {
+  Wire.begin();
   set_size(columns ? columns : columns_, rows ? rows : rows_);
   delayMicroseconds(POWER_UP);
   board::pass(board::cost::DISPLAY_TRANSFER);
@@ -84,6 +87,7 @@ void LiquidCrystal_I2C::begin(int columns, int rows, int) {
 }
 
 void LiquidCrystal_I2C::put() {
+  board::i2c_pass(0);  // as every use of Wire: in an interrupt it waits without end
   // The bits, then with the enable bit, and without it.
   board::pass(3 * board::cost::DISPLAY_TRANSFER);
   delayMicroseconds(51);
@@ -95,7 +99,10 @@ void LiquidCrystal_I2C::transfer(bool, uint8_t) {
 }
 
 // The light makes no difference to what is seen here.
-void LiquidCrystal_I2C::backlight() { board::pass(board::cost::DISPLAY_TRANSFER); }
+void LiquidCrystal_I2C::backlight() {
+  board::i2c_pass(0);
+  board::pass(board::cost::DISPLAY_TRANSFER);
+}
 void LiquidCrystal_I2C::noBacklight() { backlight(); }
 void LiquidCrystal_I2C::on() {
   display();
