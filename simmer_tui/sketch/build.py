@@ -449,6 +449,26 @@ def _own_name(name: str) -> str:
     return name.removesuffix(".cpp") if name.endswith((".ino.cpp", ".pde.cpp")) else name
 
 
+def _of_no_library(text: str) -> str:
+    """The sentence about a name that a class of the runtime's libraries has not; else empty."""
+    # As gcc and clang write them: of an object, then of the class.
+    found = (
+        re.search(r"'(?:class |struct )?(?P<kind>\w+)' has no member named '(?P<name>\w+)'", text)
+        or re.search(r"'(?P<name>\w+)' is not a member of '(?P<kind>\w+)'", text)
+        or re.search(r"no member named '(?P<name>\w+)' in '(?P<kind>\w+)'", text)
+    )
+    if found is None or found["kind"] not in _library_classes():
+        return ""
+    what = f"the simulator's {found['kind']} has no {found['name']}; its calls are in docs/sketch-calls.md"
+    return f"{what}. Put another library of this name in the sketch's folder, in libraries/NAME"
+
+
+@cache
+def _library_classes() -> frozenset[str]:
+    texts = (each.read_text(encoding="utf-8") for each in _library_headers())
+    return frozenset(name for text in texts for name in re.findall(r"(?m)^class (\w+)", text))
+
+
 def _of_no_board(text: str, line: str) -> str:
     """The sentence about a register, an interrupt or a call that no simulated board has; else empty."""
     undeclared = re.search(r"'(\w+)' was not declared|undeclared identifier '(\w+)'", text)
@@ -475,7 +495,8 @@ def _errors(output: str, compiler: Compiler, files: Sequence[Path]) -> Iterator[
         name, _, number = place.rpartition(":")
         lines = texts.get(name, [])
         line = lines[int(number) - 1].strip() if 0 < int(number) <= len(lines) else ""
-        yield Problem(place, _of_no_board(text, line) or (f"{text}: {line}" if line else text))
+        told = _of_no_board(text, line) or _of_no_library(text)
+        yield Problem(place, told or (f"{text}: {line}" if line else text))
         seen += 1
         if seen == MOST_ERRORS:
             return

@@ -131,6 +131,9 @@ REFUSED = {
     "void f() { DDRB |= 1; }": "DDRB is a register of the chip, and registers are not simulated: use",
     "void f() { TCCR1B = 0; }": "TCCR1B is a register of the chip",
     "void f() { ledcWrite(1, 2); }": "ledcWrite is a call of another board; there are uno, nano, mega",
+    "#include <Servo.h>\nServo s; void f() { s.sweep(1); }": "the simulator's Servo has no sweep; its",
+    "#include <Stepper.h>\nint f() { return Stepper::FAST; }": "the simulator's Stepper has no FAST",
+    "struct Own {} own; void f() { own.go(); }": "'go'",
     "void f() { goo(1); }": "'?goo'? was not declared|undeclared identifier 'goo'",
 }
 
@@ -140,5 +143,6 @@ REFUSED = {
 @pytest.mark.parametrize("line", REFUSED)
 def test_what_no_board_has_is_refused_with_what_is_there(tmp_path: Path, line: str) -> None:
     sketch = files(tmp_path, {"rover/rover.ino": f"int n;\n{line}\n{EMPTY}"})
-    with pytest.raises(ConfigurationError, match=rf"rover\.ino:2: .*(?:{REFUSED[line]})"):
+    place = 2 + line.count("\n")
+    with pytest.raises(ConfigurationError, match=rf"rover\.ino:{place}: .*(?:{REFUSED[line]})"):
         build_sketch(sketch, UNO)

@@ -336,6 +336,32 @@ def test_rangers_begin_at_one_address_and_are_off_by_xshut(tmp_path: Path) -> No
     assert found[11:] == ["0", "6553510", "29 31 ", "1", "0"]
 
 
+JUST_RELEASED = """
+#include <VL53L0X.h>
+#include <Adafruit_VL53L0X.h>
+VL53L0X left;
+Adafruit_VL53L0X right;
+void setup() {
+  Serial.begin(115200);
+  Wire.begin();
+  pinMode(7, OUTPUT); pinMode(8, OUTPUT);
+  digitalWrite(8, HIGH); Serial.println(left.init());
+  digitalWrite(8, LOW);
+  digitalWrite(7, HIGH); Serial.println(right.begin(0x30));
+  digitalWrite(7, LOW); Serial.println(right.begin(0x30));
+}
+void loop() {}
+"""
+
+
+@pytest.mark.slow
+@compiled
+def test_adafruit_asks_who_is_there_when_a_released_ranger_has_begun(tmp_path: Path) -> None:
+    """Pololu's library asks at first, and gets no answer yet."""
+    wiring = RANGER.format(code="t1") + "xshut = 8\n" + RANGER.format(code="u1") + "xshut = 7\n"
+    assert lines_of(tmp_path, wiring, JUST_RELEASED, 1.0) == ["0", "1", "0"]
+
+
 NOT_WAITING = """
 #include <Wire.h>
 #include <VL53L0X.h>

@@ -57,12 +57,18 @@ uint32_t VL53L0X::readReg32Bit(uint8_t reg) {
 
 // -- VL53L0X -----------------------------------------------------------------------------------------
 
-bool VL53L0X::init(bool) {
-  if (readReg(reg::MODEL) != reg::MODEL_ID) return false;
-  board::i2c_pass(SETTINGS);
+bool VL53L0X::is_there() { return readReg(reg::MODEL) == reg::MODEL_ID; }
+
+void VL53L0X::calibrate() {
   delay(CALIBRATIONS);
   setSignalRateLimit(0.25f);
   setMeasurementTimingBudget(reg::DEFAULT_BUDGET);
+}
+
+bool VL53L0X::init(bool) {
+  if (!is_there()) return false;
+  board::i2c_pass(SETTINGS);
+  calibrate();
   return true;
 }
 
@@ -163,7 +169,13 @@ bool VL53L0X::timeoutOccurred() {
 bool Adafruit_VL53L0X::begin(uint8_t address, bool, TwoWire*, VL53L0X_Sense_config_t config) {
   Wire.begin();
   sensor_.address_ = VL53L0X_I2C_ADDR;
-  const bool is_there = sensor_.init() && setAddress(address) && configSensor(config);
+  // It writes the settings whether somebody answers or not: meanwhile a part that was just released has begun.
+  board::i2c_pass(SETTINGS);
+  bool is_there = sensor_.is_there();
+  if (is_there) {
+    sensor_.calibrate();
+    is_there = setAddress(address) && configSensor(config);
+  }
   Status = is_there ? VL53L0X_ERROR_NONE : VL53L0X_ERROR_CONTROL_INTERFACE;
   return is_there;
 }

@@ -50,6 +50,8 @@ class VL53L0X {
 
  private:
   friend class Adafruit_VL53L0X;
+  bool is_there();
+  void calibrate();
   void open_page(bool open);
   void start(uint8_t mode);
   bool wait_ready();
