@@ -314,7 +314,7 @@ class SketchFacts:
     def ordered_pins(self, call: SketchCall, index: int, depth: int = 0) -> list[int]:
         """The pins that an argument of a call can be, each once: elements of an array in their order, and
         those of a parameter in the order of the calls. One that is unknown is missing."""
-        if index >= len(call.arguments) or depth > _DEEPEST:
+        if index >= len(call.arguments) or not call.arguments[index] or depth > _DEEPEST:
             return []
         argument = call.arguments[index]
         name = argument[0].text
