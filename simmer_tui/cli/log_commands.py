@@ -112,15 +112,18 @@ def build_report(
 
 def _steps(log: LogReader, run: RunStatistics, table: CommandTable | None) -> Iterator[int]:
     """Read the log, and yield the position in it from time to time."""
-    for block in log.blocks():
-        # A row of the table has the time after its event.
-        for part in [block] if table is None else [[logged] for logged in block]:
-            run.add(part)
-            if table is not None and isinstance(part[0], Logged):
-                table.add(part[0], run.elapsed)
+    if table is None:
+        for block in log.blocks():
+            run.add(block)
+            yield log.position
+        return
+    # Event by event: a row of the table has the time after its own.
+    for logged in log:
+        run.add([logged])
+        if isinstance(logged, Logged):
+            table.add(logged, run.elapsed)
         yield log.position
-    if table is not None:
-        table.finish()
+    table.finish()
 
 
 def _export_options(parser: OneLineParser) -> None:

@@ -4,6 +4,7 @@ Their number depends on how fast the machine ends the program, so two runs of on
 """
 
 import math
+from collections.abc import Sequence
 
 from simmer_tui.run.events import (
     ActionDone,
@@ -108,6 +109,17 @@ class Analysis:
         if is_over and isinstance(event, ActionDone):
             self._history.clock.skip(self.elapsed)
         self._reducer.apply(event, line, real_time)
+
+    def apply_readings(
+        self, results: Sequence[CommandResult], lines: Sequence[int], real_times: Sequence[float]
+    ) -> None:
+        """Note readings that follow each other, as a reducer does."""
+        # A reading ends no mission.
+        if not self._history.is_over:
+            self._reducer.apply_readings(results, lines, real_times)
+            return
+        for event, line, real_time in zip(results, lines, real_times, strict=True):
+            self.apply(event, line, real_time)
 
     @property
     def elapsed(self) -> float:

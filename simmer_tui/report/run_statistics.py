@@ -31,7 +31,7 @@ from simmer_tui.run.state import MissionProgress
 from simmer_tui.run.table import First
 from simmer_tui.runlog.header import Header
 from simmer_tui.runlog.log_records import BrokenLine
-from simmer_tui.runlog.reader import Logged, LogReader
+from simmer_tui.runlog.reader import Logged, LoggedReadings, LogReader
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import Status
@@ -78,18 +78,21 @@ class RunStatistics:
         """Sensors and drives that are not as they should be; after `finish`."""
         self.real_seconds = 0.0
 
-    def add(self, block: Iterable[Logged | BrokenLine]) -> None:
+    def add(self, block: Iterable[Logged | LoggedReadings | BrokenLine]) -> None:
         """Add the next events and broken lines."""
-        apply = self._analysis.apply
+        apply, apply_readings = self._analysis.apply, self._analysis.apply_readings
         latest = self.header.real_time + self.real_seconds
         for logged in block:
-            # Types are compared, and no max(): a log has millions of events.
+            # Types are compared: a log has millions of events.
+            if type(logged) is LoggedReadings:
+                latest = max(latest, *logged.real_times)
+                apply_readings(logged.results, logged.lines, logged.real_times)
+                continue
             if type(logged) is BrokenLine:
                 self.broken.add(logged)
                 continue
             event, real_time = logged.event, logged.real_time
-            if real_time > latest:
-                latest = real_time
+            latest = max(latest, real_time)
             apply(event, logged.line, real_time)
             reading = event.reading if type(event) is CommandResult else None
             if reading is not None and reading.scan is not None:

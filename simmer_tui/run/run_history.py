@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter, deque
-from collections.abc import Callable, Container, Iterator, Mapping
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from functools import cached_property, lru_cache
 from typing import NamedTuple
 
@@ -64,7 +64,7 @@ from simmer_tui.sim.gripper import in_robot_frame
 from simmer_tui.sim.legs import Leg
 from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose
-from simmer_tui.sim.records import REFUSALS, Reading
+from simmer_tui.sim.records import REFUSALS
 from simmer_tui.sim.specs import Axes, DriveKind
 from simmer_tui.sim.trajectory import Trajectory
 from simmer_tui.sim.velocity_commands import WAIT
@@ -401,40 +401,53 @@ class RunHistory:
             self._first = now
         self.real_time = now - self._first
 
-    def add_result(self, result: CommandResult, under_way: Trajectory | Leg | None) -> None:
+    def add_result(self, result: CommandResult) -> None:
+        """Add the result of a command that is no reading."""
         elapsed = self.clock.advance(result.time)
         if self._trail.text:
             self._trail.begun(result.number, result.time)
         command, number = result.command, result.number
-        # Compared with each status, text by text: most results are readings.
-        refused = result.reading is None and result.status in REFUSALS
+        refused = result.status in REFUSALS
         self.commands.append(
             self.order, self.line, elapsed, self.real_time, number if number < _LARGEST else _LARGEST,
             self._codes[STOPS if command.stops else command.code], self._sources[command.source], refused,
             refused and result.is_early, result.link,
         )  # fmt: skip
-        if result.reading is not None:
-            self._add_reading(result, result.reading, elapsed, under_way)
-        elif refused:
+        if refused:
             self.refusals.add(RefusalRow(self.order, self.line, elapsed, result))
 
-    def _add_reading(
-        self, result: CommandResult, reading: Reading, elapsed: float, under_way: Trajectory | Leg | None
+    def add_readings(
+        self,
+        results: Sequence[CommandResult],
+        lines: Sequence[int],
+        real_times: Sequence[float],
+        under_way: Trajectory | Leg | None,
     ) -> None:
-        code, pose = reading.sensor.code, result.pose
-        taken = result.time if result.taken is None else result.taken
-        error = self._truth.error(reading, under_way, result.time)
-        # A reading cannot have been taken after it was answered, whatever a damaged log says.
-        taken += self.clock.before
-        if taken > elapsed:
-            taken = elapsed
-        self.readings.append(
-            self.order, self.line, elapsed, taken,
-            self._sensors[code], reading.value, reading.true, math.nan if error is None else error,
-            reading.took, self._gone, self._turned, pose.x, pose.y, pose.heading,
-        )  # fmt: skip
-        if self.paths is not None and reading.scan is not None:
-            self.paths.scan(self.clock.before, elapsed, taken, reading)
+        """Add readings that follow each other during one movement, or none, and begin their events."""
+        clock, paths, gone, turned = self.clock, self.paths, self._gone, self._turned
+        for result, line, real_time in zip(results, lines, real_times, strict=True):
+            self.begin(line, real_time)
+            elapsed = clock.advance(result.time)
+            if self._trail.text:
+                self._trail.begun(result.number, result.time)
+            command, number, reading, pose = result.command, result.number, result.reading, result.pose
+            assert reading is not None
+            self.commands.append(
+                self.order, self.line, elapsed, self.real_time, number if number < _LARGEST else _LARGEST,
+                self._codes[command.code], self._sources[command.source], False, False, result.link,
+            )  # fmt: skip
+            error = self._truth.error(reading, under_way, result.time)
+            # A reading cannot have been taken after it was answered, whatever a damaged log says.
+            taken = clock.before + (result.time if result.taken is None else result.taken)
+            if taken > elapsed:
+                taken = elapsed
+            self.readings.append(
+                self.order, self.line, elapsed, taken, self._sensors[reading.sensor.code],
+                reading.value, reading.true, math.nan if error is None else error,
+                reading.took, gone, turned, pose.x, pose.y, pose.heading,
+            )  # fmt: skip
+            if paths is not None and reading.scan is not None:
+                paths.scan(clock.before, elapsed, taken, reading)
 
     def add_plan(self, planned: MovementPlanned) -> None:
         elapsed = self.clock.advance(planned.time)

@@ -121,11 +121,11 @@ class LogDecoder:
         Raises RunLogError for a record that does not fit the configuration or the records before it.
         """
         if isinstance(record, ReadingRecord):
-            return (self._reading(record),)
+            return (self.reading(record),)
         kind = type(record)
         if kind is CheckpointRecord:
             return ()
-        known = {"pose": self.pose} if isinstance(record, AnswerRecord | BeliefRecord) else None
+        known = {"pose": self.pose} if kind is AnswerRecord or kind is BeliefRecord else None
         values = line_form(kind).values(record, self._makers, known)
         if isinstance(record, AnswerRecord):
             values["taken"] = record.taken
@@ -174,7 +174,8 @@ class LogDecoder:
             return Command(text, text.strip()[:2], source=source, stops=True)
         return self._parsed(text, source)
 
-    def _reading(self, record: ReadingRecord) -> CommandResult:
+    def reading(self, record: ReadingRecord) -> CommandResult:
+        """The event of a reading. Raises RunLogError, as `events` does."""
         # By hand, not by `line_form`: a log has millions of these.
         command = self._parsed(record.command, record.source)
         sensor = self._sensors.get(command.code)

@@ -485,3 +485,8 @@ def decode_line(data: bytes, line: int) -> AnyRecord | BrokenLine:
         return _LINE.decode(data)
     except ValueError as error:
         return BrokenLine(line, cut(str(error)) if data.strip() else "it is empty")
+
+
+def decode_lines(data: bytes) -> list[AnyRecord] | None:
+    """The records of whole lines, all at once; None if any line is broken."""
+    return _LINE.decode_lines(data)

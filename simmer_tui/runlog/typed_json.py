@@ -22,7 +22,8 @@ class TypedJson(Generic[_Kind]):
     def __init__(self, kind: Any) -> None:
         """`kind` is a struct, or a union of tagged ones."""
         self._kind = kind
-        self._decode = msgspec.json.Decoder(kind, dec_hook=_path).decode
+        decoder = msgspec.json.Decoder(kind, dec_hook=_path)
+        self._decode, self._decode_lines = decoder.decode, decoder.decode_lines
 
     def decode(self, data: bytes) -> _Kind:
         """A value, lone halves of surrogate pairs in its texts included. Raises ValueError."""
@@ -36,6 +37,16 @@ class TypedJson(Generic[_Kind]):
             # Names of files that are no UTF-8 have lone surrogates, which msgspec refuses.
             return self._decoded_by_json(data)
         return found
+
+    def decode_lines(self, data: bytes) -> list[_Kind] | None:
+        """The values of whole lines, decoded at once, which is faster; None unless `decode` would give one
+        for each."""
+        try:
+            found: list[_Kind] = self._decode_lines(data)
+        except (RecursionError, ValueError):
+            return None
+        # A value on two lines, or two values on one, may be read: `}` and `{` enclose no line end in a value.
+        return found if len(found) == data.count(b"\n") == data.count(b"}\n{") + 1 else None
 
     def _decoded_by_json(self, data: bytes) -> _Kind:
         try:
