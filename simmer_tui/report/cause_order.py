@@ -484,19 +484,8 @@ def _first_use(seen: Attempt, code: str) -> float:
 
 def _missed_grip(run: RunEvidence) -> Fact | None:
     seen, gripper = run.seen, run.seen.spec.gripper
-    if seen.task is None or gripper is None:
+    if seen.task is None or run.has_contact or gripper is None:
         return None
-    if run.contact is not None and run.has_contact:
-        opened = run.unnoticed_take if run.contact.met.contact.held_block else None
-        if opened is None:
-            return None
-        code, place = gripper.code, (opened.grip.block.x, opened.grip.block.y)
-        text = (
-            f"{code}-0 was sent at the block at {opened.elapsed:.1f} s, with the jaws open; then a load "
-            f"sensor was read. {code}-1 took the block after that, and no load sensor was read any more."
-        )
-        advice = f"Close the gripper with {code}-1, and open it with {code}-0."
-        return Fact(text, opened, place=place, culprits=(code,), advice=advice, then=_contact(run))
     if seen.misses and not seen.taken:
         return _closed_on_nothing(run, seen.misses[-1], gripper.code)
     unused = run.unused_grip

@@ -400,24 +400,6 @@ class RunEvidence:
         return first
 
     @property
-    def unnoticed_take(self) -> GripRow | None:
-        """The opening of open jaws with the block between them, after which a load sensor was read, if the
-        next grip took the block and none was read after that: the program takes one command for the other."""
-        seen, load = self.seen, {each.code for each in self.seen.load_sensors}
-        grips = [row for row in seen.history.grips.items if row.order > seen.history.began]
-        codes, readings = seen.history.sensor_codes, seen.within(seen.history.readings)
-        orders = readings["order"][[codes[number] in load for number in readings["sensor"]]]
-        moves = seen.within(seen.history.movements)
-        moved = moves["order"][~moves["grips"]]
-        for opened, took in zip(grips[-2::-1], grips[:0:-1], strict=True):
-            if took.grip.holding and not took.had:
-                asked = opened.order < orders[-1:].max(initial=0) < took.order
-                is_open = not opened.grip.closed and not opened.had and self.closed_before(opened) is None
-                has_stood = not ((moved > opened.order) & (moved < took.order)).any()
-                return opened if asked and is_open and has_stood else None
-        return None
-
-    @property
     def velocities_left(self) -> int:
         """Number of connections of a program that drove by velocities and connected for nearly each command:
         a velocity ends with its connection. Else 0."""

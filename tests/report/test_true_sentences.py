@@ -147,16 +147,6 @@ def test_a_block_that_was_let_go_where_it_lay_was_carried_nowhere() -> None:
     assert cause.advice.startswith("Print what l1 replies after it has closed")
 
 
-@pytest.mark.parametrize("noticed", [True, False])
-def test_a_block_that_was_taken_by_the_command_for_opening_is_told(noticed: bool) -> None:
-    mission = begin((28.0, 42.0, 180.0))
-    mission.give("d1-4", "p1-0", "l1", "p1-1", *(("l1",) if noticed else ()))
-    mission.give("u1", "u2", "u4", "w1--2", *["r1-90"] * 4)
-    cause = mission.why()
-    assert cause.kind is (Kind.TOO_CLOSE if noticed else Kind.MISSED_GRIP)
-    assert noticed or cause.text.startswith("p1-0 was sent at the block at 5")
-
-
 # -- beliefs, and the end ----------------------------------------------------------------------------------
 
 
