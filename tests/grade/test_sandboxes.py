@@ -262,10 +262,13 @@ def start(sandbox: LaunchedSandbox, command: str = "python3 'a b.py'") -> Simple
 
 
 def test_the_last_order_starts_the_program(
-    sandbox: LaunchedSandbox, launched: Launched, monkeypatch: pytest.MonkeyPatch
+    sandbox: LaunchedSandbox, launched: Launched, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     is_metered = isinstance(sandbox, Bubblewrap)
     monkeypatch.setattr(platform_has, "user_id", lambda: 1000)
+    # A PATH may have no python3: then the command gets the path of this one.
+    (tmp_path / "python3").symlink_to(sys.executable)
+    monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
     launched.answers = [{}] * is_metered
     run = start(sandbox)
     process = launched.processes[0]
