@@ -9,7 +9,6 @@ connection that saves two thirds of the bytes. The spans can go once Textual cro
 (Textualize/textual#5625), the styles cannot.
 """
 
-import asyncio
 import os
 import re
 import select
@@ -437,13 +436,19 @@ if sys.platform != "win32" and platform_has.POSIX:
             return self._in_band_window_resize and has_pixels and is_size
 
         def send_message(self, message: Message) -> None:
-            future = asyncio.run_coroutine_threadsafe(self._app._post_message(message), self._loop)
-            if threading.current_thread() is not self._key_thread:
-                return
+            # Textual's own makes a coroutine here. One that comes as the loop ends is never awaited: Python
+            # warns of it below the picture of a screen that has ended well.
+            with suppress(RuntimeError):  # the loop has ended
+                self._loop.call_soon_threadsafe(self._app.post_message, message)
+                if threading.current_thread() is self._key_thread:
+                    self._wait_for_app()
+
+        def _wait_for_app(self) -> None:
+            """Wait until the app has few messages before it."""
             self._sent += 1
             if self._sent % _AHEAD == 0:
                 posted = threading.Event()
-                future.add_done_callback(lambda _: posted.set())
+                self._loop.call_soon_threadsafe(posted.set)
                 # The loop may wait for this thread: it does when the app ends.
                 while not (posted.wait(_SOON) or self.exit_event.is_set()):
                     pass

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import fcntl
+import gc
 import os
 import random
 import resource
@@ -39,11 +40,14 @@ class Listener:
         self.fault: Exception | None = None
         self._message_queue: asyncio.Queue[None] = asyncio.Queue()
 
-    async def _post_message(self, message: Message) -> bool:
+    def post_message(self, message: Message) -> bool:
         with self.came:
             self.got.append(message)
             self.came.notify_all()
         return True
+
+    async def _post_message(self, message: Message) -> bool:
+        return self.post_message(message)
 
     def _handle_exception(self, error: Exception) -> None:
         with self.came:
@@ -103,7 +107,8 @@ class Line:
         return not termios.tcgetattr(self.theirs)[3] & termios.ISIG
 
     def close(self) -> None:
-        self.loop.call_soon_threadsafe(self.loop.stop)
+        if not self.loop.is_closed():
+            self.loop.call_soon_threadsafe(self.loop.stop)
         self.thread.join()
         self.loop.close()
         self.stream.close()
@@ -203,9 +208,9 @@ def test_input_that_comes_too_fast_waits_in_the_kernel(reading: Line) -> None:
     typed = "u" * 3000
     lengths = []
 
-    async def post(message: Message) -> bool:
+    def post(message: Message) -> bool:
         reading.app._message_queue.put_nowait(None)
-        return await Listener._post_message(reading.app, message)
+        return Listener.post_message(reading.app, message)
 
     async def work() -> None:
         for _ in typed:
@@ -213,7 +218,7 @@ def test_input_that_comes_too_fast_waits_in_the_kernel(reading: Line) -> None:
             lengths.append(reading.app._message_queue.qsize())
             await asyncio.sleep(0)
 
-    reading.app._post_message = post  # type: ignore[method-assign]
+    reading.app.post_message = post  # type: ignore[method-assign]
     working = asyncio.run_coroutine_threadsafe(work(), reading.loop)
     for at in range(0, len(typed), 500):
         os.write(reading.ours, typed[at : at + 500].encode())
@@ -279,6 +284,25 @@ def test_a_fault_of_the_input_ends_the_app_by_its_own_way(line: Line) -> None:
     driver._run_input_thread()
     line.app.until(lambda: line.app.fault)
     assert isinstance(line.app.fault, OSError)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("is_closed", [True, False], ids=["closed", "stopped"])
+def test_a_key_that_comes_as_the_app_ends_is_left_out(line: Line, *, is_closed: bool) -> None:
+    """Nothing is left that Python would warn of at the end of the process."""
+    driver = line.driver()
+    line.loop.call_soon_threadsafe(line.loop.stop)
+    line.thread.join()
+    if is_closed:
+        line.loop.close()
+    driver._key_thread = threading.Thread(target=driver.send_message, args=(events.Key("u", "u"),))
+    driver._key_thread.start()
+    driver._key_thread.join(SECONDS)
+    assert not driver._key_thread.is_alive()
+    del driver
+    line.loop.close()
+    gc.collect()
+    assert line.app.got == []
 
 
 def test_a_stop_by_the_terminal_suspends_once_and_never_after_the_end(
