@@ -9,6 +9,7 @@ from pathlib import Path
 
 from simmer_tui.cli import main
 from simmer_tui.cli.command_line import ExitCode, OneLineParser, subcommand
+from simmer_tui.cli.mistyped import robot_command
 from simmer_tui.config.profiles import DRIVE, LINK, SENSOR, profile_names
 from simmer_tui.config.sets import bundled_sets
 from simmer_tui.sim.command import cut
@@ -45,6 +46,8 @@ def run_help(options: argparse.Namespace) -> int:
         text = main.build_parser().format_settings()
     elif topic in main.SUBCOMMANDS:
         text = main.command_named(topic).parser().format_help()
+    elif text := robot_command([topic]):
+        main.build_parser().error(f'"{text}" is a command for the robot: type :help {text} in simmer-tui')
     else:
         main.build_parser().error(f'unknown command "{cut(topic)}"{did_you_mean(topic, topics())}')
     sys.stdout.write(text)

@@ -11,7 +11,8 @@ from typing import NamedTuple
 
 from simmer_tui import platform_has
 from simmer_tui.config.examples import EXAMPLE
-from simmer_tui.config.sets import FILES, bundled_sets
+from simmer_tui.config.set_sketches import WIRING_FILE
+from simmer_tui.config.sets import FILES, bundled_sets, has_set, set_in
 from simmer_tui.program.program_command import (
     SCRIPTS,
     file_nearby,
@@ -44,6 +45,9 @@ _MEANT = {
     "validate": "check DIR",
     "test": "check DIR",
     "examples.py": "examples DIR",
+    **dict.fromkeys(("compile", "verify"), "check DIR"),
+    **dict.fromkeys(("upload", "flash"), "--sketch DIR"),
+    **dict.fromkeys(("log", "logs", "runs"), "report"),
 }
 """Words and options of other programs, and what means the same here."""
 _ENDS = ("exit", "quit", "q", "stop", "end", "kill", ":q", ":quit", "close")
@@ -168,8 +172,11 @@ def _file_advice(word: str, prog: str) -> str:
     path, shown = Path(word), str(word)
     if word in bundled_sets():
         return f'"{shown}" is a configuration set: type {prog} --config {shown}'
-    if path.is_dir() and any((path / name).is_file() or (path / "config" / name).is_file() for name in FILES):
-        return f'"{shown}" is a configuration set: type {prog} --config {_line([word])}'
+    if path.is_dir() and has_set(folder := set_in(path)):
+        option = "--sketch" if (folder / WIRING_FILE).is_file() else "--config"
+        return f'"{shown}" is a configuration set: type {prog} {option} {_line([word])}'
+    if path.is_dir() and any(path.glob("*.ino")):
+        return f'"{shown}" {_DOCUMENTS[".ino"].format(file=_line([word]))}'
     if path.name in FILES and path.is_file():
         return f'"{shown}" is a file of a set: type {prog} --config {_line([str(path.parent)])}'
     if path.name.removesuffix(PACKED).endswith(LOG):

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.set_sketches import WIRING_FILE
-from simmer_tui.config.sets import set_in
+from simmer_tui.config.sets import has_set, set_in
 from simmer_tui.config.settings_file import Override
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim.command import typed_path
@@ -29,12 +29,15 @@ def sketch_set(
         what = "runs boards in the simulator: leave --serial out"
         raise ConfigurationError([Problem("--sketch", what)])
     path = Path(options.sketch)
-    if path.is_file():
+    is_sketch = path.is_dir() and not has_set(set_in(path)) and any(path.glob("*.ino"))
+    if is_sketch or path.is_file():
         # The set is beside the sketch, one folder up, in `config` there, or where the advice below puts it.
-        folder = path.resolve().parent
-        places = [*(set_in(each) for each in (path.parent, folder.parent, Path(_DRAFTED))), folder / _DRAFTED]
+        beside = path if is_sketch else path.parent
+        folder = beside.resolve()
+        places = [*(set_in(each) for each in (beside, folder.parent, Path(_DRAFTED))), folder / _DRAFTED]
         there = next((each for each in places if (each / WIRING_FILE).is_file()), None)
-        what = "is a file; --sketch takes the folder of the set that names it"
+        is_what = "has a sketch and no set" if is_sketch else "is a file"
+        what = f"{is_what}; --sketch takes the folder of the set that names it"
         if there is None:
             what = f"{what}. Make one: simmer-tui init {_DRAFTED} --sketch {typed_path(path)}"
         else:

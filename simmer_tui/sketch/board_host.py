@@ -58,6 +58,9 @@ class LocalBoard:
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             bufsize=0,
+            # A terminal that closes, and ctrl+C, reach the processes of its session. Boards would die by them
+            # before the run is over, and the run would have a fault.
+            start_new_session=True,
         )
         assert self._process.stdin is not None
         assert self._process.stdout is not None

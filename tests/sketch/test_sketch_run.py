@@ -157,6 +157,7 @@ def begun(folder: Path, *options: str) -> subprocess.Popen[str]:
         stderr=subprocess.PIPE,
         text=True,
         env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
+        start_new_session=True,
     )
     assert process.stdout is not None
     while "waiting for connection" not in process.stdout.readline():
@@ -167,9 +168,10 @@ def begun(folder: Path, *options: str) -> subprocess.Popen[str]:
 @pytest.mark.skipif(sys.platform == "win32", reason="signals are those of POSIX")
 def test_a_run_with_boards_that_is_ended_has_no_fault(tmp_path: Path) -> None:
     made_set(tmp_path / "set", ROVER + MOTORS, {"rover.ino": STOPPABLE})
-    for _ in range(3):
+    # A terminal that closes, and one's ctrl+C, reach every process that was started in it.
+    for each in (signal.SIGTERM, signal.SIGHUP, signal.SIGINT):
         process = begun(tmp_path / "set")
-        process.send_signal(signal.SIGTERM)
+        os.killpg(process.pid, each)
         out, err = process.communicate(timeout=60)
         assert "fault" not in out + err
 
