@@ -353,7 +353,7 @@ class SketchRobot(LockstepWorld):
         self._late += present - reached
         if self._late > _MOST_LATE and not self._has_told_late:
             self._has_told_late = True
-            self.engine.tell(Notice(NoticeKind.FAULT, BEHIND))
+            self.engine.tell(Notice(NoticeKind.BOARD, BEHIND))
         return False
 
     def run_to(self, until: float) -> float:

@@ -176,6 +176,19 @@ def test_a_run_with_boards_that_is_ended_has_no_fault(tmp_path: Path) -> None:
         assert "fault" not in out + err
 
 
+def test_boards_that_cannot_keep_pace_are_no_fault_of_the_run(tmp_path: Path) -> None:
+    made_set(tmp_path / "set", ROVER + MOTORS, {"rover.ino": STOPPABLE})
+    log = tmp_path / "run.jsonl"
+    process = begun(tmp_path / "set", "--time-scale", "1000", "--log", str(log))
+    assert process.stderr is not None
+    while "cannot keep pace" not in process.stderr.readline():
+        pass
+    process.terminate()
+    process.communicate(timeout=60)
+    (told,) = [each for each in records(log) if "cannot keep pace" in each.get("text", "")]
+    assert told["about"] == "board"
+
+
 def test_boards_and_a_real_robot_do_not_drive_at_once(tmp_path: Path) -> None:
     made_set(tmp_path / "set", ROVER + MOTORS, {"rover.ino": STOPPABLE})
     done = run(tmp_path / "set", tmp_path / "run.jsonl", "--serial", "/dev/nosuch")
