@@ -48,7 +48,7 @@ from simmer_tui.report.verdict import Verdict
 from simmer_tui.run.run_history import OTHER_CODES, STOPS
 from simmer_tui.run.table import BINS, Errors
 from simmer_tui.sim.command import counted, typed_path
-from simmer_tui.sim.velocity_commands import WAIT
+from simmer_tui.sim.command_codes import code_meanings
 
 _ROWS = 20
 """Most rows of a table of contacts or commands: more of them are more of the same, and are in the log."""
@@ -333,12 +333,7 @@ def _time_spent(run: RunStatistics) -> DataTable:
 
 
 def _commands(run: RunStatistics) -> DataTable:
-    spec = run.configuration.simulation
-    meanings = {sensor.code: sensor.id for sensor in spec.sensors}
-    meanings |= {STOPS: "stop at once"} | {drive.code: drive.kind.meaning for drive in spec.drives}
-    if spec.gripper is not None:
-        meanings[spec.gripper.code] = "gripper"
-    meanings |= {each.code: f"{each.kind.value}, lasting" for each in spec.velocities} | {WAIT: "wait"}
+    meanings = code_meanings(run.configuration.simulation) | {STOPS: "stop at once"}
     rows = [
         (
             "other" if code == OTHER_CODES else code,

@@ -60,6 +60,7 @@ from simmer_tui.run.table import Columns, Errors, Newest, RowTable, Thinned
 from simmer_tui.sim.arrays import BoolArray
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import parse_value
+from simmer_tui.sim.command_codes import code_meanings
 from simmer_tui.sim.gripper import in_robot_frame
 from simmer_tui.sim.legs import Leg
 from simmer_tui.sim.path import Contact
@@ -67,7 +68,6 @@ from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import REFUSALS
 from simmer_tui.sim.specs import Axes, DriveKind
 from simmer_tui.sim.trajectory import Trajectory
-from simmer_tui.sim.velocity_commands import WAIT
 
 _KEPT = 200_000
 """Most rows of commands that are kept. A minute of the fastest program has 150,000."""
@@ -273,9 +273,7 @@ class RunHistory:
         """The last message of a dialect or to a sketch, with its elapsed time, unless a reply came since."""
         self._names = {each.code: each.id for each in spec.sensors}
         self._velocities = frozenset(each.code for each in spec.velocities)
-        drives = (row.code for row in spec.drive_rows)
-        known = frozenset((*self._names, *drives, *self._velocities, WAIT, STOPS))
-        self._codes, self._sensors = _Names(known), _Names()
+        self._codes, self._sensors = _Names(frozenset((*code_meanings(spec), STOPS))), _Names()
         self._sources = _Names(most=_SOURCES)
         self.code_names, self.source_names = self._codes.names, self._sources.names
         self.sensor_codes = self._sensors.names

@@ -19,10 +19,11 @@ from simmer_tui.sim.command import (
     parse_command,
     parse_value,
 )
+from simmer_tui.sim.command_codes import code_meanings
 from simmer_tui.sim.noise import SEEDS
 from simmer_tui.sim.rules import NumberRule, did_you_mean
 from simmer_tui.sim.specs import SimulationSpec
-from simmer_tui.sim.velocity_commands import MOST_WAITED, WAIT
+from simmer_tui.sim.velocity_commands import MOST_WAITED
 
 _ANY_NUMBER = NumberRule()
 # The robot has the same limits. It gets a velocity and a wait, and might refuse only one of them.
@@ -284,13 +285,8 @@ def completions(line: str, spec: SimulationSpec) -> list[tuple[str, str]]:
     if line.startswith(":"):
         return _order_completions(line)
     start = line.strip()[:2]
-    codes = [(s.code, s.id) for s in spec.sensors if s.enabled]
-    codes += [(d.code, d.kind.meaning) for d in spec.drives if d.enabled]
-    if spec.gripper is not None and spec.gripper.enabled:
-        codes.append((spec.gripper.code, "gripper: 1 closes, 0 opens"))
-    codes += [(v.code, f"{v.kind.value}: a velocity that lasts") for v in spec.velocities if v.enabled]
-    codes.append((WAIT, "wait so many seconds"))
-    return [(code, meaning) for code, meaning in codes if code.startswith(start)]
+    codes = code_meanings(spec, all_rows=False)
+    return [(code, meaning) for code, meaning in codes.items() if code.startswith(start)]
 
 
 def _order_completions(line: str) -> list[tuple[str, str]]:
