@@ -25,7 +25,7 @@ _STEPPING = ("move", "setSpeed", "step")
 """Calls of a stepper's object whose sign is the direction."""
 _INVERTED_COILS = 5
 """Arguments of setPinsInverted for four wires; with fewer the first one is that of the direction."""
-_NO_MOTIONS = ("setup", "loop", "")
+_NO_MOTIONS = ("setup", "loop", "main", "")
 """Functions whose names promise no motion."""
 _FORWARD: Mapping[MotorDriver, Mapping[str, float]] = {
     MotorDriver.HBRIDGE: {"en": 1.0, "in1": 1.0, "in2": 0.0},
