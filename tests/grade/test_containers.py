@@ -16,9 +16,9 @@ from pathlib import Path
 import pytest
 
 from simmer_tui.cli.grade_command import run_grade
+from simmer_tui.errors import ProgramError
 from simmer_tui.grade.container import Container, what_is_missing
 from simmer_tui.grade.limits import Limits
-from simmer_tui.program.control_program import ProgramError
 from simmer_tui.program.program_output import ProgramOutput
 from tests.grade.conftest import HIT, SOLVE, read_grades
 
