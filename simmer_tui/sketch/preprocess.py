@@ -68,7 +68,7 @@ _NO_TYPES = frozenset(
 )
 
 
-_MAIN = re.compile(r"\bint\s+(?P<name>main)\s*\(\s*(?:void\s*)?\)\s*\{")
+_MAIN = re.compile(r"\bint\s+(?P<name>main)\s*\((?P<arguments>[^(){};]*)\)\s*\{")
 
 Templates = Mapping[str, tuple[int, ...]]
 """Places of arguments that have one type, by the name of a function template."""
@@ -157,7 +157,8 @@ def board_source(
 
 
 def _without_main(source: str) -> str:
-    """The source with a name of ours for its `main`, which the runtime has too. Its end returns."""
+    """The source with a name of ours for its `main`, which the runtime has too. It has no arguments, and its
+    end returns."""
     if "main" not in source:
         return source
     plain = _plain_text(source)
@@ -171,7 +172,8 @@ def _without_main(source: str) -> str:
             end = match.end() - 1 + each.start()
             source = f"{source[:end]} return 0; {source[end:]}"
             break
-    return f"{source[: match.end('name')]}{OWN}{source[match.end('name') :]}"
+    name, (begin, end) = match.end("name"), match.span("arguments")
+    return f"{source[:name]}{OWN}{source[name:begin]}{_blank(source[begin:end])}{source[end:]}"
 
 
 def sketch_start(sources: Sequence[str]) -> str:

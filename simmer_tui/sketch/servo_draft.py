@@ -12,7 +12,7 @@ from simmer_tui.sketch.sketch_scan import SketchCall, SketchFacts
 _WHEEL, _NO_WHEEL = (
     re.compile(word, re.IGNORECASE)
     for word in (
-        "left|right|wheel|motor|drive|^[lr]_?servo|esc",
+        r"left|right|wheel|motor|drive|^[lr]_?servo|(?:^|[\s_])esc",
         "claw|grip|arm|hand|finger|jaw|door|lid|pan|tilt|scan|look|head|sonar|ping|steer",
     )
 )

@@ -129,6 +129,6 @@ void turn() { turns++; delay(10); }
 def test_a_main_of_the_sketch_replaces_the_core_s(tmp_path: Path) -> None:
     """After it the board does nothing more, as the core's `exit`. It needs no `setup` and no `loop`."""
     assert text_of(tmp_path, OWN_MAIN, b"x") == "own\n20\n"
-    both = "int main() { init(); setup(); for (;;) loop(); }\nlong loops;\n"
+    both = "int main(int argc, char **argv) { init(); setup(); for (;;) loop(); }\nlong loops;\n"
     both += "void setup() { Serial.begin(9600); }\nvoid loop() { if (++loops == 3) Serial.println(loops); }\n"
     assert text_of(tmp_path / "both", both) == "3\n"
