@@ -108,6 +108,10 @@ def _with_duties(steps: Sequence[SketchStep]) -> Iterator[DraftMotor]:
             yield DraftMotor("hbridge", {"in1": numbers[0], "in2": numbers[1], "en": duty})
     apart = [pin for pin in dict.fromkeys(duties) if pin not in used]
     inputs = _directions(steps, {*duties} | used, 2 * len(apart))
+    if not inputs and len(apart) == 1 and not used:
+        # One duty for the enables of both bridges.
+        inputs = _directions(steps, {*duties}, 4)
+        apart = apart * 2 if inputs else apart
     if inputs:
         for at, duty in enumerate(apart):
             yield DraftMotor(

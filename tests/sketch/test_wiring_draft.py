@@ -56,6 +56,17 @@ MOTORS = {
         " analogWrite(p[i][2], v); }\nvoid loop() { one(0, 9); one(1, -9); }",
         [("hbridge", 2, 4, 5), ("hbridge", 7, 8, 6)],
     ),
+    "one function in a loop": (
+        "int p[2][3] = {{2, 4, 5}, {7, 8, 6}};\n"
+        "void one(int i, int v) { digitalWrite(p[i][0], v > 0); digitalWrite(p[i][1], v < 0);"
+        " analogWrite(p[i][2], v); }\nvoid loop() { for (int i = 0; i < 2; i++) one(i, 9); }",
+        [("hbridge", 2, 4, 5), ("hbridge", 7, 8, 6)],
+    ),
+    "one enable of both, in another function": (
+        "void setup() { analogWrite(5, 200); }\nvoid forward() { digitalWrite(2, 1); digitalWrite(3, 0);"
+        " digitalWrite(4, 1); digitalWrite(7, 0); }\nvoid loop() { forward(); }",
+        [("hbridge", 2, 3, 5), ("hbridge", 4, 7, 5)],
+    ),
     "a standby for both, then the levels of one": (
         "#define STBY 10\nvoid move(int motor, int speed, int way) { digitalWrite(STBY, HIGH);"
         " if (motor == 1) { digitalWrite(2, way); digitalWrite(4, !way); analogWrite(5, speed); }"
