@@ -9,32 +9,36 @@ captured a few times a second. A piece of a row that is the same in several pict
 times at which it is visible. Viewers that do not animate show a moment of the run.
 
 With `--still`: the pictures of docs/screen.md, each a moment of such a run, at three sizes, in light
-colours and in plain ASCII, and of its replay.
+colours and in plain ASCII, and of its replay; and the one of docs/sketch-parts.md, with a board and its
+display. That one needs a C++ compiler.
 """
 
 from __future__ import annotations
 
 import argparse
 import asyncio
+import contextlib
 import subprocess
 import sys
 import tempfile
 import threading
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape
 from pathlib import Path
 
 from rich.segment import Segment
 from rich.style import Style
 
+from simmer_tui.cli.sketch_option import compiled
 from simmer_tui.config.loader import Override, load
-from simmer_tui.config.sets import find_set
+from simmer_tui.config.sets import bundled_sets, find_set, init_set
 from simmer_tui.live.server import Server
 from simmer_tui.program import Program
 from simmer_tui.run.mission import plan_run
 from simmer_tui.runlog.index import RunLogIndex
+from simmer_tui.sketch.compiler import find_compiler
 from simmer_tui.tui.app import SimmerApp
 from simmer_tui.tui.recorded import RecordedRun
 from simmer_tui.tui.replay import ReplayApp
@@ -78,6 +82,76 @@ STILLS = {
     "solve": Still((120, 36)),
 }
 """Pictures of docs/screen.md by name."""
+BOARD_STILL = Still((120, 40), pace=1.0, moment=0.8)
+BOARD_SET = {
+    "wiring.toml": """
+[boards.rover]
+sketch = "rover.ino"
+board = "uno"
+[laptop]
+board = "rover"
+[[motors]]
+board = "rover"
+driver = "shield"
+dir = 7
+pwm = 5
+wheel = "left"
+top_speed = 12
+[[motors]]
+board = "rover"
+driver = "shield"
+dir = 8
+pwm = 6
+wheel = "right"
+top_speed = 12
+[[sensors]]
+code = "u1"
+board = "rover"
+part = "hc-sr04"
+trig = 10
+echo = 9
+""",
+    "rover.ino": """
+#include <LiquidCrystal_I2C.h>
+LiquidCrystal_I2C lcd(0x27, 16, 2);
+bool driving = false;
+float ahead() {
+  digitalWrite(10, HIGH); delayMicroseconds(10); digitalWrite(10, LOW);
+  return pulseIn(9, HIGH, 30000) / 148.0;
+}
+void drive(int duty) {
+  digitalWrite(7, HIGH); digitalWrite(8, HIGH);
+  analogWrite(5, duty); analogWrite(6, duty);
+  digitalWrite(LED_BUILTIN, duty > 0);
+}
+void setup() {
+  for (int pin : {5, 6, 7, 8, 10, LED_BUILTIN}) pinMode(pin, OUTPUT);
+  Serial.begin(9600);
+  lcd.begin();
+  lcd.backlight();
+  lcd.print("rover ready");
+}
+void loop() {
+  if (Serial.available() && Serial.read() == 'F') driving = true;
+  float inches = ahead();
+  if (driving && inches < 4) { driving = false; Serial.println("stopped"); }
+  drive(driving ? 90 : 0);
+  lcd.setCursor(0, 0); lcd.print(driving ? "driving    " : "rover ready");
+  lcd.setCursor(0, 1); lcd.print("ahead "); lcd.print(inches, 1); lcd.print(" in  ");
+  Serial.print("ahead "); Serial.println(inches, 1);
+  delay(200);
+}
+""",
+    "drive_it.py": """
+import time
+import serial
+port = serial.Serial("COM6", 9600, timeout=1)
+time.sleep(2)
+port.write(b"F")
+time.sleep(4)
+""",
+}
+"""A set of one board with a display, by its files beside those of the bundled mission."""
 LAST_LOOKS = 20
 """Further pictures after the program has ended, to show the end of the mission."""
 Piece = tuple[int, int, str, str, str, bool]
@@ -92,7 +166,7 @@ async def pictures(
     seen: list[frozenset[Piece]] = []
     async with app.run_test(size=size):
         running = Program(
-            f"{sys.executable} {Path(__file__).parent}/{program}",
+            f"{sys.executable} {Path(__file__).parent / program}",
             server.environment,
             lambda code: over.set(),
             lambda line: None,
@@ -240,7 +314,28 @@ def draw(look: Still, seed: int, pace: float, *, still: bool = False) -> str:
     configuration, plan = load(find_set(look.set), overrides), None
     if configuration.mission is not None:
         configuration, plan = plan_run(configuration)
-    server = Server(configuration, plan=plan)
+    return screens(Server(configuration, plan=plan), look, pace, still=still)
+
+
+def draw_board(seed: int) -> str:
+    """A moment of a run with a board and its display."""
+    # The picture has the set's path: a relative one has nothing of this machine.
+    with tempfile.TemporaryDirectory() as name, contextlib.chdir(name):
+        folder = Path("rover")
+        init_set(folder, bundled_sets()["default"])
+        with (folder / "settings.toml").open("a", encoding="utf-8") as file:
+            file.write('\n[wheels]\nlayout = "diff"\n')
+        for file_name, text in BOARD_SET.items():
+            (folder / file_name).write_text(text, encoding="utf-8")
+        given = {"seed": seed, "server.port": 0, "screen.theme": BOARD_STILL.theme}
+        overrides = {name: Override(f"--{name}", value) for name, value in given.items()}
+        configuration, sketches = compiled(load(folder, overrides))
+        look = replace(BOARD_STILL, program=f"{folder.resolve()}/drive_it.py")
+        return screens(Server(configuration, sketches=sketches), look, look.pace, still=True)
+
+
+def screens(server: Server, look: Still, pace: float, *, still: bool) -> str:
+    """The SVG of a server's run."""
     server.record(pace)
     server.start()
     try:
@@ -280,7 +375,11 @@ def draw_replay(seed: int, size: tuple[int, int]) -> str:
 
 
 def draw_stills(folder: Path, seed: int) -> None:
-    """The pictures of docs/screen.md."""
+    """The pictures of docs/screen.md and docs/sketch-parts.md."""
+    if find_compiler() is None:
+        print("board.svg is left out: it needs a C++ compiler")
+    else:
+        write(folder / "board.svg", draw_board(seed))
     for name, look in STILLS.items():
         write(folder / f"{name}.svg", draw(look, seed, look.pace, still=True))
     write(folder / "replay.svg", draw_replay(seed, (120, 36)))

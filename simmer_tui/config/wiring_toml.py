@@ -126,9 +126,7 @@ _BOARDS = dict.fromkeys(
     ),
     f"{_NAMES}: most sketches run on one of them as they are",
 )
-_DRIVERS = {
-    "servo360": "servos that turn all round are not there yet: describe the wheel as hbridge",
-}
+_DRIVERS = dict.fromkeys(("esc", "servo"), "servo360 can: 1,500 us is its stop")
 _LATER_PARTS = {
     "gyro": "mpu6050 can",
     **dict.fromkeys(("compass", "lcd"), "of the parts on Wire (I2C), mpu6050 and vl53l0x can"),
@@ -192,6 +190,16 @@ DRIVER_KEYS: Mapping[str, tuple[Value, ...]] = {
         *_DUTY,
     ),
     "pwm2": (*_COILS[:2], *_DUTY),
+    "servo360": (
+        _pin("pin", "servo360: signal of a servo that turns all round, or of an ESC; 1,500 us is its stop"),
+        _key(
+            *("full_pulse", NumberRule(50, 1000)),
+            "servo360: length beside 1,500 us of the pulse at which it has top_speed",
+            "us",
+            500,
+        ),
+        *_DUTY,
+    ),
     "step_dir": (
         _pin("step", "step_dir: each rise is a step"),
         _pin("dir", "shield, step_dir: direction, HIGH forward"),
@@ -212,7 +220,7 @@ MOTOR = (
     _key("reversed", FlagRule(), "true if it turns the other way: two of its wires are swapped", "", False),
 )
 """The keys of [[motors]], without those of their drivers."""
-MOTOR_OPTIONAL = ("dead_band", "reversed", "enable_on")
+MOTOR_OPTIONAL = ("dead_band", "reversed", "enable_on", "full_pulse")
 _ADDRESS = _key(
     # Chips answer at reserved addresses too, and sketches number their rangers from 1.
     *("address", IntegerRule(0x01, 0x7F, "an address from 0x01 to 0x7f")),

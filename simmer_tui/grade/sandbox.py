@@ -115,7 +115,7 @@ class LaunchedSandbox(ABC):
         """Start the program. Raises ProgramError."""
         process = self._open()
         environment = with_hook(sandbox_environment(self._python) | dict(variables), HOOK)
-        meter = self._begin(command, words_of(command), environment, SANDBOXED_FILES, HOME)
+        meter = self._begin(command, words_of(command, self._python), environment, SANDBOXED_FILES, HOME)
         assert process.stdout is not None, "its output is taken"
         assert process.stderr is not None, "its output is taken"
         with process.stdout as stdout, process.stderr as stderr:

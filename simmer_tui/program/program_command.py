@@ -84,9 +84,9 @@ def _options_of(words: Iterable[str]) -> Iterator[str]:
             next(rest, "")
 
 
-def words_of(command: str) -> list[str]:
-    """The command split into words as a Unix shell does. `python` means our own interpreter if there is no
-    other. Raises ProgramError."""
+def words_of(command: str, python: str = sys.executable) -> list[str]:
+    """The command split into words as a Unix shell does. `python` is the path of the interpreter that the
+    word `python` means if there is no other: our own, or that of a sandbox. Raises ProgramError."""
     try:
         words = shlex.split(command)
     except ValueError as error:
@@ -95,7 +95,7 @@ def words_of(command: str) -> list[str]:
         raise _no_program()
     check_no_shell(command, windows=False)
     if _is_ours(words[0]):
-        words[0] = sys.executable
+        words[0] = python
     return words
 
 

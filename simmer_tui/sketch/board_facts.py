@@ -101,9 +101,8 @@ class BoardFacts:
         line = board.process.line_of(place)
         if self._is_due(f"fifo {part}", line):
             where = f" at {line}" if line else ""
-            text = (
-                f"the FIFO of {part} overflowed{where}: it holds 24 packets of 10 ms, and nothing read them"
-            )
+            held = "it holds 1,024 bytes of packets, one each 10 ms, and nothing read them"
+            text = f"the FIFO of {part} overflowed{where}: {held}"
             self._tell(f"board {board.name}: {text}", line)
 
     def bus_stuck(self, board: Board, place: int) -> None:

@@ -26,6 +26,7 @@ from simmer_tui.sketch.preprocess import (
     joined_source,
     own_c_names,
     own_templates,
+    sketch_start,
     sketch_text,
 )
 
@@ -314,7 +315,7 @@ def _compile(
     beside = [each.path for each in sources if not _in_library(each)]
     texts = [sketch_text(each) for each in (*files, *beside)]
     names, templates = own_c_names(texts), own_templates(texts)
-    joined = joined_source(files, names, templates)
+    joined = joined_source(files, names, templates) + sketch_start(texts)
     (work / main).write_text(_with_names(joined, known, sources), encoding="utf-8")
     for each in sources:
         target = work / each.name

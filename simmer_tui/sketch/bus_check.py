@@ -12,6 +12,8 @@ from simmer_tui.sketch.wiring import GYRO_ADDRESSES, RANGER_ADDRESS, WiredI2c, W
 
 GYRO_CLASS, RANGER_CLASSES = "MPU6050", ("VL53L0X", "Adafruit_VL53L0X")
 """The classes of the libraries' objects."""
+BEGUN_GYRO_CLASS = "Adafruit_MPU6050"
+"""The class of a gyro whose address is given to `begin`."""
 _CALLED = ("beginTransmission", "requestFrom", "setAddress")
 """Calls whose first argument is an address."""
 _PIN_CALLS = ("digitalWrite", "analogWrite", "digitalRead", "analogRead", "tone", "attach")
@@ -53,7 +55,7 @@ def bus_problems(wiring: Wiring, board: str, facts: SketchFacts) -> Iterator[Pro
 
 def _begins(facts: SketchFacts) -> bool:
     """True if a sketch begins Wire, itself or by a library that does."""
-    libraries = ("Adafruit_VL53L0X", "LiquidCrystal_I2C")
+    libraries = ("Adafruit_VL53L0X", BEGUN_GYRO_CLASS, "LiquidCrystal_I2C")
     objects = {"Wire", *(each.name for each in facts.declared if each.type in libraries)}
     return any(call.object in objects for call in facts.named("begin", "init"))
 
@@ -90,19 +92,21 @@ def addresses(facts: SketchFacts) -> Iterator[Pins | None]:
     # An object without arguments has the usual address.
     if any(each.type == GYRO_CLASS for each in facts.declared):
         yield Pins({GYRO_ADDRESSES[0]})
+    gyros = {each.name for each in facts.declared if each.type == BEGUN_GYRO_CLASS}
     for call in facts.calls:
-        if not _has_address(call, rangers):
+        is_gyro = call.object in gyros or GYRO_CLASS in (call.name, call.type)
+        if not _has_address(call, rangers | gyros):
             continue
         if call.arguments and facts.spelled(call) not in _BUSES:
             yield facts.pins(call)
         else:
-            yield Pins({GYRO_ADDRESSES[0] if GYRO_CLASS in (call.name, call.type) else RANGER_ADDRESS})
+            yield Pins({GYRO_ADDRESSES[0] if is_gyro else RANGER_ADDRESS})
 
 
-def _has_address(call: SketchCall, rangers: set[str]) -> bool:
+def _has_address(call: SketchCall, begun: set[str]) -> bool:
     """True for a call whose first argument, if it has one, is an address on the bus."""
     if call.name == "begin":
-        return call.object in rangers
+        return call.object in begun
     return (
         call.name in _CALLED
         or GYRO_CLASS in (call.type, "" if call.object else call.name)

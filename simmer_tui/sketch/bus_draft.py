@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 
 from msgspec import Struct
 
-from simmer_tui.sketch.bus_check import GYRO_CLASS, RANGER_CLASSES, addresses
+from simmer_tui.sketch.bus_check import BEGUN_GYRO_CLASS, GYRO_CLASS, RANGER_CLASSES, addresses
 from simmer_tui.sketch.cpp_tokens import Token
 from simmer_tui.sketch.sketch_scan import Pins, SketchCall, SketchFacts
 from simmer_tui.sketch.wiring import GYRO_ADDRESSES, RANGER_ADDRESS
@@ -40,6 +40,9 @@ def draft_gyros(facts: SketchFacts) -> list[DraftGyro]:
     """The gyros of a sketch, by its objects, or by the addresses that it calls."""
     declared = [GYRO_ADDRESSES[0] for each in facts.declared if each.type == GYRO_CLASS]
     named = [pins for call in facts.objects(GYRO_CLASS) for pins in (facts.pins(call),) if pins]
+    begun = {each.name for each in facts.declared if each.type == BEGUN_GYRO_CLASS}
+    begins = {call.object: facts.pins(call) for call in facts.named("begin") if call.object in begun}
+    named += [begins.get(name) or Pins({GYRO_ADDRESSES[0]}) for name in sorted(begun)]
     found = {*declared, *(min(each) for each in named)} & {*GYRO_ADDRESSES}
     found = found or {each for pins in addresses(facts) for each in pins or ()} & {*GYRO_ADDRESSES}
     pins = [

@@ -21,6 +21,9 @@ NO_COMPILER = (
     "no C++ compiler was found. Install g++ (Debian: apt install g++; macOS: xcode-select --install), "
     "or: pip install ziglang"
 )
+_ZIG_CACHE = "ZIG_GLOBAL_CACHE_DIR"
+_CACHE_FOLDERS = ("XDG_CACHE_HOME", "HOME", "LOCALAPPDATA")
+"""Variables by which ziglang finds a folder for its cache."""
 # A first run of ziglang fills its cache: for 150 s, and for more than 600 on a busy machine. A compiler
 # that hangs must end.
 COMPILE_LIMIT = 1800.0
@@ -64,7 +67,7 @@ class Compiler(Struct, frozen=True, dict=True):
             encoding="utf-8",
             errors="replace",
             # Its messages are read here, in English.
-            env=os.environ | {"LC_ALL": "C"},
+            env=os.environ | {"LC_ALL": "C"} | (_zig_cache() if len(self.command) > 1 else {}),
             stdin=subprocess.DEVNULL,
             timeout=COMPILE_LIMIT,
             check=False,
@@ -78,6 +81,15 @@ class Compiler(Struct, frozen=True, dict=True):
         except (OSError, subprocess.SubprocessError):
             return ""
         return lines[0] if lines else ""
+
+
+def _zig_cache() -> dict[str, str]:
+    """The variable for ziglang's cache, where it finds no folder for it by itself: it needs a home directory
+    that can be written."""
+    has_folder = any(os.environ.get(name) for name in (_ZIG_CACHE, *_CACHE_FOLDERS))
+    if has_folder and not platform_has.home_notice():
+        return {}
+    return {_ZIG_CACHE: os.environ.get(_ZIG_CACHE) or str(platform_has.data_folder() / "ziglang")}
 
 
 def find_compiler() -> Compiler | None:

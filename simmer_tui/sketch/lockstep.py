@@ -26,7 +26,7 @@ from simmer_tui.sketch.board_process import (
     Reason,
     Told,
 )
-from simmer_tui.sketch.parts import LARGEST_DUTY, SECOND, EncoderState
+from simmer_tui.sketch.parts import LARGEST_DUTY, PULSE_PERIOD, SECOND, EncoderState
 from simmer_tui.sketch.shared_processor import SharedProcessor
 from simmer_tui.sketch.steppers import StepperState
 from simmer_tui.sketch.text_display import TextDisplay
@@ -298,6 +298,7 @@ class Lockstep:
                 state.level = record.value / LARGEST_DUTY
             elif kind == Told.SERVO:
                 state.servo = record.value
+                state.level = record.value / PULSE_PERIOD
             elif kind == Told.MODE:
                 state.mode = record.value
                 state.level = 0.0

@@ -13,7 +13,7 @@ from simmer_tui.errors import Problem
 from simmer_tui.sim.arcs import Twist
 from simmer_tui.sim.specs import WheelsSpec
 from simmer_tui.sim.wheels import WheelKinematics
-from simmer_tui.sketch.parts import rim_speed
+from simmer_tui.sketch.parts import PULSE_PERIOD, SERVO_STOP, rim_speed
 from simmer_tui.sketch.sketch_scan import Pins, SketchFacts, SketchStep
 from simmer_tui.sketch.wiring import MotorDriver, WiredMotor, WiredStepper, Wiring
 
@@ -25,7 +25,7 @@ _STEPPING = ("move", "setSpeed", "step")
 """Calls of a stepper's object whose sign is the direction."""
 _INVERTED_COILS = 5
 """Arguments of setPinsInverted for four wires; with fewer the first one is that of the direction."""
-_NO_MOTIONS = ("setup", "loop", "")
+_NO_MOTIONS = ("setup", "loop", "main", "")
 """Functions whose names promise no motion."""
 _FORWARD: Mapping[MotorDriver, Mapping[str, float]] = {
     MotorDriver.HBRIDGE: {"en": 1.0, "in1": 1.0, "in2": 0.0},
@@ -33,6 +33,10 @@ _FORWARD: Mapping[MotorDriver, Mapping[str, float]] = {
     MotorDriver.PWM2: {"in1": 1.0, "in2": 0.0},
 }
 """Levels of a driver's pins for full speed forward."""
+_PULSES = ("write", "writeMicroseconds")
+"""Calls of a servo's object."""
+_SERVO_MIDDLE, _HALF_TURN = 90, 180
+"""Degrees that a servo is written for its stop, and the most; a larger number is a pulse."""
 _UNSET = {"en": 1.0, "pwm": 1.0, "brake": 0.0}
 """Levels of pins that a function leaves as they are: a duty, and no brake."""
 _AHEAD, _BACK, _LEFT, _RIGHT = "drives ahead", "drives back", "turns left", "turns right"
@@ -64,9 +68,14 @@ def motor_lines(wiring: Wiring, wheels: WheelsSpec | None) -> Iterator[str]:
     kinematics = WheelKinematics.of(wheels)
     lines: dict[str, str] = {}
     for motor in wiring.motors:
-        speed = rim_speed(motor, _levels(motor, _FORWARD[motor.driver]).__getitem__)
-        twist = _alone(kinematics, motor.wheel_index, speed * TURN_TIME)
-        pins = ", ".join(f"{name} {'HIGH' if _FORWARD[motor.driver][name] else 'LOW'}" for name in motor.pins)
+        if motor.driver is MotorDriver.SERVO360:
+            width = SERVO_STOP + motor.full_pulse
+            levels, pins = {motor.pins["pin"]: width / PULSE_PERIOD}, f"pin {width:g} us"
+        else:
+            forward = _FORWARD[motor.driver]
+            levels = _levels(motor, forward)
+            pins = ", ".join(f"{name} {'HIGH' if forward[name] else 'LOW'}" for name in motor.pins)
+        twist = _alone(kinematics, motor.wheel_index, rim_speed(motor, levels.__getitem__) * TURN_TIME)
         lines[motor.label] = f"{motor.wheel}: {_forward(twist)} ({pins}; {_size(twist)} in {TURN_TIME:g} s)"
     for stepper in wiring.steppers:
         inches = _TRIED_STEPS / stepper.steps_per_inch
@@ -111,9 +120,14 @@ def levels_of_functions(
 def forward_levels(facts: SketchFacts, pulsed: Collection[int] = ()) -> Mapping[int, float]:
     """The levels that the sketch's own function for driving ahead sets, by its name; none without one."""
     for function, _, levels in levels_of_functions(facts, pulsed):
-        if _promised(function) == {_AHEAD}:
+        if promises_ahead(function):
             return levels
     return {}
+
+
+def promises_ahead(function: str) -> bool:
+    """True if a function's name promises that the robot drives ahead, and nothing else."""
+    return _promised(function) == {_AHEAD}
 
 
 def _promised(function: str) -> set[str]:
@@ -132,13 +146,19 @@ def sketch_motions(
     pulsed = {each.pins["step"] for each in wiring.steppers if "step" in each.pins}
     by_levels = {name: (spot, levels) for name, spot, levels in levels_of_functions(facts, pulsed)}
     by_calls = _calls_of_steppers(facts, wiring.steppers)
+    for name, (spot, pulses) in servo_signs(facts).items():
+        by_calls.setdefault(name, (spot, {}))[1].update(_of_motors(facts, wiring.motors, pulses))
     for function in by_levels | by_calls:
         spot, levels = by_levels.get(function, ("", {}))
         call_spot, signs = by_calls.get(function, ("", {}))
         speeds = [0.0] * len(kinematics.wheels)
         backward = []
         for motor in motors:
-            if isinstance(motor, WiredMotor):
+            if isinstance(motor, WiredMotor) and motor.driver is MotorDriver.SERVO360:
+                if motor.label not in signs:
+                    break
+                speed = -signs[motor.label] if motor.reversed else signs[motor.label]
+            elif isinstance(motor, WiredMotor):
                 if not _is_set(motor, levels):
                     break
                 given = {name: levels.get(pin, _UNSET.get(name, 0.0)) for name, pin in motor.pins.items()}
@@ -164,6 +184,35 @@ def is_inverted(facts: SketchFacts, name: str) -> bool:
         for call, bound in facts.methods(name, "setPinsInverted")
         if 0 < len(call.arguments) < _INVERTED_COILS
     )
+
+
+def servo_signs(facts: SketchFacts) -> dict[str, tuple[str, dict[str, float]]]:
+    """Functions that write servos: by name the place of the first write, and the side of the stop on which
+    its pulse is by the servo's name, 0 for a stop. Those with values that are several or unknown are
+    missing."""
+    found: dict[str, tuple[str, dict[str, float]]] = {}
+    unknown: set[str] = set()
+    for call in facts.named(*_PULSES):
+        if not call.object or call.function in _NO_MOTIONS:
+            continue
+        values = facts.pins(call) or Pins()
+        value = next(iter(values)) if len(values) == 1 else -1
+        stop = _SERVO_MIDDLE if call.name == "write" and value <= _HALF_TURN else SERVO_STOP
+        sign = float((value > stop) - (value < stop))
+        _, signs = found.setdefault(call.function, (call.token.spot, {}))
+        if value < 0 or signs.setdefault(call.object, sign) != sign:
+            unknown.add(call.function)
+    return {name: each for name, each in found.items() if name not in unknown}
+
+
+def _of_motors(
+    facts: SketchFacts, motors: Sequence[WiredMotor], signs: Mapping[str, float]
+) -> Iterator[tuple[str, float]]:
+    """The signs of servos as those of motors, by label."""
+    for motor in motors:
+        for call in facts.named("attach"):
+            if call.object in signs and facts.pins(call) == Pins({motor.pins.get("pin", -1)}):
+                yield motor.label, signs[call.object]
 
 
 def _calls_of_steppers(
@@ -231,8 +280,10 @@ def wrong_functions(
                 motion = each.motion.replace(" ", " the robot ", 1)
                 what = f"{each.function}() {motion}: {which}"
                 steps = (step for step in found.deep_steps() if step is not None)
-                spots = frozenset(step.spot for step in steps if step.root == each.function)
-                yield WrongMotion(each.spot, what, spots)
+                spots = {step.spot for step in steps if step.root == each.function}
+                pulses = (call for call in found.named(*_PULSES) if call.object)
+                spots |= {call.token.spot for call in pulses if call.function == each.function}
+                yield WrongMotion(each.spot, what, frozenset(spots))
 
 
 def _motion(kinematics: WheelKinematics, speeds: list[float]) -> str:

@@ -21,7 +21,7 @@ _BRAKE, LAMP, _STANDBY, _DUTY, _MOTOR, _INPUT = (
     for word in (
         "brake|brk",
         "led|lamp|buzz",
-        "stby|standby|enable|en_?[ab0-9]?$",
+        "stby|stdby|standby|n?sleep|n?slp|enable|en_?[ab0-9]?$",
         "en_?[ab]?$|en_?[0-9]|pwm|speed|spd",
         r"^in_?[0-9]|mot|left|right|wheel|fwd|forward|m[0-9]",
         r"in_?[0-9]",
@@ -108,6 +108,10 @@ def _with_duties(steps: Sequence[SketchStep]) -> Iterator[DraftMotor]:
             yield DraftMotor("hbridge", {"in1": numbers[0], "in2": numbers[1], "en": duty})
     apart = [pin for pin in dict.fromkeys(duties) if pin not in used]
     inputs = _directions(steps, {*duties} | used, 2 * len(apart))
+    if not inputs and len(apart) == 1 and not used:
+        # One duty for the enables of both bridges.
+        inputs = _directions(steps, {*duties}, 4)
+        apart = apart * 2 if inputs else apart
     if inputs:
         for at, duty in enumerate(apart):
             yield DraftMotor(
@@ -209,8 +213,9 @@ def _runs(
     before: list[tuple[int, str]] = []
     for step in (*steps, END):
         if step.call == "digitalWrite":
-            # An enable pin that is switched off digitally, and lamps, are no direction.
-            is_direction = step.pin not in duties and not LAMP.search(step.name)
+            # An enable that is switched off digitally, the standby of a TB6612, and lamps are no direction.
+            no_direction = LAMP.search(step.name) or _STANDBY.search(step.name)
+            is_direction = step.pin not in duties and not no_direction
             if is_direction and all(pin != step.pin for pin, _ in levels):
                 levels.append((step.pin, step.name))
             continue

@@ -23,6 +23,9 @@ LONGEST_RANGE = 157.5
 MOST_COUNTS = 1023
 """The greatest number that analogRead gives."""
 LARGEST_DUTY = 255
+PULSE_PERIOD, SERVO_STOP = 20_000, 1500
+"""Microseconds from one pulse of a servo to the next, and of the pulse at which one that turns all round
+stands."""
 
 SECOND = 1_000_000_000
 """Nanoseconds of a second."""
@@ -40,6 +43,10 @@ def rim_speed(motor: WiredMotor, level_of: Callable[[int], float]) -> float:
     elif motor.driver is MotorDriver.SHIELD:
         direction = 1.0 if level("dir") > 0.5 else -1.0
         share = 0.0 if level("brake") > 0.5 else direction * level("pwm")
+    elif motor.driver is MotorDriver.SERVO360:
+        width = round(level("pin") * PULSE_PERIOD)
+        share = (width - SERVO_STOP) / motor.full_pulse if width else 0.0
+        share = min(max(share, -1.0), 1.0)
     else:
         share = level("in1") - level("in2")
     if abs(share) <= motor.dead_band:

@@ -68,6 +68,8 @@ _NO_TYPES = frozenset(
 )
 
 
+_MAIN = re.compile(r"\bint\s+(?P<name>main)\s*\((?P<arguments>[^(){};]*)\)\s*\{")
+
 Templates = Mapping[str, tuple[int, ...]]
 """Places of arguments that have one type, by the name of a function template."""
 _TEMPLATE = re.compile(
@@ -150,8 +152,36 @@ def board_source(
     names of the C library are other ones (see own_c_names); calls of its templates have arguments of one
     width. Without `templates` those of the source itself are meant."""
     templates = own_templates([source]) if templates is None else templates
-    with_calls = _with_one_width(_renamed(source, own_names), templates)
+    with_calls = _with_one_width(_renamed(_without_main(source), own_names), templates)
     return _with_timed_loops(_char_types_kept(with_board_widths(with_calls)))
+
+
+def _without_main(source: str) -> str:
+    """The source with a name of ours for its `main`, which the runtime has too. It has no arguments, and its
+    end returns."""
+    if "main" not in source:
+        return source
+    plain = _plain_text(source)
+    match = _MAIN.search(plain)
+    if match is None:
+        return source
+    depth = 0
+    for each in re.finditer(r"[{}]", plain[match.end() - 1 :]):
+        depth += 1 if each[0] == "{" else -1
+        if depth == 0:
+            end = match.end() - 1 + each.start()
+            source = f"{source[:end]} return 0; {source[end:]}"
+            break
+    name, (begin, end) = match.end("name"), match.span("arguments")
+    return f"{source[:name]}{OWN}{source[name:begin]}{_blank(source[begin:end])}{source[end:]}"
+
+
+def sketch_start(sources: Sequence[str]) -> str:
+    """The end of a sketch's source: what the board runs, a `main` of its own or `setup` and `loop`."""
+    if any(_MAIN.search(_plain_text(each)) for each in sources if "main" in each):
+        start = f"extern const SketchStart sketch_start = {{nullptr, nullptr, main{OWN}}};"
+        return f"\nint16_t main{OWN}();\n{start}\n"
+    return "\nextern const SketchStart sketch_start = {setup, loop, nullptr};\n"
 
 
 def own_templates(sources: Sequence[str]) -> Templates:

@@ -19,6 +19,7 @@ from simmer_tui.sim.records import CommandResult, Status
 from simmer_tui.sim.specs import VelocityKind
 from simmer_tui.sim.wheels import WheelKinematics
 from simmer_tui.sketch.board_process import NEVER
+from simmer_tui.sketch.low_pass import LowPassRate
 from simmer_tui.sketch.parts import SECOND, EncoderState
 from simmer_tui.sketch.steppers import StepperState
 
@@ -38,8 +39,11 @@ class RobotWorld:
         encoders: Sequence[EncoderState],
         steppers: Sequence[StepperState] = (),
         stepped_at: Callable[[StepperState], str] = lambda stepper: "",
+        gyros: Sequence[str] = (),
     ) -> None:
-        """`stepped_at` is called for the place in the sketch that made a stepper's last step."""
+        """`gyros` are the codes of sensors whose rate is read.
+
+        `stepped_at` is called for the place in the sketch that made a stepper's last step."""
         self._steppers, self._stepped_at = tuple(steppers), stepped_at
         self._engine = engine
         self._simulator = engine.simulator
@@ -60,8 +64,10 @@ class RobotWorld:
         self._last: dict[str, _LastReading] = {}
         self._rate_errors: dict[str, tuple[int, float]] = {}
         """The last error of each gyro's rate, with the time of its draw."""
+        self._rates = {code: LowPassRate() for code in gyros}
+        """The rate of each gyro behind its filter."""
         self.steady_until = 0
-        """The time until which the rate that was read last stays the same."""
+        """The time until which the rate that was read last stays the same; 0 if it changes meanwhile."""
         self.time = 0
         """The time that the world has reached."""
         self._due = math.inf
@@ -75,6 +81,7 @@ class RobotWorld:
         for each in self._steppers:
             each.restart()
         self._rate_errors.clear()
+        self._rates = {code: LowPassRate() for code in self._rates}
 
     @property
     def next_change(self) -> int:
@@ -95,6 +102,8 @@ class RobotWorld:
     def _plan(self) -> None:
         trajectory, due = self._simulator.trajectory, self._simulator.next_event
         self._due = due if trajectory is None else min(due, trajectory.end_time)
+        for code, rate in self._rates.items():
+            rate.set_rate(self.time, self._simulator.count_rate(code))
 
     def _act(self, text: str, source: str = BOARD_SOURCE) -> CommandResult:
         """Do a command now, and tell it."""
@@ -226,9 +235,9 @@ class RobotWorld:
         self._last[code] = _LastReading(self.time, result.reply, reading.true, reading.sensor.is_yes_or_no)
         return result.reply
 
-    def rate(self, code: str) -> float:
-        """The turning rate that a gyro measures now, deg/s. The angle that its sensor reads is told as with
-        `read`, and the rate's error lasts as long."""
+    def rate(self, code: str, filter_number: int = 0) -> float:
+        """The turning rate that a gyro measures now behind one of its filters, deg/s. The angle that its
+        sensor reads is told as with `read`, and the rate's error lasts as long."""
         if math.isnan(self.read(code)):
             return math.nan
         self._simulator.advance(self.time / SECOND)
@@ -238,8 +247,12 @@ class RobotWorld:
             drawn = self.time
             self._rate_errors[code] = drawn, error
         told = self._last[code].time
-        self.steady_until = min(self.next_change, told + READING_PERIOD, drawn + READING_PERIOD)
-        return self._simulator.count_rate(code) + error
+        rate = self._rates[code]
+        rate.set_rate(self.time, self._simulator.count_rate(code))
+        rate.set_filter(self.time, filter_number)
+        steady = min(self.next_change, told + READING_PERIOD, drawn + READING_PERIOD)
+        self.steady_until = steady if rate.is_steady(self.time) else 0
+        return rate.at(self.time) + error
 
     def _held(self, code: str, last: _LastReading) -> float:
         """A reading of the present true value with the error of the last one."""

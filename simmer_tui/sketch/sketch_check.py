@@ -28,7 +28,12 @@ _MODES = ("pinMode", "digitalPinToInterrupt", "attachInterrupt", "detachInterrup
 """Calls that neither write nor read a pin; interrupts are found by their own list."""
 _LINES = ("rx", "tx", "from", "to", "sda", "scl")
 """Names of the uses of pins by serial lines and the bus, which have messages of their own."""
-_DUTY_PINS = {MotorDriver.HBRIDGE: ("en",), MotorDriver.SHIELD: ("pwm",), MotorDriver.PWM2: ("in1", "in2")}
+_DUTY_PINS: Mapping[MotorDriver, tuple[str, ...]] = {
+    MotorDriver.HBRIDGE: ("en",),
+    MotorDriver.SHIELD: ("pwm",),
+    MotorDriver.PWM2: ("in1", "in2"),
+    MotorDriver.SERVO360: (),
+}
 """The pins of a driver that get its duty."""
 
 
@@ -227,6 +232,9 @@ def _swapped(trig: str, echo: str, by: str) -> str:
 
 def _motor_duty(facts: SketchFacts, motor: WiredMotor) -> Iterator[Problem]:
     """Duties on pins that have no PWM, or that lose it to the Servo library."""
+    if motor.driver is MotorDriver.SERVO360:
+        yield from _servo(facts, motor)
+        return
     kind = facts.kind
     uses_servo = any(name == "Servo.h" for name, _ in facts.includes) and any(facts.named("attach"))
     inputs = () if "en" in motor.pins else ("in1", "in2")
@@ -257,6 +265,20 @@ def _motor_duty(facts: SketchFacts, motor: WiredMotor) -> Iterator[Problem]:
     if no_speed and not unknown and not is_switched:
         what = "no analogWrite of the sketch is on a pin of this motor: it has full speed or none"
         yield Problem(motor.place, f"{what} ({facts.file})")
+
+
+def _servo(facts: SketchFacts, motor: WiredMotor) -> Iterator[Problem]:
+    """Writes of a servo's pin in a sketch that attaches none to it."""
+    pin = motor.pins["pin"]
+    attached = [facts.pins(call) for call in facts.named("attach")]
+    if any(pins is None or pin in pins for pins in attached):
+        return
+    for call in facts.named(*WRITES):
+        if pin in (facts.pins(call) or ()):
+            what = f"the sketch attaches no servo to pin {facts.kind.pin_name(pin)}"
+            remedy = "with analogWrite it is no servo360: look at its driver"
+            yield Problem(motor.place_of("pin"), f"{what} ({call.name} at {call.token.spot}); {remedy}")
+            return
 
 
 def _stepper(facts: SketchFacts, stepper: WiredStepper) -> Iterator[Problem]:

@@ -65,6 +65,7 @@ from simmer_tui.sketch.steppers import StepperState
 from simmer_tui.sketch.wiring import (
     WiredAnalog,
     WiredEncoder,
+    WiredGyro,
     WiredI2c,
     WiredLineSensor,
     WiredRanger,
@@ -223,7 +224,12 @@ class SketchRobot(LockstepWorld):
         for stepper in self._steppers:
             stepper.on_missed = self._tell_missed
         self._world = RobotWorld(
-            engine, self._session, list(self._encoders.values()), self._steppers, self._stepped_at
+            engine,
+            self._session,
+            list(self._encoders.values()),
+            self._steppers,
+            self._stepped_at,
+            [each.code for each in sketches.wiring.sensors if isinstance(each, WiredGyro)],
         )
         self._asked: dict[tuple[str, int, int], list[_AskedSensor]] = {}
         """Sensors by the question that asks for them: board, query and pin."""
@@ -509,14 +515,17 @@ class SketchRobot(LockstepWorld):
 
     def answer(self, board: Board, query: int, pin: int) -> float:
         made = 0.0
+        filter_number = 0
+        if query == Query.RATE:
+            pin, filter_number = pin & _NUMBER, pin >> _FILTER_SHIFT & _FILTERS
         for each in self._asked.get((board.name, query, pin), ()):
             if isinstance(each, WiredSonar):
                 self._ping(board, each)
             elif isinstance(each, WiredAnalog):
                 made = analog_counts(each, self._world.read(each.code))
             elif isinstance(each, WiredI2c):
-                read = self._world.rate if query == Query.RATE else self._world.read
-                made = read(each.code)
+                is_rate = query == Query.RATE
+                made = self._world.rate(each.code, filter_number) if is_rate else self._world.read(each.code)
             else:
                 seen = self._world.read(each.code) == 1.0
                 made = float(seen == each.active_high)
@@ -642,6 +651,8 @@ class SketchRobot(LockstepWorld):
         """Every message has its answer at once."""
 
 
+# Of the question for a gyro's rate: the part's number, and that of its filter.
+_NUMBER, _FILTER_SHIFT, _FILTERS = 0xFF, 8, 7
 _AskedSensor = WiredSonar | WiredAnalog | WiredLineSensor | WiredI2c
 
 

@@ -72,6 +72,9 @@ _LONGEST_CALL = 500
 _MOST_STEPS = 200_000
 """Most values that are looked up in a sketch; later ones are unknown."""
 
+_MOST_LOOPED = 8
+"""Most rows of an array that a loop over a function is followed for: a robot has no more motors."""
+
 Pins = frozenset[int]
 Bindings = Mapping[str, "Pins | str | None"]
 """Values of a function's parameters at one of its calls; of an array, its name."""
@@ -375,6 +378,7 @@ class SketchFacts:
         for call in self.calls:
             by_function.setdefault(call.function, []).append(call)
         objects = {call.name: call for call in self.calls if call.type in self.functions}
+        rows = self._rows_of_motors()
         left = [_MOST_STEPS]
 
         def walk(function: str, bound: Bindings | None, depth: int, root: str) -> Iterator[SketchStep]:
@@ -396,7 +400,14 @@ class SketchFacts:
                     made = objects.get(call.object)
                     own = {} if made is None else self.bindings(made, None)
                     if call.arguments or own or deep:
-                        yield from walk(call.name, {**own, **self.bindings(call, bound)}, depth + 1, root)
+                        given = {**own, **self.bindings(call, bound)}
+                        index, count = rows.get(call.name, ("", 0))
+                        # A loop calls it with the number of each row, which has no value of its own.
+                        if given.get(index, Pins()) is None and 1 < count <= _MOST_LOOPED:
+                            for row in range(count):
+                                yield from walk(call.name, {**given, index: Pins({row})}, depth + 1, root)
+                        else:
+                            yield from walk(call.name, given, depth + 1, root)
 
         for function in by_function:
             yield from walk(function, None, 0, function)
@@ -408,6 +419,16 @@ class SketchFacts:
             for method in dict.fromkeys(self._methods[call.name]):
                 yield from walk(method, self.bindings(call, None), 0, call.name)
                 yield None
+
+    def _rows_of_motors(self) -> dict[str, tuple[str, int]]:
+        """Functions that write a duty to the pin in a row of an array, `analogWrite(pins[i][0], duty)`: the
+        name of the row's number, and the number of rows."""
+        found: dict[str, tuple[str, int]] = {}
+        for call in self.named("analogWrite"):
+            marks = [token.text for token in call.arguments[0][:4]] if call.arguments else []
+            if len(marks) == 4 and marks[1] == "[" and marks[3] == "]":
+                found.setdefault(call.function, (marks[2], len(self._arrays.get(marks[0], ()))))
+        return found
 
     def objects(self, kind: str) -> Iterator[SketchCall]:
         """The definitions of objects of a class with arguments, in an array and by `new` as well."""

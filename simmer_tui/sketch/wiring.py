@@ -88,13 +88,16 @@ class MotorDriver(StrEnum):
     """dir gives the direction, pwm the duty, brake a stop."""
     PWM2 = "pwm2"
     """The duty is the PWM of in1 less that of in2."""
+    SERVO360 = "servo360"
+    """The speed is the length of the pulse at pin beside 1,500 us; without pulses it stands."""
 
 
 class WiredMotor(WiringRow, frozen=True, kw_only=True):
     """A motor with its driver. `pins` has the pin of each input by name; one that is not wired is missing.
 
     `wheel_index` is the wheel's place among `ww`'s values. `top_speed` is the rim speed at full duty, in/s,
-    `dead_band` the share of full duty that does not turn it. `reversed` motors turn the other way.
+    `dead_band` the share of full duty that does not turn it. `full_pulse` is full duty of a servo, as the
+    length of its pulse beside 1,500 us. `reversed` motors turn the other way.
     """
 
     board: str
@@ -104,6 +107,7 @@ class WiredMotor(WiringRow, frozen=True, kw_only=True):
     wheel_index: int
     top_speed: float
     dead_band: float
+    full_pulse: float
     reversed: bool
 
 
@@ -543,6 +547,7 @@ class _WiringReader:
                 driver=MotorDriver(driver),
                 top_speed=values["top_speed"],
                 dead_band=values.get("dead_band", defaults["dead_band"]),
+                full_pulse=values.get("full_pulse", defaults["full_pulse"]),
             )
 
     def _sensor_rows(self) -> Iterator[WiredSensor]:

@@ -22,6 +22,7 @@ from simmer_tui.sketch.boards import BOARDS, UNO, BoardKind
 from simmer_tui.sketch.bus_draft import draft_gyros, draft_rangers
 from simmer_tui.sketch.motion_check import forward_levels
 from simmer_tui.sketch.motor_draft import END, draft_motors, oriented
+from simmer_tui.sketch.servo_draft import attached_servos, draft_servo_wheels
 from simmer_tui.sketch.sketch_scan import (
     PULSES,
     WRITES,
@@ -76,7 +77,7 @@ class BoardDraft:
         self.name, self.sketch, self.facts = name, sketch, facts
         steps = [END if step is None else step for step in facts.steps()]
         self.sonars = list(_sonars(facts, steps))
-        self.servos = sorted({pin for call in self._attached() for pin in facts.pins(call) or ()})
+        self.servos = sorted({pin for call in attached_servos(facts) for pin in facts.pins(call) or ()})
         self.ports = facts.ports()
         taken = {pin for each in self.sonars for pin in (each.trig, each.echo)} | {*self.servos}
         taken |= {pin for port in self.ports for pins in (port.rx, port.tx) for pin in pins or ()}
@@ -88,7 +89,13 @@ class BoardDraft:
         taken |= {each.xshut for each in self.rangers if each.xshut is not None}
         ahead = forward_levels(facts)
         found = draft_motors([each for each in steps if each.pin not in taken])
+        if self.steppers:
+            # The enables of their coils have a duty, and no direction.
+            found = [each for each in found if each.driver == "hbridge"]
         self.motors = [oriented(each, ahead) for each in found]
+        if not self.motors and not self.steppers:
+            self.motors = draft_servo_wheels(facts)
+            self.servos = [pin for pin in self.servos if all(pin != each.pins["pin"] for each in self.motors)]
         self.encoders = list(_encoders(facts, taken))
         taken |= {pin for motor in self.motors for pin in motor.pins.values()}
         taken |= {pin for each in self.encoders for pin in (each.a, each.b) if pin is not None}
@@ -99,11 +106,6 @@ class BoardDraft:
         grouped = {pin for motor in self.motors for pin in motor.pins.values()}
         self.loose = sorted({each.pin for each in steps if each.call == "analogWrite"} - grouped - taken)
         """Pins with a PWM whose motor was not found."""
-
-    def _attached(self) -> Iterator[SketchCall]:
-        """Calls that attach a servo."""
-        if any(name == "Servo.h" for name, _ in self.facts.includes):
-            yield from (call for call in self.facts.named("attach") if call.object)
 
 
 def draft(
@@ -363,7 +365,9 @@ def _motor_tables(board: BoardDraft, wheels: list[str]) -> Iterator[str]:
         )
     if board.loose:
         pins = ", ".join(_pin(board, pin) for pin in board.loose)
-        yield f"# ? {board.name} has analogWrite on {pins} as well: a motor, or a lamp\n"
+        enable = "a stepper's enable (then no row), " if board.steppers else ""
+        what = f"{enable}a motor, or a lamp"
+        yield f"# ? {board.name} has analogWrite on {pins} as well: {what}\n"
     elif not board.motors and any(board.facts.named("analogWrite")):
         yield f"# ? {board.name} has analogWrite on pins that were not found: add [[motors]] by hand\n"
 

@@ -110,6 +110,32 @@ def test_boards_do_a_mission_alone_and_with_a_program(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("isolation", "exact_mission")
+def test_a_team_is_graded_again_with_another_program_or_sketch(tmp_path: Path) -> None:
+    """As a new grading with the same seed, and the other team's row stays."""
+    teams = {
+        "alone": boards(SOLVES),
+        "both": {**boards(OBEYS), "main.py": LAPTOP.replace('(b"C", 1.0), ', "")},
+    }
+    course = board_course(tmp_path, teams)
+    out = tmp_path / "out"
+    first = graded(course, out)
+    assert {name: row["status"] for name, row in first.items()} == {"alone": "passed", "both": "failed"}
+    (tmp_path / "teams" / "both" / "main.py").write_text(LAPTOP, "utf-8")
+    assert run_grade(["--regrade", "both", "--out", str(out)]) == 0
+    rows = read_grades(out)
+    assert rows["alone"] == first["alone"]
+    assert rows["both"]["status"] == "passed"
+    with (tmp_path / "teams" / "alone" / "rover.ino").open("a", encoding="utf-8") as file:
+        file.write("int x = ;\n")
+    run_grade(["--regrade", "alone", "--out", str(out)])
+    refused = read_grades(out)["alone"]
+    assert (refused["status"], refused["runs"]) == ("refused", "0")
+    assert "rover.ino:17: expected primary-expression" in refused["problem"]
+    # A row of a team that was graded again is the one of a grading from the start.
+    assert graded(course, tmp_path / "new")["both"] == rows["both"]
+
+
+@pytest.mark.usefixtures("isolation", "exact_mission")
 def test_harm_is_told_with_its_place_and_ends_within_limits(tmp_path: Path) -> None:
     loop = "void loop() { delay(100); }\n"
     teams = {name: boards(SYSTEM + text + loop) for name, (text, _) in HARMFUL.items()}

@@ -7,16 +7,20 @@ image these tests are skipped: CI has neither. What is asked of an engine is in 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+import socket
+import subprocess
+import sys
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import pytest
 
 from simmer_tui.cli.grade_command import run_grade
-from simmer_tui.grade.container import what_is_missing
+from simmer_tui.errors import ProgramError
+from simmer_tui.grade.container import Container, what_is_missing
+from simmer_tui.grade.limits import Limits
+from simmer_tui.program.program_output import ProgramOutput
 from tests.grade.conftest import HIT, SOLVE, read_grades
-
-pytestmark = pytest.mark.slow
 
 IMAGE = os.environ.get("SIMMER_TEST_IMAGE", "")
 CONFINED = """
@@ -37,6 +41,29 @@ pathlib.Path("/tmp/scratch").write_text("")
 HUNGRY = "kept = []\nwhile True:\n    kept.append(bytearray(10_000_000))\n"
 
 
+class OrderedContainer(Container):
+    """A container that is not begun: its order ends it."""
+
+    def _open(self) -> subprocess.Popen[bytes]:
+        ended = subprocess.Popen([sys.executable, "-c", ""])
+        ended.wait()
+        return ended
+
+    def _begin(
+        self, name: str, words: Sequence[str], environment: Mapping[str, str], files: str, home: str
+    ) -> list[socket.socket]:
+        raise ProgramError(" ".join(words))
+
+
+def test_a_container_runs_its_own_python(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """That of this machine has another path, which would be no program there."""
+    monkeypatch.setenv("PATH", "")
+    container = OrderedContainer("docker", "", tmp_path, Limits())
+    with pytest.raises(ProgramError, match=r"^/usr/local/bin/python3 -u main\.py$"):
+        container.start("python3 -u main.py", {}, lambda code: None, lambda line: None, ProgramOutput())
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ["docker", "podman"])
 def test_programs_are_graded_in_containers(
     engine: str, make_course: Callable[..., Path], tmp_path: Path

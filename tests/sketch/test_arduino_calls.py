@@ -111,3 +111,24 @@ def test_a_port_has_a_rate_whatever_it_is_begun_with(tmp_path: Path) -> None:
         "void loop() { if (Serial.available()) Serial.write(Serial.read()); }\n"
     )
     assert text_of(tmp_path, sketch, b"x") == "1x"
+
+
+OWN_MAIN = """
+int turns;
+int main(void) {
+  init();
+  Serial.begin(9600);
+  Serial.println("own");
+  while (turns < 2) { turn(); if (serialEventRun) serialEventRun(); }
+  Serial.println(millis());
+}
+void turn() { turns++; delay(10); }
+"""
+
+
+def test_a_main_of_the_sketch_replaces_the_core_s(tmp_path: Path) -> None:
+    """After it the board does nothing more, as the core's `exit`. It needs no `setup` and no `loop`."""
+    assert text_of(tmp_path, OWN_MAIN, b"x") == "own\n20\n"
+    both = "int main(int argc, char **argv) { init(); setup(); for (;;) loop(); }\nlong loops;\n"
+    both += "void setup() { Serial.begin(9600); }\nvoid loop() { if (++loops == 3) Serial.println(loops); }\n"
+    assert text_of(tmp_path / "both", both) == "3\n"

@@ -85,6 +85,39 @@ def test_calls_do_what_the_core_and_its_libraries_do(tmp_path: Path) -> None:
     assert run(tmp_path / "h", "h").pose != start
 
 
+WHEEL_SERVOS = """
+#include <Servo.h>
+Servo left, right;
+void setup() {
+  left.attach(9); right.attach(10);
+  left.writeMicroseconds(2000); right.writeMicroseconds(1000);
+  delay(500);
+  left.detach(); right.write(90);
+}
+void loop() {}
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(find_compiler() is None, reason="there is no C++ compiler")
+def test_servos_that_turn_all_round_drive_as_long_as_their_pulses_say(tmp_path: Path) -> None:
+    wiring = '[boards.rover]\nsketch = "rover.ino"\nboard = "uno"\n' + "".join(
+        f'[[motors]]\nboard = "rover"\ndriver = "servo360"\npin = {pin}\nwheel = "{wheel}"\ntop_speed = 8\n'
+        for pin, wheel in ((9, "left"), (10, "right"))
+    )
+    wiring += "reversed = true\n"
+    boards = Boards(made_set(tmp_path / "set", wiring, {"rover.ino": WHEEL_SERVOS}), noise=False)
+    for kind in boards.simulator.bias:
+        boards.simulator.set_bias({kind: type(boards.simulator.bias[kind])()})
+    begin = boards.simulator.pose
+    boards.run_to(1.0)
+    boards.close()
+    end = boards.simulator.pose
+    # Half a second at 8 in/s; write(90) is 1,472 us, in the dead band.
+    assert ((end.x - begin.x) ** 2 + (end.y - begin.y) ** 2) ** 0.5 == pytest.approx(4.0, abs=0.01)
+    assert end.heading == pytest.approx(begin.heading, abs=0.1)
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(find_compiler() is None, reason="there is no C++ compiler")
 def test_boards_that_are_closed_may_be_asked_for_the_present_time(tmp_path: Path) -> None:

@@ -127,6 +127,14 @@ def test_a_sketch_that_never_begins_the_bus_is_told(tmp_path: Path) -> None:
     assert found(tmp_path, text.replace("<MPU6050.h>", '"MyGyro.h"'), alone) == []
 
 
+def test_a_gyro_is_spoken_to_where_it_begins(tmp_path: Path) -> None:
+    alone = WIRING[: WIRING.index('[[sensors]]\ncode = "t1"')].replace("int = 2\n", "address = 0x69\n")
+    text = "#include <Adafruit_MPU6050.h>\nAdafruit_MPU6050 mpu;\nvoid setup() { mpu.begin(); }\n"
+    (problem,) = found(tmp_path, text, alone)
+    assert "the sketch never speaks to 0x69 (rover.ino); it speaks to 0x68" in problem
+    assert found(tmp_path, text.replace("begin()", "begin(0x69)"), alone) == []
+
+
 def test_each_part_is_read_once_at_the_start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", "")  # without a compiler nothing is run
     for name, said in (
@@ -182,6 +190,10 @@ DRAFTED = {
     "a gyro at its second address": (
         "MPU6050 mpu(0x69);\nvoid dmpReady() {}\nvoid setup() { attachInterrupt(1, dmpReady, RISING); }",
         [("mpu6050", 3, 0x69)],
+    ),
+    "gyros that get their address when they begin": (
+        "Adafruit_MPU6050 mpu, other;\nvoid setup() { mpu.begin(); other.begin(0x69); }",
+        [("mpu6050", None, None), ("mpu6050", None, 0x69)],
     ),
     "a gyro whose argument is the bus": ("MPU6050 mpu(Wire);\nvoid setup() {}", [("mpu6050", None, None)]),
     "two gyros": (

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from simmer_tui import platform_has
 from simmer_tui.cli.main import main
 from simmer_tui.errors import ConfigurationError
 from simmer_tui.sketch import build
@@ -95,6 +96,27 @@ def test_a_function_that_is_nowhere_is_named(
     sketch.write_text("void helper();\nvoid setup() { helper(); }\nvoid loop() {}\n", "utf-8")
     with pytest.raises(ConfigurationError, match=r"helper\(\) is used, and defined nowhere"):
         build_sketch(sketch, UNO)
+
+
+def test_the_package_has_a_cache_without_a_home_directory(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    package = tmp_path / "ziglang"
+    package.mkdir()
+    (package / "__init__.py").write_text("", "utf-8")
+    (package / "__main__.py").write_text(
+        "import os\nprint(os.environ.get('ZIG_GLOBAL_CACHE_DIR', 'its own'))\n", "utf-8"
+    )
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    for name in ("ZIG_GLOBAL_CACHE_DIR", "XDG_CACHE_HOME", "XDG_DATA_HOME", "LOCALAPPDATA"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert Compiler(ZIGLANG).version == "its own"
+    monkeypatch.delenv("HOME")
+    monkeypatch.setattr(platform_has, "data_folder", lambda: tmp_path / "data")
+    assert Compiler(ZIGLANG).version == str(tmp_path / "data" / "ziglang")
+    monkeypatch.setenv("ZIG_GLOBAL_CACHE_DIR", "given")
+    assert Compiler(ZIGLANG).version == "given"
 
 
 def test_without_a_compiler_of_the_system_the_package_is_used(

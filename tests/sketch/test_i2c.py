@@ -513,6 +513,170 @@ def test_angles_are_summed_up_by_the_light_library(tmp_path: Path) -> None:
     assert yaw > 20.0
 
 
+BY_EVENTS = """
+#include <Adafruit_MPU6050.h>
+#include <Adafruit_Sensor.h>
+#include <Wire.h>
+Adafruit_MPU6050 mpu;
+void setup() {
+  Serial.begin(115200);
+  Serial.print(mpu.begin(0x69));
+  unsigned long t = millis();
+  Serial.print(mpu.begin()); Serial.print(' '); Serial.println(millis() - t);
+  mpu.setAccelerometerRange(MPU6050_RANGE_8_G);
+  mpu.setGyroRange(MPU6050_RANGE_1000_DEG);
+  mpu.setFilterBandwidth(MPU6050_BAND_21_HZ);
+  Serial.print(mpu.getAccelerometerRange()); Serial.print(mpu.getGyroRange());
+  Serial.println(mpu.getFilterBandwidth());
+  delay(500);
+  sensors_event_t a, g, temp;
+  mpu.getEvent(&a, &g, &temp);
+  Serial.print(a.acceleration.z); Serial.print(' '); Serial.print(g.gyro.z * 57.29578);
+  Serial.print(' '); Serial.println(temp.temperature);
+  mpu.getGyroSensor()->getEvent(&g);
+  Serial.println(g.gyro.z * SENSORS_RADS_TO_DPS);
+}
+void loop() {}
+"""
+BY_TOCKN = """
+#include <MPU6050_tockn.h>
+#include <Wire.h>
+MPU6050 mpu6050(Wire);
+void setup() {
+  Serial.begin(115200);
+  Wire.begin();
+  mpu6050.begin();
+  unsigned long t = millis();
+  mpu6050.calcGyroOffsets(true);
+  Serial.println(millis() - t);
+  mpu6050.update();
+  Serial.print(mpu6050.getGyroZoffset()); Serial.print(' '); Serial.print(mpu6050.getRawGyroZ());
+  Serial.print(' '); Serial.print(mpu6050.getAccZ()); Serial.print(' '); Serial.println(mpu6050.getGyroZ());
+  analogWrite(6, 51); analogWrite(9, 51);
+  t = millis();
+  while (millis() - t < 500) mpu6050.update();
+  Serial.print(mpu6050.getAngleZ()); Serial.print(' '); Serial.println(mpu6050.getGyroAngleZ());
+}
+void loop() {}
+"""
+
+
+def quiet(folder: Path, sketch: str, seconds: float) -> tuple[list[str], float]:
+    """The lines that a rover with a gyro of 2 deg/s drift sends without errors, and its heading."""
+    boards = Boards(
+        drifting_gyro(made_set(folder / "set", ROVER + MOTORS + GYRO, {"rover.ino": sketch}), 2.0),
+        noise=False,
+    )
+    for kind in boards.simulator.bias:
+        boards.simulator.set_bias({kind: type(boards.simulator.bias[kind])()})
+    boards.run_to(seconds)
+    lines = bytes(value for _, value in boards.robot.lockstep.sent).decode().splitlines()
+    boards.close()
+    return lines, boards.simulator.pose.heading
+
+
+@pytest.mark.slow
+@compiled
+def test_events_of_adafruit_s_library_are_in_units_of_the_si(tmp_path: Path) -> None:
+    (first, settings, both, alone), _ = quiet(tmp_path, BY_EVENTS, 2.0)
+    assert re.fullmatch(r"01 3\d\d", first)
+    assert settings == "224"
+    assert both == "9.81 2.02 25.00"
+    assert alone == "2.02"
+
+
+@pytest.mark.slow
+@compiled
+def test_angles_are_summed_up_by_tockn_s_library(tmp_path: Path) -> None:
+    lines, heading = quiet(tmp_path, BY_TOCKN, 10.5)
+    took, values, angles = lines[-3:]
+    # Waits of 1 and 3 s, and 3,000 readings of 1.6 ms.
+    assert 8_800 <= int(took) <= 8_900
+    assert values == "2.00 131 1.00 0.00"
+    yaw, turned = map(float, angles.split())
+    assert yaw == turned
+    assert 20 < yaw < heading % 360
+
+
+SHORT_PACKETS = """
+#include "MPU6050_6Axis_MotionApps612.h"
+MPU6050 mpu;
+uint8_t packet[64];
+Quaternion q; VectorFloat gravity; VectorInt16 gyro, accel, linear; float ypr[3];
+void setup() {
+  Serial.begin(115200);
+  Wire.begin();
+  Wire.setClock(400000);
+  mpu.initialize();
+  Serial.print(mpu.dmpInitialize()); Serial.print(' '); Serial.println(mpu.dmpGetFIFOPacketSize());
+  mpu.setDMPEnabled(true);
+  delay(25);
+  Serial.println(mpu.getFIFOCount());
+  analogWrite(6, 51); analogWrite(9, 51);
+  delay(300);
+  Serial.println(mpu.dmpGetCurrentFIFOPacket(packet));
+  mpu.dmpGetQuaternion(&q, packet);
+  mpu.dmpGetGravity(&gravity, &q);
+  mpu.dmpGetYawPitchRoll(ypr, &q, &gravity);
+  mpu.dmpGetGyro(&gyro, packet); mpu.dmpGetAccel(&accel, packet);
+  mpu.dmpGetLinearAccel(&linear, &accel, &gravity);
+  Serial.print(ypr[0] * 180 / M_PI); Serial.print(' '); Serial.print(gyro.x); Serial.print(gyro.y);
+  Serial.print(' '); Serial.print(gyro.z / 16.4);
+  Serial.print(' '); Serial.print(accel.z); Serial.print(' '); Serial.println(linear.z);
+}
+void loop() {}
+"""
+
+
+@pytest.mark.slow
+@compiled
+def test_packets_of_the_later_motion_processor_have_28_bytes(tmp_path: Path) -> None:
+    (begun, count, one, values), _ = quiet(tmp_path, SHORT_PACKETS, 1.0)
+    assert (begun, count, one) == ("0 28", "56", "1")
+    yaw, sides, rate, accel, linear = values.split()
+    assert float(yaw) == pytest.approx(-0.3 * float(rate), rel=0.05)
+    assert float(rate) > 40
+    assert (sides, accel, linear) == ("00", "16384", "0")
+
+
+FILTERED = """
+#include <MPU6050.h>
+MPU6050 mpu;
+void setup() {
+  Serial.begin(115200);
+  Wire.begin(); Wire.setClock(400000);
+  mpu.initialize();
+  mpu.setFullScaleGyroRange(MPU6050_GYRO_FS_2000);
+  mpu.setDLPFMode(MODE);
+  long last = mpu.getRotationZ();
+  analogWrite(6, 102); analogWrite(9, 102);
+  unsigned long begin = micros(), sum = 0;
+  for (int i = 0; i < 200; i++) {
+    while (micros() - begin < 1000UL * (i + 1)) {}
+    int z = mpu.getRotationZ();
+    sum += z;
+    Serial.println(z);
+  }
+}
+void loop() {}
+"""
+
+
+@pytest.mark.slow
+@compiled
+@pytest.mark.parametrize(("mode", "delay"), [(0, 0.98), (3, 4.8), (6, 18.6)])
+def test_a_rate_lags_behind_a_step_as_its_filter_says(tmp_path: Path, mode: int, delay: float) -> None:
+    lines, _ = quiet(tmp_path, FILTERED.replace("MODE", str(mode)), 1.0)
+    rates = [int(each) for each in lines]
+    assert rates == sorted(rates)
+    last = rates[-1]
+    assert rates[-20] == pytest.approx(last, abs=1)
+    # Milliseconds by which the readings lag, from the area above them; half a sample and a transfer besides.
+    first = 2.0 * 16.4
+    lag = sum((last - each) / (last - first) for each in rates)
+    assert lag == pytest.approx(delay, abs=0.8)
+
+
 def drifting_gyro(configuration: Configuration, drift: float) -> Configuration:
     spec = configuration.simulation
     sensors = tuple(replace(each, drift=drift) if each.code == "g1" else each for each in spec.sensors)
@@ -556,7 +720,7 @@ def test_a_full_fifo_is_told_with_the_line_that_waits(tmp_path: Path) -> None:
     run = run_boards(set_of(FORMS / "dmp_interrupt", tmp_path / "set"), 3.0)
     assert len(run.notices) == 1
     assert re.fullmatch(
-        r"board main: the FIFO of sensors\[1\] g1 overflowed at dmp_interrupt\.ino:75: it holds 24 packets "
-        r"of 10 ms, and nothing read them",
+        r"board main: the FIFO of sensors\[1\] g1 overflowed at dmp_interrupt\.ino:75: it holds 1,024 bytes "
+        r"of packets, one each 10 ms, and nothing read them",
         run.notices[0],
     )

@@ -191,7 +191,7 @@ def test_a_library_that_is_missing_is_refused_by_name(tmp_path: Path) -> None:
         run_boards(made_set(tmp_path / "set", ROVER, {"rover.ino": text}), 1.0)
     (problem,) = raised.value.problems
     assert problem.where == "rover.ino:2"
-    assert "no library with Adafruit_Motor.h; there are AccelStepper.h, Adafruit_VL53L0X.h, " in problem.what
+    assert "no library with Adafruit_Motor.h; there are AccelStepper.h, Adafruit_MPU6050.h, " in problem.what
 
 
 CALLS = r"""

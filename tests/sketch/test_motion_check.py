@@ -77,6 +77,37 @@ def test_a_wrong_polarity_is_told_with_its_motor() -> None:
     assert len(list(wrong_motions(reverse, WHEELS, {"main": facts}))) == 2
 
 
+SERVOS = """\
+Servo one, other;
+void setup() { one.attach(9); other.attach(10); }
+void goForward() { one.write(180); other.writeMicroseconds(1300); }
+void turnLeft() { one.write(0); other.writeMicroseconds(1300); }
+void stopNow() { one.write(90); other.write(90); }
+void any(int speed) { one.write(speed); other.write(180 - speed); }
+void loop() { any(20); any(160); }
+"""
+SERVO_WIRING = '[boards.main]\nsketch = "s.ino"\nboard = "uno"\n' + "".join(
+    f'[[motors]]\nboard = "main"\ndriver = "servo360"\npin = {pin}\nwheel = "{wheel}"\n{keys}\n'
+    for pin, wheel, keys in (
+        (9, "left", "top_speed = 6"),
+        (10, "right", "top_speed = 6\nreversed = true\nfull_pulse = 200"),
+    )
+)
+
+
+def test_servos_as_wheels_are_told_by_their_pulses() -> None:
+    facts = SketchFacts({"s.ino": SERVOS}, UNO)
+    found = {each.function: each.motion for each in sketch_motions(read(SERVO_WIRING), WHEELS, facts, "main")}
+    assert found == {"goForward": "drives ahead", "turnLeft": "turns left"}
+    turned = read(SERVO_WIRING.replace("reversed = true\n", ""))
+    (first, *_) = wrong_motions(turned, WHEELS, {"main": facts})
+    assert str(first).startswith("s.ino:3: goForward() turns the robot right: motors[2] turns backward; swap")
+    assert list(motor_lines(read(SERVO_WIRING), WHEELS)) == [
+        "motors[1] left: forward turns the robot right (pin 2000 us; 11.5 deg in 0.2 s)",
+        "motors[2] right: forward turns the robot right (pin 1700 us; 11.5 deg in 0.2 s)",
+    ]
+
+
 def test_each_motor_is_turned_alone() -> None:
     lines = list(motor_lines(read(), WHEELS))
     assert lines[0].startswith("motors[1] left: forward turns the robot right (en HIGH, in1 HIGH, in2 LOW; 2")

@@ -26,6 +26,7 @@ def motor(driver: MotorDriver, pins: dict[str, int], *, reversed: bool = False) 
         wheel_index=0,
         top_speed=10.0,
         dead_band=0.1,
+        full_pulse=500.0,
         reversed=reversed,
     )
 
@@ -42,6 +43,12 @@ def motor(driver: MotorDriver, pins: dict[str, int], *, reversed: bool = False) 
         (MotorDriver.SHIELD, {1: 1.0, 2: 1.0, 3: 1.0}, 0.0),
         (MotorDriver.PWM2, {1: 0.55}, 5.0),
         (MotorDriver.PWM2, {2: 1.0}, -10.0),
+        # Pulses of 1,500, 1,775, 1,000 and 2,200 us at 50 Hz; without one it stands.
+        (MotorDriver.SERVO360, {1: 0.075}, 0.0),
+        (MotorDriver.SERVO360, {1: 0.08875}, 5.0),
+        (MotorDriver.SERVO360, {1: 0.05}, -10.0),
+        (MotorDriver.SERVO360, {1: 0.11}, 10.0),
+        (MotorDriver.SERVO360, {}, 0.0),
     ],
 )
 def test_a_driver_turns_levels_into_a_rim_speed(
@@ -51,6 +58,7 @@ def test_a_driver_turns_levels_into_a_rim_speed(
         MotorDriver.HBRIDGE: ("en", "in1", "in2"),
         MotorDriver.SHIELD: ("dir", "pwm", "brake"),
         MotorDriver.PWM2: ("in1", "in2"),
+        MotorDriver.SERVO360: ("pin",),
     }[driver]
     pins = dict(zip(names, (1, 2, 3), strict=False))
 

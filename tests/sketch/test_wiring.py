@@ -145,13 +145,13 @@ def test_a_wiring_is_read_with_numbers_of_pins(parts: WiringParts) -> None:
         (
             'driver = "hbridge"',
             'driver = "hbrige"',
-            'wiring.toml:16:motors.1.driver: must be "hbridge", "shield", "pwm2", "step_dir", "stepper4" '
-            'or "uln2003", not "hbrige"; did you mean "hbridge"?',
+            'wiring.toml:16:motors.1.driver: must be "hbridge", "shield", "pwm2", "servo360", "step_dir", '
+            '"stepper4" or "uln2003", not "hbrige"; did you mean "hbridge"?',
         ),
         (
             'driver = "hbridge"',
-            'driver = "servo360"',
-            '"servo360" cannot be simulated; servos that turn all round are not there',
+            'driver = "esc"',
+            '"esc" cannot be simulated; servo360 can: 1,500 us is its stop',
         ),
         ('driver = "hbridge"', 'driver = "pwm2"', "wiring.toml:17:motors.1.en: is not known here"),
         ("in2 = 7\n", "", "wiring.toml:14:motors.1.in2: is missing; must be a pin"),
@@ -313,7 +313,7 @@ def test_the_schema_allows_what_the_reader_allows() -> None:
     jsonschema.validate(tomllib.loads(TWO_BOARDS), wiring_schema())
     for wrong in (
         '[laptop]\nboard = "a"\nspeed = 1\n',
-        '[[motors]]\ndriver = "servo360"\n',
+        '[[motors]]\ndriver = "esc"\n',
         "[[servos]]\npin = -1\n",
     ):
         with pytest.raises(jsonschema.ValidationError):

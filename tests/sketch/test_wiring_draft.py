@@ -56,6 +56,33 @@ MOTORS = {
         " analogWrite(p[i][2], v); }\nvoid loop() { one(0, 9); one(1, -9); }",
         [("hbridge", 2, 4, 5), ("hbridge", 7, 8, 6)],
     ),
+    "one function in a loop": (
+        "int p[2][3] = {{2, 4, 5}, {7, 8, 6}};\n"
+        "void one(int i, int v) { digitalWrite(p[i][0], v > 0); digitalWrite(p[i][1], v < 0);"
+        " analogWrite(p[i][2], v); }\nvoid loop() { for (int i = 0; i < 2; i++) one(i, 9); }",
+        [("hbridge", 2, 4, 5), ("hbridge", 7, 8, 6)],
+    ),
+    "one enable of both, in another function": (
+        "void setup() { analogWrite(5, 200); }\nvoid forward() { digitalWrite(2, 1); digitalWrite(3, 0);"
+        " digitalWrite(4, 1); digitalWrite(7, 0); }\nvoid loop() { forward(); }",
+        [("hbridge", 2, 3, 5), ("hbridge", 4, 7, 5)],
+    ),
+    "a standby for both, then the levels of one": (
+        "#define STBY 10\nvoid move(int motor, int speed, int way) { digitalWrite(STBY, HIGH);"
+        " if (motor == 1) { digitalWrite(2, way); digitalWrite(4, !way); analogWrite(5, speed); }"
+        " else { digitalWrite(7, way); digitalWrite(8, !way); analogWrite(6, speed); } }",
+        [("hbridge", 2, 4, 5), ("hbridge", 7, 8, 6)],
+    ),
+    "a standby, all levels, all duties": (
+        "const int STBY = 3;\nvoid f() { digitalWrite(STBY, HIGH); digitalWrite(2, 1); digitalWrite(4, 0);"
+        " digitalWrite(7, 1); digitalWrite(8, 0); analogWrite(5, 90); analogWrite(6, 90); }",
+        [("hbridge", 2, 4, 5), ("hbridge", 7, 8, 6)],
+    ),
+    "enables of steppers": (
+        "#include <Stepper.h>\nStepper a(200, 2, 4, 7, 8), b(200, 12, 13, A0, A1);\nint enA = 5, enB = 6;\n"
+        "void setup() { digitalWrite(3, HIGH); analogWrite(enA, 150); analogWrite(enB, 150); }",
+        [("stepper4", 2, 4), ("stepper4", 12, 13)],
+    ),
     "a shield with brakes": (
         "#define DIR_A 12\n#define BRAKE_A 9\n#define PWM_A 3\nvoid f() { digitalWrite(DIR_A, HIGH);"
         " digitalWrite(BRAKE_A, LOW); analogWrite(PWM_A, 200); digitalWrite(13, 1); digitalWrite(8, 0);"
@@ -467,6 +494,43 @@ def test_a_path_that_wiring_toml_does_not_take_is_refused(tmp_path: Path, name: 
     (tmp_path / name / "robot.ino").write_text(ROVER, "utf-8")
     with pytest.raises(ConfigurationError, match=r"rename or move the sketch"):
         draft([tmp_path / name / "robot.ino"], tmp_path / "set", [], [])
+
+
+WHEEL_SERVOS = """
+#include <Servo.h>
+Servo leftServo, rightServo, claw;
+void setup() { leftServo.attach(9); rightServo.attach(10); claw.attach(3); }
+void forward() { leftServo.writeMicroseconds(1700); rightServo.write(45); }
+void stop() { leftServo.writeMicroseconds(1500); rightServo.write(90); }
+void openClaw() { claw.write(20); }
+void closeClaw() { claw.write(95); }
+void loop() {}
+"""
+
+
+def test_servos_that_are_named_as_wheels_are_drafted_as_motors(tmp_path: Path) -> None:
+    """The other way round where the function that drives ahead writes less than the stop."""
+    tables = drafted(tmp_path, WHEEL_SERVOS)
+    assert [(*pins(row), row.get("reversed")) for row in tables["motors"]] == [
+        ("servo360", 9, None),
+        ("servo360", 10, True),
+    ]
+    assert [row["pin"] for row in tables["servos"]] == [3]
+    # With motors beside them they are the arms of something.
+    levels = "void f() { digitalWrite(2, 1); digitalWrite(4, 0); analogWrite(5, 90); }"
+    tables = drafted(tmp_path, WHEEL_SERVOS + levels)
+    assert [pins(row) for row in tables["motors"]] == [("hbridge", 2, 4, 5)]
+    assert [row["pin"] for row in tables["servos"]] == [3, 9, 10]
+
+
+def test_a_note_tells_the_enables_of_steppers(tmp_path: Path) -> None:
+    (tmp_path / "rover.ino").write_text(
+        "#include <Stepper.h>\nStepper a(200, 4, 5, 6, 7);\n"
+        "void setup() { analogWrite(10, 150); }\nvoid loop() {}\n",
+        "utf-8",
+    )
+    note = "# ? rover has analogWrite on 10 as well: a stepper's enable (then no row), a motor, or a lamp"
+    assert note in draft([tmp_path / "rover.ino"], tmp_path, [], [])
 
 
 def test_motors_whose_pins_are_not_found_are_to_be_added_by_hand(tmp_path: Path) -> None:

@@ -22,4 +22,6 @@
 #include "libraries/Wire.cpp"
 #include "libraries/MPU6050.cpp"
 #include "libraries/VL53L0X.cpp"
-#include "libraries/MPU6050_light.cpp"  // last: it has its own MPU6050
+#include "libraries/Adafruit_MPU6050.cpp"
+#include "libraries/MPU6050_light.cpp"  // last: they have their own MPU6050
+#include "libraries/MPU6050_tockn.cpp"

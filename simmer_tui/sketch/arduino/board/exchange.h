@@ -19,6 +19,7 @@ namespace board {
 
 enum class Reason : uint8_t { Horizon = 0, Output = 1, Query = 2, Sent = 3, Full = 4 };
 // Of a part on the bus, `pin` is the number of its row: a distance in inches, an angle, a turning rate in degrees a second.
+// That of a rate has the number of the gyro's low-pass filter in the second byte.
 enum class Query : uint8_t { None = 0, Sonar = 1, Analog = 2, Digital = 3, Range = 4, Angle = 5, Rate = 6 };
 // Records of the board: a pin's level, a duty, a servo's pulse, a byte that was sent, what was lost, long waits, and
 // bytes that waited long to be read. `Until` is the end of the wait before it, and `Edges` the number of edges at the

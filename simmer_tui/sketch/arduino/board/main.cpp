@@ -122,9 +122,14 @@ int main(int count, char** arguments) {
   board::now = board::boot;
   board::open_channel();
   board::exchange(board::Reason::Horizon);
-  setup();
+  if (sketch_start.main) {
+    sketch_start.main();
+    noInterrupts();
+    for (;;) board::pass(board::MILLISECOND);
+  }
+  sketch_start.setup();
   for (;;) {
-    loop();
+    sketch_start.loop();
     board::pass(board::cost::LOOP);
     serialEventRun();
   }

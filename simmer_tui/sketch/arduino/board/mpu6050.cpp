@@ -16,7 +16,7 @@ namespace {
 enum : uint8_t {
   Z_GYRO_OFFSET = 0x17, SAMPLE_DIVIDER = 0x19, CONFIG = 0x1A, GYRO_CONFIG = 0x1B, ACCEL_CONFIG = 0x1C,
   INT_PIN_CONFIG = 0x37, INT_ENABLE = 0x38, INT_STATUS = 0x3A, ACCEL_OUT = 0x3B, ACCEL_Z = 0x3F, TEMPERATURE = 0x41,
-  GYRO_Z = 0x47, DATA_END = 0x49, USER_CONTROL = 0x6A, POWER = 0x6B, FIFO_COUNT = 0x72, FIFO_DATA = 0x74,
+  GYRO_Z = 0x47, DATA_END = 0x49, USER_CONTROL = 0x6A, POWER = 0x6B, DMP_START = 0x70, FIFO_COUNT = 0x72, FIFO_DATA = 0x74,
   WHO_AM_I = 0x75
 };
 enum : uint8_t { DMP_ON = 0x80, FIFO_ON = 0x40, FIFO_RESET = 0x04, ALL_RESETS = 0x0F };  // USER_CONTROL
@@ -24,12 +24,13 @@ enum : uint8_t { RESET = 0x80, SLEEP = 0x40 };                                  
 enum : uint8_t { OVERFLOWED = 0x10, PACKET_READY = 0x02, DATA_READY = 0x01 };            // INT_STATUS, INT_ENABLE
 enum : uint8_t { ACTIVE_LOW = 0x80, LATCHED = 0x20, CLEARED_BY_ANY = 0x10 };             // INT_PIN_CONFIG
 
-constexpr unsigned int FIFO_SIZE = 1024, PACKET = 42;
+constexpr unsigned int FIFO_SIZE = 1024, PACKET = 42, SHORT_PACKET = 28;
+constexpr uint8_t SHORT_PROGRAM = 0x04;         // the page at which the DMP's program with short packets begins
 constexpr Nanoseconds PACKET_PERIOD = 10 * MILLISECOND, PULSE = 50 * MICROSECOND;
 constexpr int ROOM_TEMPERATURE = -3920;         // (25 - 36.53) * 340
 constexpr double LEAST_GYRO = 131.0, LEAST_ACCEL = 16384.0;  // counts of a deg/s and of a g in the smallest range
 constexpr double OFFSET_COUNTS = 32.8;          // of a deg/s in the registers of offsets
-constexpr double PACKET_GYRO = 16.4, PACKET_ACCEL = 8192.0;  // in a packet, whatever the ranges are
+constexpr double PACKET_GYRO = 16.4, PACKET_ACCEL = 8192.0, SHORT_ACCEL = 16384.0;  // in a packet, whatever the ranges are
 constexpr double UNIT = 1 << 30;                // of a packet's quaternion
 constexpr double DEGREE = 3.14159265358979323846 / 180.0;
 
@@ -90,6 +91,7 @@ class Mpu6050 : public I2cPart {
     const bool was_on = period() != NEVER;
     const Nanoseconds before = period();
     registers_[reg] = value;
+    if (reg == CONFIG) rate_grant_ = 0;  // another filter has another rate
     if (period() == NEVER)
       next_sample_ = NEVER;
     else if (!was_on || period() != before)
@@ -101,7 +103,9 @@ class Mpu6050 : public I2cPart {
 
  private:
   double ask(Query query) const {
-    const double answer = exchange(Reason::Query, query, number_);
+    // The rate is that behind the low-pass filter, whose number is asked for with it.
+    const int filter = query == Query::Rate ? registers_[CONFIG] & 7 : 0;
+    const double answer = exchange(Reason::Query, query, number_ | filter << 8);
     return std::isnan(answer) ? 0 : answer;
   }
 
@@ -200,9 +204,15 @@ class Mpu6050 : public I2cPart {
     };
     put(0, static_cast<int32_t>(std::lround(std::cos(half) * UNIT)));
     put(12, static_cast<int32_t>(std::lround(std::sin(half) * UNIT)));
-    put(24, counts_of(turned * PACKET_GYRO) * 65536);
-    put(36, counts_of(PACKET_ACCEL) * 65536);
-    for (const uint8_t byte : packet) push(byte);
+    if (registers_[DMP_START] == SHORT_PROGRAM) {
+      put(18, counts_of(SHORT_ACCEL));                     // Z: bytes 20 and 21
+      put(24, counts_of(turned * PACKET_GYRO) & 0xFFFF);  // Z: bytes 26 and 27
+    } else {
+      put(24, counts_of(turned * PACKET_GYRO) * 65536);
+      put(36, counts_of(PACKET_ACCEL) * 65536);
+    }
+    const unsigned int size = registers_[DMP_START] == SHORT_PROGRAM ? SHORT_PACKET : PACKET;
+    for (unsigned int at = 0; at < size; ++at) push(packet[at]);
   }
 
   // A full FIFO loses its oldest bytes: what is read then begins within a packet.

@@ -125,3 +125,12 @@ inline double square(double value) { return value * value; }
 
 void setup();
 void loop();
+// Timers run from the beginning: it only costs its time.
+void init();
+// What the board runs: the build adds it to the sketch. One with its own `main` needs no `setup` and no `loop`.
+struct SketchStart {
+  void (*setup)();
+  void (*loop)();
+  int16_t (*main)();
+};
+extern const SketchStart sketch_start;

@@ -43,4 +43,7 @@ int shiftIn(int data, int clock, int order) {
   return value;
 }
 
+// It writes a dozen registers, before the sketch has begun anything.
+__attribute__((weak)) void init() { pass(4 * MICROSECOND); }
+
 __attribute__((weak)) void yield() {}

@@ -61,12 +61,12 @@ bool I2Cdev::writeWord(uint8_t address, uint8_t reg, uint16_t data) {
 // -- MPU6050 -----------------------------------------------------------------------------------------
 
 namespace {
-constexpr uint8_t PACKET_SIZE = 42;
 // The DMP's program of some 2,000 bytes goes to the chip in pieces of 16, and each is read back: 49 bytes on the bus.
 constexpr unsigned int DMP_LOAD = 6000;
 constexpr unsigned int LONGEST_WAIT = 11000;  // microseconds for a packet: one comes each 10 ms
 constexpr unsigned int FEW_BYTES = 200;       // of old packets: more are dropped all at once
-constexpr float PACKET_ONE = 16384, PACKET_G = 8192;
+constexpr uint8_t SHORT_PROGRAM = 0x04;       // where the program of short packets begins, in pages
+constexpr float PACKET_ONE = 16384, PACKET_G = 8192, SHORT_G = 16384;
 int16_t word_at(const uint8_t* data) { return static_cast<int16_t>(data[0] << 8 | data[1]); }
 }  // namespace
 
@@ -187,6 +187,7 @@ uint8_t MPU6050::dmpInitialize() {
   delay(30);
   setSleepEnabled(false);
   board::i2c_pass(DMP_LOAD);
+  I2Cdev::writeByte(address_, 0x70, is_short() ? SHORT_PROGRAM : 0x03);
   setClockSource(MPU6050_CLOCK_PLL_ZGYRO);
   setIntEnabled(1 << MPU6050_INTERRUPT_FIFO_OFLOW_BIT | 1 << MPU6050_INTERRUPT_DMP_INT_BIT);
   setRate(4);
@@ -199,10 +200,10 @@ uint8_t MPU6050::dmpInitialize() {
 void MPU6050::setDMPEnabled(bool on) { I2Cdev::writeBit(address_, 0x6A, 7, on); }
 bool MPU6050::getDMPEnabled() { return bits(0x6A, 7, 1); }
 void MPU6050::resetDMP() { I2Cdev::writeBit(address_, 0x6A, 3, true); }
-bool MPU6050::dmpPacketAvailable() { return getFIFOCount() >= PACKET_SIZE; }
-uint16_t MPU6050::dmpGetFIFOPacketSize() { return PACKET_SIZE; }
+bool MPU6050::dmpPacketAvailable() { return getFIFOCount() >= packet_size_; }
+uint16_t MPU6050::dmpGetFIFOPacketSize() { return packet_size_; }
 uint8_t MPU6050::dmpGetCurrentFIFOPacket(uint8_t* data) {
-  return static_cast<uint8_t>(GetCurrentFIFOPacket(data, PACKET_SIZE));
+  return static_cast<uint8_t>(GetCurrentFIFOPacket(data, packet_size_));
 }
 int8_t MPU6050::GetCurrentFIFOPacket(uint8_t* data, uint8_t size) {
   // The newest packet. What is older is read and dropped, or with all the rest if it is much: then it waits for another.
@@ -262,25 +263,30 @@ uint8_t MPU6050::dmpGetEuler(float* angles, Quaternion* q) {
   return 0;
 }
 uint8_t MPU6050::dmpGetGyro(int16_t* rate, const uint8_t* packet) {
-  for (int each = 0; each < 3; ++each) rate[each] = word_at(packet + 16 + 4 * each);
+  for (int each = 0; each < 3; ++each) rate[each] = word_at(packet + (is_short() ? 22 + 2 * each : 16 + 4 * each));
   return 0;
 }
 uint8_t MPU6050::dmpGetGyro(VectorInt16* rate, const uint8_t* packet) {
-  *rate = {word_at(packet + 16), word_at(packet + 20), word_at(packet + 24)};
+  int16_t axes[3];
+  dmpGetGyro(axes, packet);
+  *rate = {axes[0], axes[1], axes[2]};
   return 0;
 }
 uint8_t MPU6050::dmpGetAccel(int16_t* acceleration, const uint8_t* packet) {
-  for (int each = 0; each < 3; ++each) acceleration[each] = word_at(packet + 28 + 4 * each);
+  for (int each = 0; each < 3; ++each) acceleration[each] = word_at(packet + (is_short() ? 16 + 2 * each : 28 + 4 * each));
   return 0;
 }
 uint8_t MPU6050::dmpGetAccel(VectorInt16* acceleration, const uint8_t* packet) {
-  *acceleration = {word_at(packet + 28), word_at(packet + 32), word_at(packet + 36)};
+  int16_t axes[3];
+  dmpGetAccel(axes, packet);
+  *acceleration = {axes[0], axes[1], axes[2]};
   return 0;
 }
 uint8_t MPU6050::dmpGetLinearAccel(VectorInt16* linear, VectorInt16* raw, VectorFloat* gravity) {
-  linear->x = static_cast<int16_t>(raw->x - gravity->x * PACKET_G);
-  linear->y = static_cast<int16_t>(raw->y - gravity->y * PACKET_G);
-  linear->z = static_cast<int16_t>(raw->z - gravity->z * PACKET_G);
+  const float g = is_short() ? SHORT_G : PACKET_G;
+  linear->x = static_cast<int16_t>(raw->x - gravity->x * g);
+  linear->y = static_cast<int16_t>(raw->y - gravity->y * g);
+  linear->z = static_cast<int16_t>(raw->z - gravity->z * g);
   return 0;
 }
 uint8_t MPU6050::dmpGetLinearAccelInWorld(VectorInt16* world, VectorInt16* linear, Quaternion* q) {

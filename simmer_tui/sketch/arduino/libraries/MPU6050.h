@@ -121,7 +121,11 @@ class MPU6050 {
   uint8_t dmpGetLinearAccel(VectorInt16* linear, VectorInt16* raw, VectorFloat* gravity);
   uint8_t dmpGetLinearAccelInWorld(VectorInt16* world, VectorInt16* linear, Quaternion* q);
 
+ protected:
+  uint8_t packet_size_ = 42;  // of the DMP's program of version 2.0
+
  private:
+  bool is_short() const { return packet_size_ != 42; }
   uint8_t bits(uint8_t reg, uint8_t start, uint8_t count);
   int16_t word(uint8_t reg);
   uint8_t address_;

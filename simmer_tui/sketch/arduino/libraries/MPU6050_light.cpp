@@ -68,17 +68,16 @@ void MPU6050Light::fetchData() {
   Wire.write(0x3B);
   Wire.endTransmission(false);
   Wire.requestFrom(address_, 14);
-  int16_t values[7];
-  for (int16_t& each : values) {
+  for (int16_t& each : raw_) {
     const int high = Wire.read();
     each = static_cast<int16_t>(high << 8 | (Wire.read() & 0xFF));
   }
   const float up = upsideDownMounting ? -1 : 1;
-  set(accel_, values[0] / accel_unit_ - accel_offset_[0], values[1] / accel_unit_ - accel_offset_[1],
-      up * values[2] / accel_unit_ - accel_offset_[2]);
-  temperature_ = static_cast<float>(values[3]) / 340 + 36.53f;
-  set(gyro_, values[4] / gyro_unit_ - gyro_offset_[0], values[5] / gyro_unit_ - gyro_offset_[1],
-      values[6] / gyro_unit_ - gyro_offset_[2]);
+  set(accel_, raw_[0] / accel_unit_ - accel_offset_[0], raw_[1] / accel_unit_ - accel_offset_[1],
+      up * raw_[2] / accel_unit_ - accel_offset_[2]);
+  temperature_ = static_cast<float>(raw_[3]) / 340 + 36.53f;
+  set(gyro_, raw_[4] / gyro_unit_ - gyro_offset_[0], raw_[5] / gyro_unit_ - gyro_offset_[1],
+      raw_[6] / gyro_unit_ - gyro_offset_[2]);
 }
 
 float MPU6050Light::getAccAngleX() const {

@@ -48,6 +48,10 @@ class MPU6050Light {
   float getAngleY() const { return angle_[1]; }
   float getAngleZ() const { return angle_[2]; }
 
+ protected:
+  unsigned int before() const { return before_; }
+  int16_t raw_[7] = {};  // as the chip has them: acceleration, temperature, rate
+
  private:
   static void set(float* target, float x, float y, float z);
   uint8_t address_ = 0x68;
