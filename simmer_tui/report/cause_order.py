@@ -13,6 +13,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from simmer_tui.config.mission_plan import cells_of
+from simmer_tui.report.belief_facts import is_small
 from simmer_tui.report.causes import Cause, Kind, MomentKind, Sureness
 from simmer_tui.report.contact_evidence import ContactEvidence, DriveErrors, belief_text, shown_tried
 from simmer_tui.report.finding import FEWEST, Finding
@@ -58,9 +59,11 @@ _WAITED = 2.0
 """Real seconds without a command until the program's end from which it waited for something. Judged."""
 _MAP_ADVICE = "Look whether your program's map has {wall}, and compare each movement with the distance to it."
 """Advice where a right belief led into a wall."""
+_GOES_ON = "End the velocity in time: send {code} with zeros. It goes on until another one comes."
 _NO_SENSOR_THERE = "No sensor looks to that side: turn until one does, or check the way in your map."
 _OUTLIER_ADVICE = "Read {code} three times and take the middle value, before each movement."
 _NO_ECHO_ADVICE = "Take a reading of {code} with nothing in range for no proof of a free way."
+_COMPARE_MOTION = "Compare what your program adds to its belief for a {what} with the command that it sends."
 _CORRECT = "Measure after each movement, and correct for the drive's error."
 _SPARE = {
     "reading": "Read {code} less often.",
@@ -105,11 +108,22 @@ class CauseRule(Struct, frozen=True):
 
 def cause_of(run: RunEvidence) -> Cause:
     """The cause of a failed run: the first rule of `ORDER` that holds, else the unknown one."""
-    for rule in ORDER:
+    cause = _first(run, ORDER)
+    return cause or _made(run, NO_RULE, Fact(f"Unknown. {most_different(run.seen)}"))
+
+
+def cause_so_far(run: RunEvidence) -> Cause | None:
+    """The cause that a run which was stopped has shown so far; None without one. What it had not done yet it
+    might have done."""
+    return _first(run, [rule for rule in ORDER if rule.kind not in _AT_THE_END])
+
+
+def _first(run: RunEvidence, rules: Sequence[CauseRule]) -> Cause | None:
+    for rule in rules:
         fact = rule.find(run)
         if fact is not None:
             return _made(run, rule, fact)
-    return _made(run, NO_RULE, Fact(f"Unknown. {most_different(run.seen)}"))
+    return None
 
 
 def advice_on(kind: Kind) -> str:
@@ -318,10 +332,15 @@ def _silence(run: RunEvidence) -> Fact | None:
 
 def _quiet(run: RunEvidence) -> str:
     """The time without a command at the end, in sentences; empty without one."""
-    quiet, end = run.silence, "the real time limit" if run.cut_off else "the time limit"
+    quiet, last = run.silence, run.last_command
     if quiet is None:
         return ""
-    return f"No command came after {quiet.since:.1f} s. The run was ended at {end}."
+    end = f"The run was ended at the {'real ' if run.cut_off else ''}time limit."
+    if run.stopped:
+        end = f"The program was stopped {quiet.real_seconds:.0f} s of real time later."
+    after = "" if last is None else f", when {last[0]} was answered"
+    words = f" Its last output: {run.last_words.rstrip('.')}." if run.last_words else ""
+    return f"No command came after {quiet.since:.1f} s{after}. {end}{words}"
 
 
 # -- sensors and drives ------------------------------------------------------------------------------------
@@ -391,9 +410,15 @@ def _known_wall(run: RunEvidence) -> Fact | None:
         return _at_contact(run, met, _with_belief(met, read), advice=advice)
     if not met.is_into_known:
         return None
-    advice = _MAP_ADVICE.format(wall=obstacle_place(met.met.contact, run.seen.spec))
     unread = f". {met.unread_text}" if met.is_blind else ""
-    return _at_contact(run, met, f"{_with_belief(met, _sent(run))}{unread}", advice=advice)
+    return _at_contact(run, met, f"{_with_belief(met, _sent(run))}{unread}", advice=_wall_advice(run, met))
+
+
+def _wall_advice(run: RunEvidence, met: ContactEvidence) -> str:
+    """Advice where a command led into a wall: a right belief leaves the map, which has the outer wall."""
+    if not met.knew or met.is_outer_wall:
+        return advice_on(Kind.KNOWN_WALL)
+    return _MAP_ADVICE.format(wall=obstacle_place(met.met.contact, run.seen.spec))
 
 
 def _at_contact(run: RunEvidence, met: ContactEvidence, text: str, *, advice: str | None = None) -> Fact:
@@ -458,9 +483,11 @@ def _devices(run: RunEvidence, found: Sequence[Finding]) -> Fact:
     told, codes = _told(found)
     others = [each for each in run.findings if each not in found]
     besides = f" Also {others[0].text}." if others else ""
-    return Fact(
-        f"{told}{besides}", since=_first_use(run.seen, codes[0]), culprits=codes, sure=Sureness.LIKELY
-    )
+    first, advice = found[0], None
+    if first.other is not None:
+        advice = f"Exchange the cables of {first.of} and {first.other}, or their codes in your program."
+    since = _first_use(run.seen, codes[0])
+    return Fact(f"{told}{besides}", since=since, culprits=codes, advice=advice, sure=Sureness.LIKELY)
 
 
 def _told(found: Sequence[Finding]) -> tuple[str, tuple[str, ...]]:
@@ -489,7 +516,7 @@ def _missed_grip(run: RunEvidence) -> Fact | None:
     if seen.misses and not seen.taken:
         return _closed_on_nothing(run, seen.misses[-1], gripper.code)
     unused = run.unused_grip
-    if unused is None or _lacked_time(run):
+    if unused is None or run.stopped or _lacked_time(run):
         return None
     first, what, value = unused
     text = f"The gripper was never {what}, first at {first.elapsed:.1f} s."
@@ -529,20 +556,19 @@ def _dropped(run: RunEvidence) -> Fact | None:
         return None
     block, zone = done.grip.block, seen.task.zone
     where = place_text(block.x, block.y)
-    off = "not in the drop zone"
+    off, advice = "not in the drop zone", None
     if zone is not None:
         off = outside_text(missed_zone(zone, block.x, block.y))
         off = f"{off} the cell around {place_text(zone.x, zone.y)}"
+        there = place_text(zone.x, zone.y)
+        advice = f"Print where your program takes drop zone and block to be; the zone is at {there}."
+    text = f"It set the block down outside the drop zone: at {where}, {off}."
     lay = next((row.block for row in seen.history.blocks.items if not row.held), block)
     if lay is not block and math.hypot(block.x - lay.x, block.y - lay.y) <= GROUND:
-        load = [each.code for each in seen.load_sensors if each.code in seen.history.sensor_codes]
-        advice = (
-            "" if not load else f"Print what {load[0]} replies after it has closed: 1 says that it holds."
-        )
+        gripper = "" if seen.spec.gripper is None else seen.spec.gripper.code
+        advice = f"Find out why your program sends {gripper}-0 there: the gripper held the block."
         text = f"It took the block {times_text(seen.takes)}, and let it go where it lay: at {where}, {off}."
-        return Fact(text, done, place=(block.x, block.y), has_behind=True, advice=advice)
-    text = f"It set the block down outside the drop zone: at {where}, {off}."
-    return Fact(text, done, place=(block.x, block.y), has_behind=True)
+    return Fact(text, done, place=(block.x, block.y), has_behind=True, advice=advice)
 
 
 def _with_belief(met: ContactEvidence, text: str) -> str:
@@ -577,7 +603,8 @@ def _lost(run: RunEvidence) -> Fact | None:
         least = run.missed_by / 2.0
     if lost is not None and belief is not None and belief.distance >= least:
         return _lost_since(run, lost)
-    if belief is None or grip is not None or least or _stalled(run) is not None:
+    # A program that was stopped might have found its place.
+    if belief is None or grip is not None or least or run.stopped or _stalled(run) is not None:
         return None
     if belief.unsure or not run.belief.was_right:
         ever = "no longer knew" if run.belief.was_right else "never found out"
@@ -590,19 +617,22 @@ def _lost(run: RunEvidence) -> Fact | None:
 
 def _lost_since(run: RunEvidence, lost: BeliefRow) -> Fact:
     """A belief that was wrong, what explains it, and what came of it."""
-    parted, fit, advice = run.belief.parted, run.fit_text(lost), None
+    parted, ranges, advice, unsure = run.belief.parted, run.ranges_before(lost), None, ""
+    last = run.seen.beliefs[0] if run.contact is None or not run.has_contact else run.contact.belief
     moved = bool(parted) and "no movement" not in parted
     if moved or not (lost.deviation.off_place or lost.deviation.rejects_truth):
-        what = "movement" if moved else "turn"
-        advice = f"Compare what your program adds to its belief for a {what} with the command that it sends."
+        advice = _COMPARE_MOTION.format(what="movement" if moved else "turn")
     elif not run.looked_before(lost):
         parted = parted or " It had read no range before that."
         advice = "Do not assume the start: read all sensors, and search for the place that they fit."
-    elif fit:
-        advice = (
-            "Compare the ranges with those that your program's map gives there, before you trust a place."
-        )
-    text = f"{capitalized(lost_text(run, lost))}.{parted}{fit}"
+    elif last is not None and last.unsure:
+        if not math.isnan(last.spread):
+            unsure = f" It drove on with a spread of {last.spread:.1f} in."
+    elif ranges.were_right and is_small(lost):
+        advice = _COMPARE_MOTION.format(what="movement")
+    elif ranges.were_right and not ranges.fit_belief:
+        advice = "Print the ranges as your program uses them, beside those that its map gives for its belief."
+    text = f"{capitalized(lost_text(run, lost))}.{parted}{ranges.text}{unsure}"
     return Fact(text, lost, has_behind=True, advice=advice, then=_then(run))
 
 
@@ -616,6 +646,8 @@ def _then(run: RunEvidence) -> str:
         return f"Then it {grip_ending(run.last_grip.grip)}."
     if run.silence is not None:
         return _quiet(run)
+    if run.stopped:
+        return ""
     out_of_time = run.seen.out_of_time or run.cut_off
     return "Then its time was up." if out_of_time else "Then the program ended by itself."
 
@@ -628,10 +660,12 @@ def _too_close(run: RunEvidence) -> Fact | None:
     text, advice = _sent(run), None
     if contact.held_block:
         advice = "Plan with the held block, and an inch more on each side."
-    elif met.leads_into:
+    elif met.leads_into or not (met.met.ended.trajectory.turning or met.narrow_text):
         silent = _silent(run)
         text = f"{silent} read nothing in range; then {text}" if silent else text
-        advice = advice_on(Kind.KNOWN_WALL)
+        advice = _wall_advice(run, met)
+    if met.goes_on:
+        advice = _GOES_ON.format(code=met.met.ended.command.code)
     fact = _at_contact(run, met, _with_belief(met, text), advice=advice)
     errors = None if met.is_blind else met.drive_errors
     if errors is None:
@@ -656,7 +690,10 @@ def _nowhere(run: RunEvidence) -> Fact | None:
         return Fact(
             f"It was stuck at {place_text(pose.x, pose.y)}: {stuck.text}.", since=stuck.since, has_behind=True
         )
-    return _stalled(run)
+    fact = _stalled(run)
+    if fact is None or not run.has_contact:
+        return fact
+    return replace(fact, then=f"{fact.then} {_then(run)}".lstrip())
 
 
 def _stalled(run: RunEvidence) -> Fact | None:
@@ -665,6 +702,10 @@ def _stalled(run: RunEvidence) -> Fact | None:
     if task is None:
         return None
     stalled, loop, long = seen.stalled, seen.loop, STAYED * task.time_limit
+    if run.corrections:
+        # The table behind the fact tells of them.
+        first = run.corrections[0]
+        return Fact("", since=first.elapsed, culprits=first.of, advice=first.advice, has_behind=True)
     stays = _stays(run)
     if stays is not None:
         return stays
@@ -712,8 +753,11 @@ def _stays(run: RunEvidence) -> Fact | None:
         return None
     codes = tuple(history.code_names[number] for number in dict.fromkeys(drove["code"].tolist()))
     what = "movement" if drove is moves else " or ".join(codes)
-    text = f"From {since:.1f} s on no {what} came, and {counted(later, 'reading')} did. {_stand(run)}"
-    return Fact("", since=since, culprits=codes[: len(codes) == 1], has_behind=True, then=text.rstrip())
+    came = f"{counted(later, 'reading')} did, the last {run.last_reading}"
+    text = f"From {since:.1f} s on no {what} came, and {came}. {_stand(run)}".rstrip()
+    culprits = () if drove is moves else codes[: len(codes) == 1]
+    advice = "Print what your program compares in the loop that only reads, and what would end it."
+    return Fact("", since=since, culprits=culprits, advice=advice, has_behind=True, then=text)
 
 
 # -- time, and the program's end ---------------------------------------------------------------------------
@@ -809,7 +853,9 @@ def waited_text(run: RunEvidence) -> str:
     error = "" if run.program is None else run.program.error.partition(":")[0]
     if error and "Timeout" not in error and run.last_reading:
         return f" Its last reading was {run.last_reading}."
-    if last is None or not (last[2] >= _WAITED or (asked and last[2] >= _WAITED / 2)):
+    # One that ended well waited for nothing; it takes a moment to end.
+    is_quiet = last is not None and last[2] >= _WAITED and bool(run.exit_code)
+    if last is None or not (is_quiet or (asked and last[2] >= _WAITED / 2)):
         return ""
     name, at, quiet = last
     return (
@@ -840,7 +886,7 @@ def _sent(run: RunEvidence) -> str:
         return ""
     again = run.repeated
     often = f" {times_text(again[1])} in a row" if again is not None and again[2] else ""
-    return f"{met.met.row.shown} was sent{often}"
+    return f"{met.met.row.shown} was sent{often}{', and nothing ended it' if met.goes_on else ''}"
 
 
 def _twice(run: RunEvidence) -> str:
@@ -926,7 +972,7 @@ ORDER: tuple[CauseRule, ...] = (
         MomentKind.END,
         "no command came in the last quarter of the time, or none at all",
         "a program that is slow",
-        "Print a line before each command: the last line shows where the program waits.",
+        "Print a line before each command, lock and wait: the last line shows where the program waits.",
     ),
     CauseRule(
         Kind.KNOWN_WALL,
@@ -971,7 +1017,7 @@ ORDER: tuple[CauseRule, ...] = (
         Kind.GOT_NOWHERE,
         _nowhere,
         MomentKind.COMMAND,
-        "100 movements, or a quarter of the time, led to no goal and no new place",
+        "100 movements or a quarter of the time led to no goal or new place; or corrections do not shrink",
         "lack of time",
         "Count movements without a new place, and try another way after ten.",
     ),
@@ -994,6 +1040,8 @@ ORDER: tuple[CauseRule, ...] = (
 """The rules, the first first."""
 _ABOUT_GOALS = (Kind.LOST, Kind.SILENCE, Kind.GOT_NOWHERE, Kind.TOO_SLOW, Kind.ENDED)
 """Causes beside which it matters how far the mission came."""
+_AT_THE_END = (Kind.CRASHED, Kind.UNREAD, Kind.TOO_SLOW, Kind.ENDED)
+"""Causes of which only the end of a run tells."""
 NO_RULE = CauseRule(
     Kind.UNKNOWN,
     lambda run: None,

@@ -158,7 +158,13 @@ def _multiplied(row: DriveSpec, found: _Found) -> Disagreement:
     text = f"{len(found.rows)} of its movements by {row.code} were each {multiple} times the one before"
     if found.multiple < 0.0:
         text += ", to the other side"
-    return _disagreement(row.code, text, found)
+    unit = {"in": "inches", "deg": "degrees"}[row.kind.unit]
+    advice = f"Check the unit of {row.code}'s value in your program ({unit}): each correction goes too far."
+    if found.multiple > 1.0:
+        advice = f"Check the sign of {row.code}'s value in your program: each correction makes it worse."
+    elif found.multiple > 0.0:
+        advice = f"Check the unit of {row.code}'s value in your program ({unit}): corrections do little."
+    return _disagreement(row.code, text, found, advice)
 
 
 def _undone(row: DriveSpec, found: _Found) -> Disagreement:
@@ -198,5 +204,6 @@ def _measures(sensor: SensorSpec, row: DriveSpec) -> bool:
     )
 
 
-def _disagreement(code: str, text: str, found: _Found) -> Disagreement:
-    return Disagreement((code,), text, len(found.rows), found.probability, 1.0, *moment(found.rows[0]))
+def _disagreement(code: str, text: str, found: _Found, advice: str = "") -> Disagreement:
+    count, begin = len(found.rows), moment(found.rows[0])
+    return Disagreement((code,), text, count, found.probability, 1.0, *begin, advice)

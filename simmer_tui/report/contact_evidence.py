@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -56,6 +56,8 @@ _ASIDE = 30.0
 """Degrees beside a contact from which a sensor is only the nearest one."""
 _STEP = 0.05
 """Inches between places of a path at which its distance from the walls is measured: half a last digit."""
+_OF_DRIVES = (Change.EXACT, Change.UNSEEN, Change.LAST)
+"""Changes of drive errors."""
 _SHOWN = {
     Change.EXACT: "without errors of its drive",
     Change.BELIEVED: "from the pose that the program believed",
@@ -140,6 +142,13 @@ class ContactEvidence:
         return next((each.saved for each in self.tried if each.change is change), None)
 
     @property
+    def is_saved_by_drives(self) -> bool:
+        """True if nothing would have been touched without drive errors, whichever movements are repeated
+        without them: where one of these repetitions touches all the same, they do not decide."""
+        found = [self.saved_by(change) for change in _OF_DRIVES]
+        return True in found and False not in found
+
+    @property
     def knew(self) -> bool:
         """True if the belief was right and sure."""
         return self.belief is not None and self.lost is None and not self.belief.unsure
@@ -149,6 +158,17 @@ class ContactEvidence:
         """Distance that the movement was to go into the wall, inches."""
         totals = self.met.ended.trajectory.totals
         return math.hypot(totals.x, totals.y) - self.met.row.went
+
+    @property
+    def goes_on(self) -> bool:
+        """True if a velocity went on for more than `BLIND` inches after it was sent, until the contact."""
+        return bool(self.met.legs) and self.went > BLIND and self.quiet_since is None
+
+    @property
+    def is_outer_wall(self) -> bool:
+        """True if the maze's outer wall was touched."""
+        maze, cell = self._seen.spec.maze, self.met.contact.cell
+        return cell is not None and not (1 <= cell[0] <= maze.rows and 1 <= cell[1] <= maze.columns)
 
     @property
     def leads_into(self) -> bool:
@@ -259,7 +279,9 @@ class ContactEvidence:
         shown = self.shown
         if self.quiet_since is not None or self.no_echo is not None:
             return self.quiet_since is not None
-        if met.contact.drift or (shown is not None and shown.ago <= BLIND) or self.saved_by(Change.EXACT):
+        if met.contact.drift or (shown is not None and shown.ago <= BLIND):
+            return False
+        if self.is_saved_by_drives and self.saved_by(Change.EXACT):
             return False
         # No sensor looks at the room that a held block needs in a turn.
         turned = met.contact.held_block and met.ended.trajectory.turning
@@ -325,7 +347,8 @@ class ContactEvidence:
         more = self._exceeded is not None
         against = (far and more) if self.knew else (far or more)
         misled = self.lost is not None and self.saved_by(Change.BELIEVED) is not False
-        if misled or not against or self.saved_by(Change.UNSEEN) or self.saved_by(Change.EXACT):
+        by_drives = self.is_saved_by_drives and not self.saved_by(Change.LAST)
+        if misled or not against or by_drives:
             return None
         return shown
 
@@ -333,7 +356,8 @@ class ContactEvidence:
     def is_into_known(self) -> bool:
         """True if a right belief knew the wall, and the command led into it all the same."""
         is_straight = not self.met.ended.trajectory.turning and not self.met.contact.held_block
-        saved = self.saved_by(Change.EXACT) or self.saved_by(Change.BELIEVED)
+        by_drives = self.is_saved_by_drives and self.saved_by(Change.EXACT)
+        saved = by_drives or self.saved_by(Change.BELIEVED)
         return self.knew and is_straight and self.beyond > _INTO and not saved
 
     @cached_property
@@ -375,16 +399,17 @@ class ContactEvidence:
     def is_elsewhere(self) -> bool:
         """True if the belief was wrong or unsure, and no right reading showed the wall; or its movement would
         have touched nothing from there."""
-        believed = self.saved_by(Change.BELIEVED)
+        believed, unsure = self.saved_by(Change.BELIEVED), self.belief is not None and self.belief.unsure
         if self.lost is not None:
-            return believed is not False or self.ignored is None
-        unsure = self.belief is not None and self.belief.unsure
+            return unsure or believed is not False or self.ignored is None
         return (unsure and believed is not False) or (bool(believed) and not self.is_blind)
 
     @cached_property
     def drive_errors(self) -> DriveErrors | None:
         """Errors of drives without which nothing would have been touched."""
         met = self.met
+        if not self.is_saved_by_drives:
+            return None
         if self.saved_by(Change.EXACT) and not (self.lost is not None and self.saved_by(Change.BELIEVED)):
             return DriveErrors((met.ended.command.code,), 1, certain=True, large=self._goes_astray)
         # A program that sends beliefs has taken earlier errors into account, rightly or wrongly.
@@ -397,7 +422,8 @@ class ContactEvidence:
                 moved = [*met.before[len(met.before) - count :], met.ended]
                 codes = tuple(dict.fromkeys(each.command.code for each in moved))
                 unseen = change is Change.UNSEEN
-                return DriveErrors(codes, len(moved), certain=unseen, large=unseen)
+                large = unseen and (bool(met.legs) or self._goes_astray)
+                return DriveErrors(codes, len(moved), certain=unseen, large=large)
         return None
 
     @property
@@ -449,10 +475,12 @@ def belief_text(belief: BeliefRow | None) -> str:
     return f"The belief sent at {belief.elapsed:.1f} s was off by {belief.error_text}; {said}."
 
 
-def shown_tried(tried: Iterable[Counterfactual], *, wrong_drive: bool = False) -> str:
+def shown_tried(tried: Sequence[Counterfactual], *, wrong_drive: bool = False) -> str:
     """Changes that would have avoided a contact, and those that would not. What a wrong drive does is no
-    error of the movements that are repeated: of it they say nothing."""
-    tried = [each for each in tried if not wrong_drive or each.change in (Change.BELIEVED, Change.NO_BLOCK)]
+    error of the movements that are repeated: of it they say nothing. Nor do repetitions that differ."""
+    found = {each.saved for each in tried if each.change in _OF_DRIVES}
+    tells_nothing = wrong_drive or found >= {True, False}
+    tried = [each for each in tried if not (tells_nothing and each.change in _OF_DRIVES)]
     parts = []
     for saved, touched in ((True, "nothing"), (False, "something even")):
         changes = [_SHOWN.get(each.change, each.change.value) for each in tried if each.saved is saved]

@@ -230,9 +230,9 @@ def _end(run: RunEvidence) -> Iterator[Moment]:
             MomentKind.END, met.met.row.elapsed, met.text, met.met.row.line, place=met.met.contact.point
         )
     elif run.silence is not None and not seen.is_silent:
-        quiet, limit = run.silence, "real time limit" if run.cut_off else "time limit"
-        text = f"no command came any more; the run was ended at the {limit}"
-        yield Moment(MomentKind.END, quiet.since, text, place=pose)
+        limit = "real time limit" if run.cut_off else "time limit"
+        end = "" if run.stopped else f"; the run was ended at the {limit}"
+        yield Moment(MomentKind.END, run.silence.since, f"no command came any more{end}", place=pose)
     elif over is not None and over.event.subject is Result.SUCCESS:
         yield Moment(MomentKind.END, over.elapsed, "the mission succeeded", over.line, place=pose)
     elif over is not None and (seen.out_of_time or run.program is None):

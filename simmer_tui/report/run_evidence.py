@@ -9,7 +9,13 @@ from functools import cached_property
 import numpy as np
 from msgspec import Struct
 
-from simmer_tui.report.belief_facts import BeliefFacts, has_read_range, listed_movements, ranges_fit_text
+from simmer_tui.report.belief_facts import (
+    BeliefFacts,
+    RangesBefore,
+    has_read_range,
+    listed_movements,
+    ranges_before,
+)
 from simmer_tui.report.command_audit import multiplied_corrections
 from simmer_tui.report.contact_evidence import ContactEvidence
 from simmer_tui.report.finding import FEWEST, Basis, Disagreement, Finding, kept_disagreements
@@ -92,6 +98,9 @@ class RunEvidence:
         over = seen.over
         self.cut_off = cut_off or (over is not None and over.event.reason.startswith(REAL_TIME_LIMIT))
         self.findings = _one_each(findings)
+        self.stopped = over is None and not self.cut_off and (program is None or program.stopped)
+        """True if the run ended before its mission: a person or a time limit stopped its program, or its
+        connection ended."""
         # The exit code of a program that the simulator ended is not the program's own.
         self.exit_code = None if program is None or program.stopped else program.exit_code
         self.last_words = "" if program is None else last_output(program)
@@ -229,18 +238,22 @@ class RunEvidence:
         seen = self.seen
         if self.has_contact or (self.exit_code is not None and not seen.is_silent):
             return None
+        if self.stopped and self.program is None:
+            return None
         if seen.is_silent:
             return Silence(seen.begun, seen.elapsed - seen.begun, seen.history.real_time)
         rows, moves = seen.within(seen.history.commands), seen.within(seen.history.movements)
-        if not len(rows) or not (self.cut_off or seen.out_of_time):
+        if not len(rows) or not (self.cut_off or self.stopped or seen.out_of_time):
             return None
         end = max(float(rows["elapsed"][-1]), float(moves["elapsed"][-1]) if len(moves) else 0.0)
         quiet = seen.elapsed - end
         times = rows["real_time"][np.isfinite(rows["real_time"])]
         real = seen.history.real_time - float(times.max(initial=0.0))
-        whole = seen.history.real_time or math.inf
-        by_clock = quiet >= max(_QUIET, _QUIET_SHARE * (seen.elapsed - seen.begun))
-        if by_clock or (self.cut_off and real >= max(_QUIET, _QUIET_SHARE * whole)):
+        # Who stops a program has waited for it: that needs no share of the run.
+        share = 0.0 if self.stopped else _QUIET_SHARE
+        by_clock = quiet >= max(_QUIET, share * (seen.elapsed - seen.begun))
+        by_real_time = real >= max(_QUIET, share * (seen.history.real_time or math.inf))
+        if by_clock or ((self.cut_off or self.stopped) and by_real_time):
             return Silence(end, quiet, real)
         return None
 
@@ -480,12 +493,11 @@ class RunEvidence:
         first = self.belief.rows["order"][0] if len(self.belief.rows) else 0
         return belief.order != first or has_read_range(self.seen, belief.order)
 
-    def fit_text(self, lost: BeliefRow) -> str:
-        """A sentence, with a space before it, that says if the ranges of a program that was far off fit the
-        place that it believed; empty where neither is clear."""
-        if max(lost.distance, abs(lost.turn)) < CELL_SIZE or self.findings or self.seen.history.is_twin:
-            return ""
-        return ranges_fit_text(self.seen, lost)
+    def ranges_before(self, lost: BeliefRow) -> RangesBefore:
+        """The ranges before a wrong belief; none of a robot with a wrong sensor, or without a truth."""
+        if self.findings or self.seen.history.is_twin:
+            return RangesBefore()
+        return ranges_before(self.seen, lost)
 
     def origin_of(self, row: RefusalRow) -> str:
         """A sentence, with a space before it, on a value of a command that is no value of a sensor: the reply

@@ -148,8 +148,10 @@ def test_a_velocity_straight_at_a_wall_that_was_read_is_told_with_its_reading() 
     assert mission.attempt.too_many_contacts
     assert cause.kind is Kind.TOO_CLOSE
     assert re.match(
-        r"vv-6;0;0 was sent\. Contact at 5\d\.\d\d s with the wall in .*, after 15\.0 in\.", cause.text
+        r"vv-6;0;0 was sent, and nothing ended it\. Contact at 5\d\.\d\d s with .*, after 15\.0 in\.",
+        cause.text,
     )
+    assert cause.advice == "End the velocity in time: send vv with zeros. It goes on until another one comes."
 
 
 def test_drive_errors_of_a_velocity_are_named_where_it_would_have_passed_without_them() -> None:
@@ -229,15 +231,18 @@ def test_what_arrived_stands_beside_what_the_belief_moved() -> None:
     assert "it was sent d1-6 twice; the robot moved 12.0 in ahead, the belief 6.0 in ahead." in cause.text
 
 
-def test_a_right_belief_before_a_contact_comes_first() -> None:
+@pytest.mark.parametrize(("command", "said"), [("w1--9", True), ("w1-9", False)])
+def test_a_right_belief_before_a_contact_comes_first_and_any_map_has_the_outer_wall(
+    command: str, said: bool
+) -> None:
     mission = begin()
     mission.give("u1")
     mission.give("d1-6", "d1--6")
     mission.believe()
-    mission.give("w1-9")
+    mission.give(command)
     cause = mission.why()
     assert cause.text.startswith("Its belief was right, off by 0.0 in and 0 deg; ")
-    assert "map has" in cause.advice
+    assert ("map has" in cause.advice) is said
 
 
 def test_an_ended_connection_is_advised_to_look_at_the_link() -> None:
@@ -485,8 +490,10 @@ def test_who_only_reads_until_time_is_up_gets_nowhere() -> None:
     mission.give("w1-1", "u2", "u5", *("u1",) * 800)
     assert mission.referee.state().result is Result.FAILED
     cause = cause_of(RunEvidence(mission.attempt))
-    assert (cause.kind, cause.culprits) == (Kind.GOT_NOWHERE, ("w1",))
-    assert re.match(r"From 50\.\d s on no movement came, and \d+ readings did\.", cause.text)
+    assert (cause.kind, cause.culprits) == (Kind.GOT_NOWHERE, ())
+    said = r"From 50\.\d s on no movement came, and \d+ readings did, the last \d+ in by u1, at 90\.0 s\."
+    assert re.match(said, cause.text)
+    assert "the loop that only reads" in cause.advice
 
 
 @pytest.mark.parametrize(
@@ -525,7 +532,8 @@ def test_a_program_that_hangs_is_silent_from_its_last_command_on(limit: str) -> 
     run = RunEvidence(mission.attempt)
     cause = cause_of(run)
     assert cause.kind is Kind.SILENCE
-    assert cause.text.startswith(f"No command came after {last:.1f} s. The run was ended at {limit}.")
+    said = f"No command came after {last:.1f} s, when d1-1 was answered. The run was ended at {limit}."
+    assert cause.text.startswith(said)
     [end] = [each for each in moments_of(run, cause) if each.is_cause]
     assert end.text == f"no command came any more; the run was ended at {limit}"
 
@@ -963,7 +971,7 @@ def test_a_drive_that_is_no_longer_commanded_is_named() -> None:
     mission.give(*("u5", "d1-1", "d1--1") * 5, *("u1", "r1-15", "u5") * 60)
     cause = mission.why(1, words="failed")
     assert (cause.kind, cause.culprits) == (Kind.GOT_NOWHERE, ("d1",))
-    assert re.match(r"From 5\d\.\d s on no d1 came, and 120 readings did\.", cause.text)
+    assert re.match(r"From 5\d\.\d s on no d1 came, and 120 readings did, the last .* by u5, at", cause.text)
 
 
 def correct(mission: Mission, share: float) -> None:
@@ -979,15 +987,29 @@ def correct(mission: Mission, share: float) -> None:
 
 
 @pytest.mark.parametrize(
-    ("share", "said"),
-    [(-1.0, r"2\.0 times the one before"), (3.0, r"2\.0 times the one before, to the other side")],
+    ("share", "said", "advice"),
+    [
+        (-1.0, r"2\.0 times the one before", "Check the sign of r1's value"),
+        (3.0, r"2\.0 times the one before, to the other side", "Check the unit of r1's value"),
+    ],
 )
-def test_corrections_that_grow_name_their_drive(share: float, said: str) -> None:
+def test_corrections_that_grow_name_their_drive(share: float, said: str, advice: str) -> None:
     mission = begin(noise=True)
     correct(mission, share)
     cause = mission.why(1, words="failed")
-    assert "r1" in cause.culprits
-    assert re.search(rf"\d+ of its movements by r1 were each {said}\.", cause.text)
+    assert (cause.kind, cause.culprits) == (Kind.GOT_NOWHERE, ("r1",))
+    assert re.match(rf"\d+ of its movements by r1 were each {said}\.", cause.text)
+    assert cause.advice.startswith(advice)
+
+
+def test_corrections_that_grow_stand_before_the_contact_they_led_to() -> None:
+    mission = begin(noise=True)
+    correct(mission, -1.0)
+    mission.give(f"r1-{math.remainder(-mission.simulator.pose.heading, 360.0):.2f}")
+    mission.give("u1", "u2", "u4", "u5", "t1", "w1-4.2")
+    cause = mission.why()
+    assert cause.kind is Kind.GOT_NOWHERE
+    assert re.search(r"each 2\.0 times the one before\. Then w1-4\.2 was sent\. Contact at ", cause.text)
 
 
 def test_corrections_that_shrink_name_nobody() -> None:
