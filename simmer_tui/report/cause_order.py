@@ -701,7 +701,7 @@ def _stalled(run: RunEvidence) -> Fact | None:
     seen, task = run.seen, run.seen.task
     if task is None:
         return None
-    stalled, loop, long = seen.stalled, seen.loop, STAYED * task.time_limit
+    stalled, long = seen.stalled, STAYED * task.time_limit
     if run.corrections:
         # The table behind the fact tells of them.
         first = run.corrections[0]
@@ -727,11 +727,6 @@ def _stalled(run: RunEvidence) -> Fact | None:
                 text += ". All commands to drive were whole numbers"
         place = (stalled.place.x, stalled.place.y)
         return Fact("", since=stalled.since, place=place, culprits=culprits, has_behind=True, then=f"{text}.")
-    if loop is not None:
-        text = (
-            f"From {loop.since:.1f} s on it repeated the same {loop.commands} movements {loop.rounds} times."
-        )
-        return Fact("", since=loop.since, place=(loop.place.x, loop.place.y), has_behind=True, then=text)
     return None
 
 

@@ -24,7 +24,7 @@ from simmer_tui.run.history_rows import (
     MovementRow,
     RefusalRow,
 )
-from simmer_tui.run.progress import CommandLoop, StalledPeriod, loop_at_end, without_progress
+from simmer_tui.run.progress import StalledPeriod, without_progress
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.table import Columns, Newest, RowT, RowTable
 from simmer_tui.sim.arrays import BoolArray, IntArray
@@ -598,11 +598,6 @@ class Attempt:
         asked = self.within(self.history.movements)["asked"]
         asked = asked[np.isfinite(asked)]
         return len(asked) if (asked == np.round(asked)).all() else 0
-
-    @cached_property
-    def loop(self) -> CommandLoop | None:
-        """The movements that it repeated until the end."""
-        return loop_at_end(self.within(self.history.movements, max(self.placed, self._began)))
 
     @property
     def left_block(self) -> bool:

@@ -456,27 +456,6 @@ def test_time_is_told_by_what_it_went_to() -> None:
     assert "(u5 20 times, 10.0 s)" in cause.text
 
 
-def go_round(mission: Mission, rounds: int, command: str = "d1-0.5") -> None:
-    for _ in range(rounds):
-        mission.give("u1", "u5", command, "r1-90")
-
-
-@pytest.mark.parametrize(("rounds", "kind"), [(19, Kind.ENDED), (20, Kind.GOT_NOWHERE)])
-def test_a_loop_has_forty_movements(rounds: int, kind: Kind) -> None:
-    mission = begin()
-    go_round(mission, rounds)
-    cause = mission.why()
-    assert cause.kind is kind
-    assert kind is Kind.ENDED or "it repeated the same 2 movements 20 times." in cause.text
-
-
-@pytest.mark.parametrize("commands", [["r1-15", "u5"] * 45, ["d1-0.58", "u5", "w1-0.01"] * 22])
-def test_equal_turns_and_steps_that_lead_on_are_no_loop(commands: list[str]) -> None:
-    mission = begin()
-    mission.give(*commands)
-    assert mission.why().kind is Kind.ENDED
-
-
 def test_moves_that_gain_nothing_lead_nowhere() -> None:
     mission = begin(limit=100.0)
     mission.give("u5", *("w1-2", "s1-2") * 200)
