@@ -712,21 +712,14 @@ def _stalled(run: RunEvidence) -> Fact | None:
     # A robot that stands and reads is slow, not without progress: half of the time must have been driving.
     lasted = seen.elapsed - stalled.since
     idle = lasted < long or stalled.driving < lasted / 2
-    drives, count = seen.asked_for_nothing
-    in_vain = count >= MOVES and 2 * count > stalled.movements
-    if stalled.movements >= (HUNDRED if idle or not seen.out_of_time else MOVES) or in_vain:
+    if stalled.movements >= (HUNDRED if idle or not seen.out_of_time else MOVES):
         turned = f", {stalled.turned:.0f} deg" if stalled.turned >= 1.0 else ""
         moved = f"{stalled.movements} movements ({stalled.driven:.0f} in{turned})"
         text = f"From {stalled.since:.1f} s on, {moved} reached no goal and no new place"
         often = run.movements_by_code(stalled.since)
-        text = f"{text}: {often}" if often and not in_vain else text
-        culprits: tuple[str, ...] = ()
-        if in_vain:
-            text, culprits = f"{text}: {count} of them asked for 0 ({', '.join(drives)})", tuple(drives)
-            if seen.whole_numbers:
-                text += ". All commands to drive were whole numbers"
+        text = f"{text}: {often}." if often else f"{text}."
         place = (stalled.place.x, stalled.place.y)
-        return Fact("", since=stalled.since, place=place, culprits=culprits, has_behind=True, then=f"{text}.")
+        return Fact("", since=stalled.since, place=place, has_behind=True, then=text)
     return None
 
 

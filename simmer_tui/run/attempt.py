@@ -572,33 +572,6 @@ class Attempt:
         codes = rows["code"][rows["refused"]]
         return [names[number] for number in sorted(set(codes.tolist()))], len(codes), len(rows)
 
-    @cached_property
-    def asks_end(self) -> BoolArray:
-        """True for the movements of 0 by which a program in packets asks for the end of the one before,
-        (n,). In packets most of them follow that one directly, or questions that came too early; the others
-        follow one that was lost."""
-        rows, commands = self.within(self.history.movements), self.within(self.history.commands)
-        nothing, number = rows["asked"] == 0.0, rows["number"]
-        early = np.searchsorted(np.sort(commands["number"][commands["early"]]), number)
-        follows = (np.diff(number, prepend=-1) == 1) & (np.diff(rows["code"], prepend=-1) == 0)
-        follows |= np.diff(early, prepend=0) > 0
-        in_packets = 2 * int((nothing & follows).sum()) > int(nothing.sum())
-        return np.asarray(nothing & (follows | in_packets))
-
-    @cached_property
-    def asked_for_nothing(self) -> tuple[list[str], int]:
-        """Codes of drives that were asked for 0 in the stretch without progress, and how often."""
-        rows, names = self.within(self.history.movements), self.history.code_names
-        rows = rows[(rows["asked"] == 0.0) & ~self.asks_end & (rows["elapsed"] >= self.stalled.since)]
-        return [names[number] for number in np.unique(rows["code"])], len(rows)
-
-    @property
-    def whole_numbers(self) -> int:
-        """Number of the commands for drives, if all asked for whole numbers; else 0."""
-        asked = self.within(self.history.movements)["asked"]
-        asked = asked[np.isfinite(asked)]
-        return len(asked) if (asked == np.round(asked)).all() else 0
-
     @property
     def left_block(self) -> bool:
         """True if the robot moved away by more than a cell after the block had been between its open jaws."""
