@@ -243,7 +243,7 @@ def _refused_by(run: RunEvidence, text: str, row: RefusalRow, codes: Sequence[st
     one = f"{cut(row.result.command.shown, WORD)} at {row.elapsed:.1f} s: {row.result.reason.rstrip('.')}"
     wait = "Wait for the end of each movement before you send the next command."
     return Fact(
-        f"{text.format(one)}{run.origin_of(row)}",
+        text.format(one),
         row,
         culprits=tuple(codes),
         advice=wait if row.result.is_early else None,
@@ -272,7 +272,7 @@ def _undone(run: RunEvidence, rows: Sequence[RefusalRow], then: str) -> Fact:
         text = (
             f"{len(rows)} commands were refused and never carried out. The first: {text.replace(often, '')}"
         )
-    return Fact(f"{text}{run.origin_of(first)}", first, culprits=(command.code,), then=then)
+    return Fact(text, first, culprits=(command.code,), then=then)
 
 
 def _crashed(run: RunEvidence) -> Fact | None:
@@ -379,8 +379,7 @@ def _unread(run: RunEvidence) -> Fact | None:
     goal = run.goals[-1] if run.goals else None
     read = f"{was} never read"
     if goal is not None and any(code in run.seen.history.sensor_codes for code in unseen.codes):
-        often = f"{was} read {times_text(unseen.readings)}" if unseen.readings else f"{was} not read"
-        read = f"{often} after {goal.elapsed:.1f} s ({goal.event.subject.value})"
+        read = f"{was} not read after {goal.elapsed:.1f} s ({goal.event.subject.value})"
     return Fact(
         f"{names} {read}, and {it} alone {sees} the block. The block was in sight at {unseen.since:.1f} s.",
         since=unseen.since,
@@ -528,13 +527,6 @@ def _closed_on_nothing(run: RunEvidence, done: GripRow, code: str) -> Fact:
     seen, missed = run.seen, done.grip.missed
     often = f" {times_text(len(seen.misses))}" if len(seen.misses) > 1 else ""
     place = (done.grip.block.x, done.grip.block.y)
-    since = run.closed_before(done)
-    if since is not None and missed is not None and not any(missed):
-        text = (
-            f"The gripper was closed already: {code}-1 had come at {since.elapsed:.1f} s, "
-            f"and no {code}-0 since."
-        )
-        return Fact(text, done, place=place, advice=f"Send {code}-0 before you drive to the block.")
     last = "" if missed is None else f": {miss_text(missed)}"
     if often and last:
         last = f". The last time, {last[2:]}"
@@ -542,8 +534,7 @@ def _closed_on_nothing(run: RunEvidence, done: GripRow, code: str) -> Fact:
     unseen, advice = run.unseen_block, None
     if unseen is not None:
         names, was, sees = _alone(unseen.codes)
-        read = f"read {times_text(unseen.readings)}" if unseen.readings else "not read"
-        text += f" {names} alone {sees} the block, and {was} {read} on the way to it."
+        text += f" {names} alone {sees} the block, and {was} not read on the way to it."
         advice = f"Read {unseen.codes[0]} before you close the gripper."
     return Fact(
         text, done, place=place, has_behind=True, culprits=unseen.codes if unseen else (), advice=advice
@@ -974,7 +965,7 @@ ORDER: tuple[CauseRule, ...] = (
         Kind.UNREAD,
         _unread,
         MomentKind.COMMAND,
-        "no range was read on the last 4 in or 45 deg; or the one that sees the block hardly was",
+        "no range was read on the last 4 in or 45 deg; or the one that sees the block was not",
         "wrong readings",
     ),
     CauseRule(

@@ -212,9 +212,6 @@ def _deciding(run: RunEvidence) -> Iterator[Moment]:
         block = (grip.grip.block.x, grip.grip.block.y)
         let_go = f"it set the block down at {place_text(*block)}"
         text = let_go if grip.had and not grip.grip.closed else f"it {grip_ending(grip.grip)}"
-        since = run.closed_before(grip)
-        if since is not None and grip.grip.closed:
-            text = f"it closed the gripper, which had been closed since {since.elapsed:.1f} s"
         gripper = seen.spec.gripper
         kind = MomentKind.GOAL if run.has_contact else MomentKind.COMMAND
         code = gripper.code if gripper else ""

@@ -31,7 +31,7 @@ from simmer_tui.run.phrases import REAL_TIME_LIMIT, last_output, times_text
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.block import Block
-from simmer_tui.sim.command import counted, parse_value
+from simmer_tui.sim.command import counted
 from simmer_tui.sim.sensors import ObservingSensor, modelled_sensor
 from simmer_tui.sim.sensors.base import World
 from simmer_tui.sim.specs import CELL_SIZE
@@ -41,14 +41,8 @@ _QUIET, _QUIET_SHARE = 5.0, 0.25
 """Seconds, real or simulated, and share of the run without a command at its end that count as silence."""
 _SEEN = 1.0
 """Least change of a reading by the block, inches, with which a sensor sees it."""
-_HARDLY = 0.01
-"""Share of the ranges read since the last goal below which a sensor was hardly read. Judged."""
 _NONSENSE = "makes no sense as a movement"
 """Words of the connection doctor for the value of a command."""
-_NO_NUMBER = {"inf": "a finished movement", "infinity": "a finished movement", "nan": "a refused command"}
-"""Values that are no numbers, and the commands that are replied to with them."""
-_HUGE = 1e6
-"""Least value that no sensor replies, in any unit."""
 _CODES = 3
 """Codes of movements that are named in a sentence."""
 _STOPS = 3
@@ -67,12 +61,11 @@ class Silence(Struct, frozen=True):
 
 
 class Unseen(Struct, frozen=True):
-    """Sensors that alone see the block and were not read, or hardly (`readings`), since the last goal, and
-    the first moment at which they would have seen it (elapsed seconds)."""
+    """Sensors that alone see the block and were not read since the last goal, and the first moment at which
+    they would have seen it (elapsed seconds)."""
 
     codes: tuple[str, ...]
     since: float
-    readings: int = 0
 
 
 class RunEvidence:
@@ -321,10 +314,8 @@ class RunEvidence:
             readings = readings[readings["order"] < closings[0]]
             readings = readings[readings["gone"] > readings["gone"].max(initial=0.0) - CELL_SIZE]
         codes, numbers = seen.history.sensor_codes, readings["sensor"]
-        ranges = [place for place, code in enumerate(codes) if code in {each.code for each, _ in made}]
         mine = [place for place, code in enumerate(codes) if code in {each.code for each, _ in sees}]
-        read = int(np.isin(numbers, mine).sum())
-        if not sees or read > (_HARDLY * np.isin(numbers, ranges).sum() if self.goals else 0):
+        if not sees or np.isin(numbers, mine).any():
             return None
         moves = moves[:: max(len(moves) // _POSES, 1)]
         if not len(moves):
@@ -339,7 +330,7 @@ class RunEvidence:
         place = min((each for each in first if each is not None), default=None)
         if place is None:
             return None
-        return Unseen(tuple(each.code for each, _ in sees), float(moves["elapsed"][place]), read)
+        return Unseen(tuple(each.code for each, _ in sees), float(moves["elapsed"][place]))
 
     @staticmethod
     def _first_seen(
@@ -401,16 +392,6 @@ class RunEvidence:
         if seen.put_down is not None:
             return seen.put_down
         return seen.misses[-1] if seen.misses and not seen.taken else None
-
-    def closed_before(self, done: GripRow) -> GripRow | None:
-        """The grip that had closed the jaws when another closed them again; None if they were open."""
-        first = None
-        for row in reversed(self.seen.history.grips.items):
-            if row.order < done.order:
-                if not row.grip.closed or row.order < self.seen.history.began:
-                    break
-                first = row
-        return first
 
     @property
     def velocities_left(self) -> int:
@@ -498,30 +479,6 @@ class RunEvidence:
         if self.findings or self.seen.history.is_twin:
             return RangesBefore()
         return ranges_before(self.seen, lost)
-
-    def origin_of(self, row: RefusalRow) -> str:
-        """A sentence, with a space before it, on a value of a command that is no value of a sensor: the reply
-        that has its bytes in the other order, or the command that was replied to with it."""
-        value = parse_value(row.result.command.argument)
-        text = (row.result.command.argument or "").strip().lstrip("+-").lower()
-        earlier = self.seen.within(self.seen.history.readings)
-        earlier = earlier[earlier["order"] < row.order]
-        values, codes = earlier["value"].astype(np.float64), self.seen.history.sensor_codes
-        if text in _NO_NUMBER:
-            same = np.isinf(values) if text.startswith("inf") else np.isnan(values)
-            if same.any() or not len(values):
-                return ""
-            return f" No sensor had replied {text}; {_NO_NUMBER[text]} is replied with it."
-        if isinstance(value, str) or not len(values):
-            return ""
-        turned = np.abs(values.byteswap())
-        with np.errstate(invalid="ignore", over="ignore"):
-            same = (turned > _HUGE) & np.isclose(turned, abs(value), rtol=1e-6, atol=0.0)
-        if not same.any():
-            return ""
-        last = earlier[int(np.flatnonzero(same)[-1])]
-        code = codes[last["sensor"]]
-        return f" That is {code}'s reply {float(last['value']):.3g} with its 8 bytes in the other order."
 
 
 def _nonsense(row: NoticeRow) -> tuple[str, bool]:
