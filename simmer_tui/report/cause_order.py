@@ -435,14 +435,10 @@ def _sensor_wrong(run: RunEvidence) -> Fact | None:
     met = run.contact if run.has_contact else None
     if met is None:
         return None
-    last, advice = None if met.is_blind else met.misread, _OUTLIER_ADVICE
-    if last is not None and math.isinf(last.value):
-        advice = _NO_ECHO_ADVICE
+    last = None if met.is_blind else met.misread
     if last is None:
-        later = met.ignored
-        if met.knew or met.no_echo is None or (later is not None and later.elapsed >= met.no_echo.time):
-            return None
-        last, advice = met.no_echo, _NO_ECHO_ADVICE
+        return None
+    advice = _NO_ECHO_ADVICE if math.isinf(last.value) else _OUTLIER_ADVICE
     true = f", the true distance was {shown_range(last.true)}" if math.isfinite(last.true) else ""
     read = f"{last.code} read {shown_range(last.value)} at {last.time:.1f} s{true}"
     at_sight = met.facing is last

@@ -185,23 +185,6 @@ class ContactEvidence:
         far = math.hypot(totals.x, totals.y)
         return math.degrees(math.atan2(totals.y, totals.x)) if math.isfinite(far) and far > _STOOD else None
 
-    @cached_property
-    def no_echo(self) -> LastReading | None:
-        """The last reading of a sensor that looks there, or along the movement, if it had no echo although
-        the wall was within half of its range; None if it is old."""
-        met, row = self.met, self.met.row
-        for sensor in self._seen.spec.sensors:
-            last = met.readings.get(sensor.code)
-            if last is None or not sensor.kind.is_range or not math.isinf(last.value):
-                continue
-            along = self.bearing is not None and abs(half_turn(sensor.rotation - self.bearing)) <= ALIKE
-            there = self.looks is not None and looks_there(self.looks) and sensor.code in self.looks.codes
-            path = row.gone_before - last.gone
-            fresh = path <= BLIND and row.turned_before - last.turned <= BLIND_TURN
-            if fresh and (there or (along and self.leads_into)) and path + row.went < sensor.max_range / 2:
-                return last
-        return None
-
     @property
     def facing(self) -> LastReading | None:
         """The last reading of a sensor that looks at the place touched."""
@@ -277,8 +260,8 @@ class ContactEvidence:
         any of them; for one that does not, only the sensor that looks at the wall counts."""
         met, looks = self.met, self.looks
         shown = self.shown
-        if self.quiet_since is not None or self.no_echo is not None:
-            return self.quiet_since is not None
+        if self.quiet_since is not None:
+            return True
         if met.contact.drift or (shown is not None and shown.ago <= BLIND):
             return False
         if self.is_saved_by_drives and self.saved_by(Change.EXACT):
