@@ -100,7 +100,6 @@ class BeliefFacts:
             self._offset(x, y, "beside the truth"),
             self._offset(ahead, left, "(ahead, left) beside the truth in the robot's frame"),
             self._turned(),
-            self._late(),
         ]
         kept = [each for each in found if each is not None and each.share >= _CONSTANT]
         return max(kept, key=lambda each: each.share, default=None)
@@ -129,19 +128,6 @@ class BeliefFacts:
         first = self.rows[0]
         is_assumed = first["distance"] > CELL_SIZE and first["spread"] < _ASSUMED
         return ConstantOffset(text, share, () if is_assumed else self._compasses)
-
-    def _late(self) -> ConstantOffset | None:
-        """Beliefs of the pose before the last movement, among those before which the robot moved far."""
-        rows, moves = self.sure, self._seen.within(self._seen.history.movements, self._seen.placed)
-        places = np.searchsorted(moves["order"], rows["order"]) - 2
-        rows, before = rows[places >= 0], moves[places[places >= 0]]
-        moved = np.hypot(rows["true_x"] - before["x"], rows["true_y"] - before["y"]) >= _LEAST
-        off = np.hypot(rows["x"] - before["x"], rows["y"] - before["y"])
-        if moved.sum() < FEWEST["set"]:
-            return None
-        share = float((off <= np.minimum(_NEAR, rows["distance"] / 2.0))[moved].mean())
-        of = f"{100 * share:.0f} % of the sure beliefs after a movement"
-        return ConstantOffset(f"where the robot had been one command earlier in {of}", share)
 
     def _of_maze(self) -> list[ConstantOffset]:
         """Beliefs in a maze that is mirrored, or turned as a whole."""
