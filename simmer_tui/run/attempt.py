@@ -275,8 +275,8 @@ class Attempt:
     # -- beliefs and contacts --------------------------------------------------------------------
 
     def belief_before(self, order: int) -> tuple[BeliefRow | None, BeliefRow | None]:
-        """The newest belief before an event, and the first of the unbroken row of lost beliefs that leads to
-        it."""
+        """The newest belief before an event and, if it is lost, the first lost one since the last that was
+        right and sure."""
         beliefs = self.history.beliefs
         newest = lost = None
         # Backwards, as far as it matters: a long run has tens of thousands.
@@ -285,14 +285,15 @@ class Attempt:
             if not row.finite:
                 continue
             newest = newest or row
-            if not row.lost:
+            if row.lost:
+                lost = row
+            elif row is newest or row.is_right:
                 break
-            lost = row
         return newest, lost
 
     @cached_property
     def beliefs(self) -> tuple[BeliefRow | None, BeliefRow | None]:
-        """The last belief, and the first of the unbroken row of lost beliefs that leads to it."""
+        """The last belief and, if it is lost, the first lost one since the last that was right and sure."""
         return self.belief_before(self._until + 1)
 
     @cached_property
