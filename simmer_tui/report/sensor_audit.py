@@ -36,12 +36,6 @@ _EXPLAINED = 0.8
 _MISSED = 0.001
 # Judged: the residuals of a fit with one coefficient more must be smaller by a tenth.
 _BETTER = 1.1
-_AT_LIMIT = 0.1
-"""Share of readings of something beyond the least or largest one that are near it by chance. They are off by
-more than the tolerance, four standard deviations; judged, for outliers."""
-_ON_GRID, _TRULY_ON_GRID = 0.02, 0.5
-"""Share of a step within which a reading lies on its grid, as numbers are rounded; and share of true values
-on that grid from which the robot stands on it, as in the middles of cells. Judged."""
 _ONE_VALUE = 0.1
 """Share of the expected value, or least error, within which eight values in ten are one: there a gain and an
 offset are the same. Judged."""
@@ -59,9 +53,6 @@ def sensor_tests(device: DeviceUnderTest, sample: SensorSample) -> list[Claim]:
     if sample.least == 0.5 and sample.spec.is_yes_or_no:
         return [*tests, _wrong(device, sample)]
     inside = sample.inside()
-    shaped = [*_limits(device, inside), *_steps(device, inside)]
-    if any(each.finding is not None for each in shaped):
-        return [*tests, *shaped]
     return [*tests, *_fitted(device, inside)] if len(inside.values) >= FEWEST[device.basis] else tests
 
 
@@ -127,50 +118,6 @@ def change_text(spec: SensorSpec, kind: FindingKind, value: float, other: str | 
             return f"reads what {other} should read"
         case _:
             return f"is late by {counted(int(value), 'reading')}"
-
-
-def _limits(device: DeviceUnderTest, sample: SensorSample) -> list[Claim]:
-    """The claims of a floor and a ceiling of readings: one value for all that is nearer, or further."""
-    found: list[Claim] = []
-    values, expected, tolerance = sample.values, sample.expected, sample.tolerance
-    if not sample.spec.kind.is_range or len(values) < FEWEST[device.basis]:
-        return found
-    for limit, sign, side in ((values.min(), -1.0, "nearer"), (values.max(), 1.0, "further")):
-        beyond = sign * (expected - limit) > tolerance
-        within = sign * (expected - limit) < -tolerance
-        count, hits = int(beyond.sum()), int((np.abs(values - limit) <= tolerance)[beyond].sum())
-        if count < FEWEST[device.basis] or hits < _EXPLAINED * count or not within.any():
-            continue
-        if float((np.abs(values - expected) <= tolerance)[within].mean()) < _EXPLAINED:
-            continue
-        what = f"reads {limit:.1f} {sample.spec.unit} for all that is {side}"
-        probability = binomial_tail(hits, count, _AT_LIMIT)
-        found.append(
-            device.claim(probability, FindingKind.LIMIT, float(limit), what, count, unit=sample.spec.unit)
-        )
-    return found
-
-
-def _steps(device: DeviceUnderTest, sample: SensorSample) -> list[Claim]:
-    """The claim of a coarse resolution: all readings lie on a grid on which the truth does not lie."""
-    # Not np.unique, for the same reason as `quantiles`.
-    gaps = np.diff(np.sort(sample.values))
-    gaps = gaps[gaps > 0.0]
-    if not sample.spec.kind.is_range or len(gaps) + 1 < FEWEST["nominal"]:
-        return []
-    step, count = float(gaps.min()), len(sample.values)
-    if step < max(sample.least, 2.0 * sample.spec.resolution):
-        return []
-    near, truly = (
-        np.abs((each - np.sort(each)[count // 2] + step / 2) % step - step / 2) <= _ON_GRID * step
-        for each in (sample.values, sample.expected)
-    )
-    if not near.all() or truly.mean() > _TRULY_ON_GRID:
-        return []
-    # The first two define the grid.
-    probability = binomial_tail(count - 2, count - 2, 2 * _ON_GRID)
-    what = f"reads in steps of {step:.1f} {sample.spec.unit}"
-    return [device.claim(probability, FindingKind.STEPS, step, what, count, unit=sample.spec.unit)]
 
 
 # -- shares ------------------------------------------------------------------------------------------

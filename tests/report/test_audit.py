@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import re
 import sys
 from collections import deque
@@ -67,7 +66,6 @@ def test_an_offset_beyond_the_set_is_found_with_its_interval(mission: Simulation
     ("change", "code", "kind", "value"),
     [
         (of("u3", lambda value: value * 0.8), "u3", FindingKind.GAIN, 0.8),
-        (of("u3", lambda value: max(value, 8.0)), "u3", FindingKind.LIMIT, 8.0),
         (of("c1", lambda value: value + 20.0), "c1", FindingKind.OFFSET, 20.0),
         (of("u2", lambda value: 7.5), "u2", FindingKind.STUCK, 7.5),
         (of("c1", lambda value: -value), "c1", FindingKind.SIGN, -1.0),
@@ -165,23 +163,6 @@ def test_an_offset_beside_a_small_drift_stays_an_offset(mission: SimulationSpec)
     assert found.kind is FindingKind.OFFSET
 
 
-@pytest.mark.parametrize("floor", [0.0, 0.5])
-def test_a_range_with_coarse_steps_is_told_as_that(mission: SimulationSpec, floor: float) -> None:
-    (found,) = audit(
-        wandered(mission, 2, of("u3", lambda value: 4.0 * math.floor(value / 4.0 + 0.5 - floor)))
-    )
-    assert (found.of, found.kind, found.value, found.unit) == ("u3", FindingKind.STEPS, 4.0, "in")
-    assert found.text.startswith("u3 reads in steps of 4.0 in (")
-
-
-def test_a_robot_that_stands_on_a_grid_has_no_sensor_with_steps(mission: SimulationSpec) -> None:
-    u3 = modelled_sensor(next(each for each in mission.sensors if each.code == "u3"))
-    true = 3.0 + 12.0 * (np.arange(40) % 4)
-    for off, kinds in ((0.0, []), (2.0, [FindingKind.OFFSET])):
-        sample = SensorSample(u3, true + off, true, np.full(40, 0.2))
-        assert [each.kind for each in kept(sensor_tests(DeviceUnderTest("u3", "reading"), sample))] == kinds
-
-
 # -- against the nominal set -------------------------------------------------------------------------
 
 
@@ -210,7 +191,6 @@ def renamed(spec: SimulationSpec, codes: dict[str, str]) -> SimulationSpec:
     [
         (lambda spec: sensor(spec, "u1", bias=3.0), {("u1", "offset")}),
         (lambda spec: sensor(spec, "u1", drift=0.1), {("u1", "drift")}),
-        (lambda spec: sensor(spec, "u1", resolution=4.0), {("u1", "steps")}),
         (lambda spec: sensor(spec, "u1", gain=0.0, bias=9.0), {("u1", "stuck")}),
         (lambda spec: sensor(spec, "u1", error=0.4), {("u1", "noise")}),
         (lambda spec: sensor(spec, "u1", dropout=0.4), {("u1", "missed")}),
