@@ -23,7 +23,6 @@ from simmer_tui.report.robust_fit import (
     median_of,
     quantiles,
     robust_fit,
-    two_sided,
 )
 from simmer_tui.report.sensor_sample import Alternative, SensorSample
 from simmer_tui.sim.arrays import FloatArray
@@ -178,35 +177,7 @@ def _fitted(device: DeviceUnderTest, sample: SensorSample) -> list[Claim]:
     kinds = single if fits[single].rough <= _BETTER * fits[double].rough else double
     fit, design = fits[kinds], np.column_stack([columns[each] for each in kinds])
     tests = [_figure(device, sample, kind, fit, place) for place, kind in enumerate(kinds)]
-    for grown, per in ((sample.seconds, "s"), (sample.gone, "in driven")):
-        growing = np.column_stack((grown, np.ones(len(grown))))
-        if counts or len(grown) < len(residuals) or np.ptp(grown) == 0.0:
-            continue
-        drift = robust_fit(growing, residuals, sample.spread)
-        if _BETTER * drift.rough < fit.rough and abs(drift.values[0]) * np.ptp(grown) >= sample.least:
-            fit, design, tests = drift, growing, [_drift(device, sample, drift, float(grown[-1]), per)]
-    if counts and sample.first is not None:
-        tests.append(_first_offset(device, sample, *sample.first))
     return [*tests, _noise(device, sample, residuals - design @ fit.values)]
-
-
-def _drift(device: DeviceUnderTest, sample: SensorSample, fit: RobustFit, last: float, per: str) -> Claim:
-    """The claim of a drift in each second, or each inch driven, of which the last reading had `last`."""
-    unit, value, end = sample.spec.unit, float(fit.values[0]), float(fit.values @ (last, 1.0))
-    shown = f"{abs(value):.2g} {unit}/{per}" if per == "s" else f"{abs(value):.2g} {unit} for each {per}"
-    what = f"drifts by {shown}, to {abs(end):.1f} {unit} {_too(end, sample)} at its last reading"
-    interval, per_unit = fit.interval(0), f"{unit}/{per.partition(' ')[0]}"
-    bounds = f"{interval[0]:.3g} to {interval[1]:.3g}"
-    return device.claim(
-        fit.probability(0),
-        FindingKind.DRIFT,
-        value,
-        what,
-        fit.count,
-        interval=interval,
-        bounds=bounds,
-        unit=per_unit,
-    )
 
 
 def _figure(
@@ -229,19 +200,6 @@ def _figure(
     if error < sample.least or low <= 0.0 <= high:
         return Claim(probability)
     return device.claim(probability, kind, value, what, fit.count, interval=(low, high), unit=unit)
-
-
-def _first_offset(device: DeviceUnderTest, sample: SensorSample, error: float, spread: float) -> Claim:
-    """The offset of a counting sensor, by its first reading: later ones contain the errors since."""
-    spec, probability = sample.spec, two_sided(error / spread)
-    if abs(error) < sample.least:
-        return Claim(probability)
-    low, high = error - Z_95 * spread, error + Z_95 * spread
-    what, rests_on = f"began {abs(error):.1f} {spec.unit} {_too(error, sample)}", "first reading"
-    interval, unit = (low, high), spec.unit
-    return device.claim(
-        probability, FindingKind.OFFSET, error, what, 1, interval=interval, rests_on=rests_on, unit=unit
-    )
 
 
 def _noise(device: DeviceUnderTest, sample: SensorSample, residuals: FloatArray) -> Claim:

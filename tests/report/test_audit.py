@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import sys
 from collections import deque
 from collections.abc import Callable
@@ -138,26 +137,6 @@ def test_few_readings_claim_nothing(mission: SimulationSpec) -> None:
     assert audit(wandered(mission, 1, of("u1", lambda value: value + 3.0), steps=5)) == ()
 
 
-def test_a_range_that_drifts_is_told_as_a_drift(mission: SimulationSpec) -> None:
-    """With time by its set; with the distance driven by what its readings add."""
-    drifting = sensor(mission, "u1", drift=0.12)
-    (found,) = audit(wandered(drifting, 2, told=mission))
-    assert (found.of, found.kind, found.unit) == ("u1", FindingKind.DRIFT, "in/s")
-    assert found.low < 0.12 < found.high
-    assert re.match(r"u1 drifts by 0\.12 in/s, to \d\.\d in too long at its last reading \(", found.text)
-    gone = 0.0
-
-    def with_distance(each: Reading) -> float:
-        nonlocal gone
-        # The sum of the first odometer is the path ahead and back.
-        gone += 0.12 if each.sensor.code == "u1" else 0.0
-        return each.value - gone if each.sensor.code == "u1" else each.value
-
-    (found,) = audit(wandered(mission, 2, with_distance))
-    assert (found.of, found.kind) == ("u1", FindingKind.DRIFT)
-    assert "too short at its last reading" in found.text
-
-
 def test_an_offset_beside_a_small_drift_stays_an_offset(mission: SimulationSpec) -> None:
     (found,) = audit(wandered(mission, 1, of("u1", lambda value: value + 3.0), steps=60))
     assert found.kind is FindingKind.OFFSET
@@ -190,7 +169,6 @@ def renamed(spec: SimulationSpec, codes: dict[str, str]) -> SimulationSpec:
     ("variant", "expected"),
     [
         (lambda spec: sensor(spec, "u1", bias=3.0), {("u1", "offset")}),
-        (lambda spec: sensor(spec, "u1", drift=0.1), {("u1", "drift")}),
         (lambda spec: sensor(spec, "u1", gain=0.0, bias=9.0), {("u1", "stuck")}),
         (lambda spec: sensor(spec, "u1", error=0.4), {("u1", "noise")}),
         (lambda spec: sensor(spec, "u1", dropout=0.4), {("u1", "missed")}),
