@@ -41,8 +41,6 @@ class FindingKind(StrEnum):
     LATE = "late"
     SWAPPED = "swapped"
     SIGN = "sign"
-    LIMIT = "limit"
-    STEPS = "steps"
     NOISE = "noise"
     MISSED = "missed"
     DRIFT = "drift"
