@@ -148,10 +148,10 @@ def _made(run: RunEvidence, rule: CauseRule, fact: Fact) -> Cause:
     if met is None and rule.kind in _ABOUT_GOALS:
         parts.append(goals)
     text = " ".join(filter(None, parts))
-    evidence: tuple[str, ...] = (run.arrived_text, belief_text(seen.beliefs[0]), goals)
+    evidence: tuple[str, ...] = (run.arrived_text, belief_text(seen, seen.beliefs[0]), goals)
     if met is not None:
         tried = shown_tried(met.tried, wrong_drive=bool(run.findings_about(drives=True)))
-        evidence = (run.arrived_text, belief_text(met.met.belief), tried)
+        evidence = (run.arrived_text, belief_text(seen, met.met.belief), tried)
     elif seen.is_silent:
         evidence = (f"Last output: {run.last_words}." if run.last_words else "",)
     # A reason may end with a question; a sentence ends with one mark.
@@ -355,6 +355,8 @@ def _unread(run: RunEvidence) -> Fact | None:
         advice = (
             f"Read {codes[0]} before you send {met.met.ended.command.code}." if codes else _NO_SENSOR_THERE
         )
+        if met.goes_on and not met.belief:
+            advice = _GOES_ON.format(code=met.met.ended.command.code)
         if met.quiet_since is not None:
             codes, advice = (
                 [],
@@ -424,7 +426,10 @@ def _at_contact(run: RunEvidence, met: ContactEvidence, text: str, *, advice: st
     """A fact about the command that led to a contact."""
     place = met.met.contact.point
     unread = f" {met.not_read}." if met.not_read and met.not_read not in text else ""
-    then = f"{_contact(run)}{met.narrow_text}{unread}"
+    outline = met.outline_text if met.knew else ""
+    if outline:
+        advice = "Give your program the outline of this robot."
+    then = f"{_contact(run)}{outline or met.narrow_text}{unread}"
     return Fact(f"{text}.", met.met.row, met.sent, place, has_behind=True, advice=advice, then=then)
 
 
@@ -523,6 +528,11 @@ def _closed_on_nothing(run: RunEvidence, done: GripRow, code: str) -> Fact:
     seen, missed = run.seen, done.grip.missed
     often = f" {times_text(len(seen.misses))}" if len(seen.misses) > 1 else ""
     place = (done.grip.block.x, done.grip.block.y)
+    closed = run.closed_before(done)
+    if closed is not None and missed is not None and not any(missed):
+        since = f"{code}-1 had come at {closed.elapsed:.1f} s, and no {code}-0 since"
+        text = f"The gripper was closed already: {since}."
+        return Fact(text, done, place=place, advice=f"Send {code}-0 before you drive to the block.")
     last = "" if missed is None else f": {miss_text(missed)}"
     if often and last:
         last = f". The last time, {last[2:]}"

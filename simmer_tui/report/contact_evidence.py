@@ -58,6 +58,9 @@ _STEP = 0.05
 """Inches between places of a path at which its distance from the walls is measured: half a last digit."""
 _OF_DRIVES = (Change.EXACT, Change.UNSEEN, Change.LAST)
 """Changes of drive errors."""
+# A block's gripper or a bumper that was forgotten is larger; a course's robots have 6 in.
+_LARGER = 0.25
+"""Inches by which a robot reaches further than that of another set, from which that is told. Judged."""
 _SHOWN = {
     Change.EXACT: "without errors of its drive",
     Change.BELIEVED: "from the pose that the program believed",
@@ -208,9 +211,14 @@ class ContactEvidence:
         if self.belief is not None or self.looks is None:
             none = f"No range sensor had been read for more than {BLIND:g} in or {BLIND_TURN:g} deg of path"
             return "; ".join(filter(None, (none, self.not_read)))
-        last = "never read" if self.looks.last is None else f"not read since {self.looks.last.time:.1f} s"
+        last = self.never_read if self.looks.last is None else f"not read since {self.looks.last.time:.1f} s"
         nearest = f"No sensor looks straight there; {self.looks.codes[0]}, the nearest, was {last}"
         return self.not_read or nearest
+
+    @property
+    def never_read(self) -> str:
+        """A sensor without a reading in words. Those before a person moved the robot do not count."""
+        return "not read since a person moved the robot" if self._seen.was_moved else "never read"
 
     @cached_property
     def not_read(self) -> str:
@@ -219,8 +227,19 @@ class ContactEvidence:
         if looks is None or self.met.contact.held_block or not self.looks_at(looks.codes[0]):
             return ""
         words = [] if looks.last is None else [looks.last]
-        since = "never read" if looks.last is None else f"not read since {looks.last.time:.1f} s"
+        since = self.never_read if looks.last is None else f"not read since {looks.last.time:.1f} s"
         return f"{looks.codes[0]} looks there and was {since}" if self._since(words) > 1.0 else ""
+
+    @cached_property
+    def outline_text(self) -> str:
+        """A sentence, with a space before it, on a robot that reaches further than the nominal one."""
+        nominal = self._seen.history.nominal
+        if nominal is None:
+            return ""
+        own, usual = (Footprint.of(each.robot).reach for each in (self._seen.spec, nominal.spec))
+        if own - usual < _LARGER:
+            return ""
+        return f" The robot reaches {own:.3g} in from its centre, in the set {nominal.name} {usual:.3g} in."
 
     @cached_property
     def narrow_text(self) -> str:
@@ -248,7 +267,9 @@ class ContactEvidence:
 
     @property
     def asked(self) -> float | None:
-        """Value of a straight movement's command, inches; None for others."""
+        """Value of a straight movement's command, inches; None for turns and for velocities."""
+        if self.met.legs:
+            return None
         kind, value = self.met.ended.trajectory.kind, parse_value(self.met.ended.command.argument)
         return None if kind is None or kind.turns or isinstance(value, str) else value
 
@@ -449,10 +470,10 @@ class ContactEvidence:
         return f"{place}, {side_text(self.met.contact)}, after {went:.1f} in{turned} of {row.shown}"
 
 
-def belief_text(belief: BeliefRow | None) -> str:
+def belief_text(seen: Attempt, belief: BeliefRow | None) -> str:
     """Error of a belief, and its spread as the program sent it."""
     if belief is None:
-        return "The program sent no belief."
+        return f"The program sent no belief{' since a person moved the robot' if seen.was_moved else ''}."
     spread = belief.spread
     said = "no spread was sent" if math.isnan(spread) else f"its spread was {spread:.1f} in"
     return f"The belief sent at {belief.elapsed:.1f} s was off by {belief.error_text}; {said}."

@@ -201,7 +201,7 @@ def _deciding(run: RunEvidence) -> Iterator[Moment]:
         if met.looks is not None and looks_there(met.looks):
             sight = met.looks.codes[0] if last is None else last.code
             who = f"{sight}, which looks there," if met.looks_at(sight) else f"{sight}, the nearest sensor,"
-            text = f"{who} had never been read"
+            text = f"{who} was {met.never_read}"
             if last is not None:
                 at, off = last.time, abs(last.value - last.true) > 1.0
                 true = f"; the true distance was {shown_range(last.true)}" if off else ""

@@ -393,6 +393,16 @@ class RunEvidence:
             return seen.put_down
         return seen.misses[-1] if seen.misses and not seen.taken else None
 
+    def closed_before(self, done: GripRow) -> GripRow | None:
+        """The grip that had closed the jaws when another closed them again; None if they were open."""
+        first = None
+        for row in reversed(self.seen.history.grips.items):
+            if row.order < done.order:
+                if not row.grip.closed or row.order < self.seen.history.began:
+                    break
+                first = row
+        return first
+
     @property
     def velocities_left(self) -> int:
         """Number of connections of a program that drove by velocities and connected for nearly each command:

@@ -272,6 +272,11 @@ class Attempt:
         """Number of contacts since the last restart."""
         return int(self.within(self.history.movements)["contact"].sum())
 
+    @property
+    def was_moved(self) -> bool:
+        """True if a person has put the robot elsewhere: readings and beliefs before that do not count."""
+        return self.placed > self.history.began
+
     # -- beliefs and contacts --------------------------------------------------------------------
 
     def belief_before(self, order: int) -> tuple[BeliefRow | None, BeliefRow | None]:

@@ -13,6 +13,7 @@ from msgspec.structs import replace
 
 from simmer_tui.config.loader import Configuration, find_set, load
 from simmer_tui.config.mission_plan import Cell, MissionPlan
+from simmer_tui.config.nominal import Nominal
 from simmer_tui.report.cause_order import NO_RULE, ORDER, cause_of
 from simmer_tui.report.causes import Cause, Kind, MomentKind, Sureness
 from simmer_tui.report.counterfactuals import Change, CounterfactualWorld
@@ -39,7 +40,7 @@ from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.state import checkpoint_of
 from simmer_tui.sim import Pose, SensorSpec, Simulator, parse_command
-from simmer_tui.sim.specs import Axes, DriveKind
+from simmer_tui.sim.specs import Axes, DriveKind, RobotSpec
 
 SET = load(find_set("mission"))
 
@@ -96,13 +97,16 @@ def begin(
     zone: Cell = Cell(66.0, 42.0),  # noqa: B008 - frozen
     contacts: int = 0,
     change: Callable[[SensorSpec], SensorSpec] = lambda sensor: sensor,
+    diameter: float = 6.0,
 ) -> Mission:
+    """A mission of the bundled set, which is nominal, with one change."""
     spec = replace(
         SET.simulation,
         bot_center=start[:2],
         bot_rot=start[2],
         block_center=block,
         randbias=False,
+        robot=RobotSpec.circle(diameter),
         sensors=tuple(change(each) for each in SET.simulation.sensors),
     )
     configuration: Configuration = replace(SET, simulation=spec)
@@ -112,7 +116,8 @@ def begin(
     simulator.advance(50.0)
     plan = MissionPlan(Pose(*start), False, block, (Cell(18.0, 42.0),), zone, limit, contacts=contacts)
     engine = Engine(simulator)
-    history = RunHistory(checkpoint_of(simulator, mission=True))
+    nominal = Nominal("mission", SET.simulation)
+    history = RunHistory(checkpoint_of(simulator, mission=True), nominal=lambda: nominal)
     reducer = Reducer(checkpoint_of(simulator, mission=True), history=history)
     engine.watch(reducer.apply)
     referee = Referee(plan, reducer, engine.tell)
