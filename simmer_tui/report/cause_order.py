@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Sequence
 
 from msgspec import Struct
@@ -46,17 +45,13 @@ REFUSED_SHARE = 0.05
 """Share of movements that were refused, and never carried out, from which they changed the path. Judged."""
 STAYED, MOVES = 0.25, 20
 """Share of the time limit, and number of movements (or none), without progress that count as a cause."""
-_NO_REPLY = re.compile(r"no reply to '([^']+)'")
-"""A program's own message that it waited in vain, as the client of this project writes it."""
 LINK_ENDED = ("Connection", "BrokenPipe")
 LINK_WAITED = ("Timeout", "socket.timeout", "asyncio.TimeoutError")
 """Beginnings of errors with which a program tells that its link ended, or gave no reply."""
 CONNECT_ADVICE = "connect to the address in SIMMER_HOST and SIMMER_PORT, and send a first command."
-_NO_LINK = "closed the connection"
-"""Words of the client of this project, and of others, for a connection that ended."""
+_LINK_WORDS = ("closed the connection", "no reply to")
+"""Words of the client of this project, and of others, for a link that ended, or gave no reply."""
 LINK_ADVICE = "which command got no reply, and who closed the connection; simmer-tui doctor checks the ports."
-_WAITED = 2.0
-"""Real seconds without a command until the program's end from which it waited for something. Judged."""
 _MAP_ADVICE = "Look whether your program's map has {wall}, and compare each movement with the distance to it."
 """Advice where a right belief led into a wall."""
 _GOES_ON = "End the velocity in time: send {code} with zeros. It goes on until another one comes."
@@ -785,7 +780,7 @@ def _ended(run: RunEvidence) -> Fact | None:
     text = f"{capitalized(exit_text(run.exit_code))}{limit}, before it was done.{words}{waited_text(run)}"
     text = " ".join(filter(None, (text, _stand(run), run.all_movements)))
     advice = None
-    if waited_text(run) or _NO_LINK in run.last_words:
+    if _of_link(run):
         advice = f"Look at the link: {LINK_ADVICE}"
     elif run.velocities_left:
         often = f"it made {run.velocities_left} for {counted(seen.commands, 'command')}"
@@ -828,24 +823,17 @@ def _stand(run: RunEvidence) -> str:
 
 
 def waited_text(run: RunEvidence) -> str:
-    """The program's last command and its answer, if it waited for one or sent nothing more for seconds."""
-    last, said = run.last_command, run.last_words
-    if run.program is not None:
-        said = f"{said} {run.program.error}"
-    asked = _NO_REPLY.search(said)
-    if last is not None and run.program is not None and run.program.error.startswith(LINK_ENDED):
-        return f" Its connection ended after its last command to arrive, {last[0]}, at {last[1]:.1f} s."
-    error = "" if run.program is None else run.program.error.partition(":")[0]
-    if error and "Timeout" not in error and run.last_reading:
-        return f" Its last reading was {run.last_reading}."
-    # One that ended well waited for nothing; it takes a moment to end.
-    is_quiet = last is not None and last[2] >= _WAITED and bool(run.exit_code)
-    if last is None or not (is_quiet or (asked and last[2] >= _WAITED / 2)):
-        return ""
-    name, at, quiet = last
-    return (
-        f" Its last command to arrive, {name}, was answered at {at:.1f} s; then none came for {quiet:.0f} s."
-    )
+    """The last command to arrive of a program that ended because of its link; of one with another error its
+    last reading."""
+    last, error = run.last_command, "" if run.program is None else run.program.error
+    if last is not None and (_of_link(run) or error.startswith((*LINK_ENDED, *LINK_WAITED))):
+        return f" Its last command to arrive, {last[0]}, was answered at {last[1]:.1f} s."
+    return f" Its last reading was {run.last_reading}." if error and run.last_reading else ""
+
+
+def _of_link(run: RunEvidence) -> bool:
+    """True if a program said in the end that its link had ended, or gave no reply."""
+    return any(words in run.last_words for words in _LINK_WORDS)
 
 
 def _contact(run: RunEvidence) -> str:

@@ -184,9 +184,8 @@ class RunEvidence:
         return next((row for row in self.undone if since < row.order < lost.order), None)
 
     @cached_property
-    def last_command(self) -> tuple[str, float, float] | None:
-        """The program's last command, the moment of its answer (elapsed seconds), and the real seconds from
-        then until the end; NaN where these are not known."""
+    def last_command(self) -> tuple[str, float] | None:
+        """The program's last command, and the moment of its answer (elapsed seconds)."""
         seen, history = self.seen, self.seen.history
         rows, moves = seen.within(history.commands), seen.within(history.movements)
         if not len(rows):
@@ -194,8 +193,7 @@ class RunEvidence:
         last, name = rows[-1], history.code_names[rows["code"][-1]]
         mine = moves["asked"][moves["number"] == last["number"]]
         asked = f"-{mine[-1]:g}" if len(mine) and math.isfinite(mine[-1]) else ""
-        quiet = history.real_time - float(last["real_time"])
-        return f"{name}{asked}", float(last["elapsed"]), quiet
+        return f"{name}{asked}", float(last["elapsed"])
 
     @property
     def beside(self) -> NoticeRow | None:
