@@ -102,7 +102,7 @@ class ContactEvidence:
         self.lost = None if self.belief is None else met.lost
         self.looks = facing_sensor(met.contact, seen.spec.sensors, met.readings)
         moved = seen.history.movements.before(met.row.order + 1)
-        self.sent = met.row.elapsed if moved is None else moved.begin
+        self._begun = self.sent = met.row.elapsed if moved is None else moved.begin
         """Elapsed seconds at which its movement began, or at which its velocity was sent the last time."""
         commands, names = seen.within(seen.history.commands), np.array(seen.history.code_names)
         self._commands = commands[commands["elapsed"] <= met.row.elapsed]
@@ -118,8 +118,11 @@ class ContactEvidence:
     def _went_since(self, time: float) -> float:
         row, moves = self.met.row, self._seen.within(self._seen.history.movements)
         moves = moves[moves["order"] < row.order]
-        gone = np.interp(time, [0.0, *moves["elapsed"]], [0.0, *moves["gone"]])
-        return row.gone_before + row.went - float(gone)
+        there = row.gone_before + row.went
+        # No movement has ended since the velocity began that goes on.
+        times = [0.0, *moves["elapsed"], max([self._begun, *moves["elapsed"][-1:]]), row.elapsed]
+        gone = np.interp(time, times, [0.0, *moves["gone"], row.gone_before, there])
+        return there - float(gone)
 
     @cached_property
     def quiet_since(self) -> float | None:
