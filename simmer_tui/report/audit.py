@@ -30,22 +30,18 @@ from simmer_tui.report.finding import (
     FindingKind,
     kept,
 )
-from simmer_tui.report.robust_fit import median_of
 from simmer_tui.report.sensor_audit import change_text, sensor_tests
 from simmer_tui.report.sensor_sample import by_sensor, sample_of
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.angles import half_turn
 from simmer_tui.sim.noise import bias_spread
-from simmer_tui.sim.specs import CELL_SIZE, DriveSpec, SensorSpec, SimulationSpec
+from simmer_tui.sim.specs import DriveSpec, SensorSpec, SimulationSpec
 
 _MOUNTING = ("x", "y", "z", "rotation", "field_of_view", "rays", "vertical_field_of_view")
 """Fields of a sensor's row for its place and direction."""
 # Its effect on a range is in the truth of the log, as that of the mounting is.
 _IN_TRUTH = ("incidence_limit",)
-# Judged: a delay that a program notices: half the time of an ultrasonic reading.
-_LEAST_DELAY = 0.03
-"""Least difference of Read Time that matters, seconds."""
 # Share of sensors that are elsewhere above which it is another robot: each is then meant to be where it is.
 _ELSEWHERE = 0.5
 
@@ -99,7 +95,7 @@ def _nominal_sensor_tests(
         value, unit = (own.bias, own.unit) if turned is FindingKind.STUCK else (-1.0, "")
         what = change_text(own, turned, value)
         return [device.claim(0.0, turned, value, what, len(rows), unit=unit)]
-    tests = [*_mounted(history, rows, own, row, nominal), *_slower(rows, own, row, nominal)]
+    tests = list(_mounted(history, rows, own, row, nominal))
     taken = (*_MOUNTING, *_IN_TRUTH)
     placed = {name: getattr(own, name) for name in own.__struct_fields__ if name in taken}
     # Another kind of sensor under this code measures something else altogether.
@@ -128,20 +124,9 @@ def _nominal_drive_tests(
         return [device.claim(0.0, FindingKind.SIGN, -1.0, f"{row.kind.verb} the wrong way", count)]
     rule = _nominal_rule(history, moves, own, row, nominal.spec)
     tests = drive_tests(device, moves, rule, nominal.spec.drives)
-    times = own.gain / row.gain if row.gain else 1.0
-    if not tests and not history.spec.randbias and own.bias.r != row.bias.r and not own.kind.turns:
-        # The same of a bias to the side: few movements get no figure of their own.
-        veers = own.bias.r - row.bias.r
-        if abs(veers) >= LEAST_DEGREES / CELL_SIZE:
-            side = "left" if veers > 0 else "right"
-            what = f"turns {abs(veers):.3f} deg to the {side} for each inch"
-            return [device.claim(0.0, FindingKind.BIAS, veers, what, count, unit="deg/in")]
-    if abs(times - 1.0) < LEAST_SHARE:
+    # A gain that is in the rows needs no test.
+    if not row.gain or abs(own.gain / row.gain - 1.0) < LEAST_SHARE:
         return tests
-    # A gain that is in the rows needs no test, and few movements get no figure of their own.
-    if not tests:
-        what = f"{row.kind.verb} {times:.2f} times what is asked"
-        return [device.claim(0.0, FindingKind.GAIN, times, what, count)]
     return [
         replace(each, probability=0.0) if each.finding and each.finding.kind is FindingKind.GAIN else each
         for each in tests
@@ -231,16 +216,6 @@ def is_another_robot(spec: SimulationSpec, nominal: SimulationSpec) -> bool:
     places = {each.code: _mounting(each) for each in nominal.sensors}
     elsewhere = [places.get(each.code) != _mounting(each) for each in spec.sensors]
     return sum(elsewhere) > _ELSEWHERE * len(elsewhere)
-
-
-def _slower(rows: Columns, own: SensorSpec, row: SensorSpec, nominal: Nominal) -> Iterator[Claim]:
-    """A sensor that takes longer to answer."""
-    took = median_of(rows["took"]) - row.read_time
-    if own.read_time != row.read_time and abs(took) >= _LEAST_DELAY:
-        how = "later" if took > 0 else "sooner"
-        what = f"answers {abs(took):.2f} s {how} than in {_by(nominal)}"
-        device = DeviceUnderTest(own.code, "reading", Basis.NOMINAL)
-        yield device.claim(0.0, FindingKind.LATE, took, what, len(rows), unit="s")
 
 
 def _device(code: str, rows: str, nominal: Nominal) -> DeviceUnderTest:

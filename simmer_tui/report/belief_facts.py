@@ -43,6 +43,8 @@ _MOSTLY = 0.5
 """Share of the error of the first wrong belief that movements before it explain. Judged."""
 _ASIDE = 45.0
 """Degrees between two ways from which they lead to different sides."""
+_MOSTLY_RIGHT = 0.9
+"""Share of right ranges from which the ranges were right: one in a hundred is off by chance. Judged."""
 _RANGES = 200
 """Most ranges that are compared with a believed place; each costs a ray."""
 _LEAST = 2.0
@@ -98,7 +100,6 @@ class BeliefFacts:
             self._offset(x, y, "beside the truth"),
             self._offset(ahead, left, "(ahead, left) beside the truth in the robot's frame"),
             self._turned(),
-            self._late(),
         ]
         kept = [each for each in found if each is not None and each.share >= _CONSTANT]
         return max(kept, key=lambda each: each.share, default=None)
@@ -127,19 +128,6 @@ class BeliefFacts:
         first = self.rows[0]
         is_assumed = first["distance"] > CELL_SIZE and first["spread"] < _ASSUMED
         return ConstantOffset(text, share, () if is_assumed else self._compasses)
-
-    def _late(self) -> ConstantOffset | None:
-        """Beliefs of the pose before the last movement, among those before which the robot moved far."""
-        rows, moves = self.sure, self._seen.within(self._seen.history.movements, self._seen.placed)
-        places = np.searchsorted(moves["order"], rows["order"]) - 2
-        rows, before = rows[places >= 0], moves[places[places >= 0]]
-        moved = np.hypot(rows["true_x"] - before["x"], rows["true_y"] - before["y"]) >= _LEAST
-        off = np.hypot(rows["x"] - before["x"], rows["y"] - before["y"])
-        if moved.sum() < FEWEST["set"]:
-            return None
-        share = float((off <= np.minimum(_NEAR, rows["distance"] / 2.0))[moved].mean())
-        of = f"{100 * share:.0f} % of the sure beliefs after a movement"
-        return ConstantOffset(f"where the robot had been one command earlier in {of}", share)
 
     def _of_maze(self) -> list[ConstantOffset]:
         """Beliefs in a maze that is mirrored, or turned as a whole."""
@@ -278,14 +266,28 @@ def listed_movements(history: RunHistory, moves: Columns) -> str:
     return " and ".join(name if count == 1 else f"{name} {times_text(count)}" for name, count in came.items())
 
 
-def ranges_fit_text(seen: Attempt, lost: BeliefRow) -> str:
-    """A sentence, with a space before it, on the ranges of the last movements before a wrong belief: whether
-    they fit the place that was believed, in this maze. Empty where that is not clear."""
+def is_small(lost: BeliefRow) -> bool:
+    """True if a wrong belief was off by less than a cell, and 12 degrees."""
+    return max(lost.distance, abs(lost.turn)) < CELL_SIZE
+
+
+class RangesBefore(Struct, frozen=True):
+    """The ranges of the last cell's length of path before a wrong belief: whether they were right, whether
+    they fit the place that was believed as well, and a sentence on that with a space before it."""
+
+    were_right: bool = False
+    fit_belief: bool = False
+    text: str = ""
+
+
+def ranges_before(seen: Attempt, lost: BeliefRow) -> RangesBefore:
+    """The ranges before a wrong belief, in this maze without its block."""
     history, spec = seen.history, seen.spec
     rows = seen.within(history.readings, seen.placed)
     rows = rows[(rows["order"] < lost.order) & (rows["gone"] >= lost.gone - CELL_SIZE)][-_RANGES:]
     world = world_without_block(spec)
     near: list[bool] = []
+    count = 0
     off: list[tuple[float, str, float, float]] = []
     for sensor, mine in by_sensor(history, rows):
         made = modelled_sensor(sensor)
@@ -299,20 +301,27 @@ def ranges_fit_text(seen: Attempt, lost: BeliefRow) -> str:
         with np.errstate(invalid="ignore"):
             fits = (np.abs(values - expected) <= 2.0 * allowed) | (values == expected)
         near += fits[right].tolist()
+        count += len(mine)
         for place in np.flatnonzero(right & ~fits):
             at = float(mine["elapsed"][place])
             off.append((at, sensor.code, float(values[place]), float(expected[place])))
-    if len(near) < FEWEST["nominal"]:
-        return ""
+    if len(near) < FEWEST["nominal"] or len(near) < _MOSTLY_RIGHT * count:
+        return RangesBefore()
+    right = f" Its last {counted(count, 'range')} before that were right"
+    if len(near) < count:
+        right = f" {len(near)} of its last {counted(count, 'range')} before that were right"
+    # A small error hardly shows in ranges.
+    if is_small(lost):
+        return RangesBefore(True, False, f"{right}.")
     if all(near):
-        return f" Its last {counted(len(near), 'range')} fit that place as well."
-    if 2 * sum(near) > len(near):
-        return ""
+        return RangesBefore(True, True, f"{right}, and fit that place as well.")
     at, code, value, other = max(off)
-    return (
-        f" Its readings were right and do not fit there: {code} read {shown_range(value)} at {at:.1f} s, "
-        f"and from there it would have read {shown_range(other)}."
+    misfits = f"{len(off)} of them {'does' if len(off) == 1 else 'do'} not fit"
+    text = (
+        f"{right}, and {misfits if any(near) else 'none of them fits'} there: {code} read "
+        f"{shown_range(value)} at {at:.1f} s, and from there it would have read {shown_range(other)}."
     )
+    return RangesBefore(True, False, text)
 
 
 class Way(Struct, frozen=True):

@@ -6,13 +6,13 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Sequence
 
 from msgspec import Struct
 from msgspec.structs import replace
 
 from simmer_tui.config.mission_plan import cells_of
+from simmer_tui.report.belief_facts import is_small
 from simmer_tui.report.causes import Cause, Kind, MomentKind, Sureness
 from simmer_tui.report.contact_evidence import ContactEvidence, DriveErrors, belief_text, shown_tried
 from simmer_tui.report.finding import FEWEST, Finding
@@ -45,22 +45,20 @@ REFUSED_SHARE = 0.05
 """Share of movements that were refused, and never carried out, from which they changed the path. Judged."""
 STAYED, MOVES = 0.25, 20
 """Share of the time limit, and number of movements (or none), without progress that count as a cause."""
-_NO_REPLY = re.compile(r"no reply to '([^']+)'")
-"""A program's own message that it waited in vain, as the client of this project writes it."""
 LINK_ENDED = ("Connection", "BrokenPipe")
 LINK_WAITED = ("Timeout", "socket.timeout", "asyncio.TimeoutError")
 """Beginnings of errors with which a program tells that its link ended, or gave no reply."""
 CONNECT_ADVICE = "connect to the address in SIMMER_HOST and SIMMER_PORT, and send a first command."
-_NO_LINK = "closed the connection"
-"""Words of the client of this project, and of others, for a connection that ended."""
+_LINK_WORDS = ("closed the connection", "no reply to")
+"""Words of the client of this project, and of others, for a link that ended, or gave no reply."""
 LINK_ADVICE = "which command got no reply, and who closed the connection; simmer-tui doctor checks the ports."
-_WAITED = 2.0
-"""Real seconds without a command until the program's end from which it waited for something. Judged."""
 _MAP_ADVICE = "Look whether your program's map has {wall}, and compare each movement with the distance to it."
 """Advice where a right belief led into a wall."""
+_GOES_ON = "End the velocity in time: send {code} with zeros. It goes on until another one comes."
 _NO_SENSOR_THERE = "No sensor looks to that side: turn until one does, or check the way in your map."
 _OUTLIER_ADVICE = "Read {code} three times and take the middle value, before each movement."
 _NO_ECHO_ADVICE = "Take a reading of {code} with nothing in range for no proof of a free way."
+_COMPARE_MOTION = "Compare what your program adds to its belief for a {what} with the command that it sends."
 _CORRECT = "Measure after each movement, and correct for the drive's error."
 _SPARE = {
     "reading": "Read {code} less often.",
@@ -105,11 +103,22 @@ class CauseRule(Struct, frozen=True):
 
 def cause_of(run: RunEvidence) -> Cause:
     """The cause of a failed run: the first rule of `ORDER` that holds, else the unknown one."""
-    for rule in ORDER:
+    cause = _first(run, ORDER)
+    return cause or _made(run, NO_RULE, Fact(f"Unknown. {most_different(run.seen)}"))
+
+
+def cause_so_far(run: RunEvidence) -> Cause | None:
+    """The cause that a run which was stopped has shown so far; None without one. What it had not done yet it
+    might have done."""
+    return _first(run, [rule for rule in ORDER if rule.kind not in _AT_THE_END])
+
+
+def _first(run: RunEvidence, rules: Sequence[CauseRule]) -> Cause | None:
+    for rule in rules:
         fact = rule.find(run)
         if fact is not None:
             return _made(run, rule, fact)
-    return _made(run, NO_RULE, Fact(f"Unknown. {most_different(run.seen)}"))
+    return None
 
 
 def advice_on(kind: Kind) -> str:
@@ -134,10 +143,10 @@ def _made(run: RunEvidence, rule: CauseRule, fact: Fact) -> Cause:
     if met is None and rule.kind in _ABOUT_GOALS:
         parts.append(goals)
     text = " ".join(filter(None, parts))
-    evidence: tuple[str, ...] = (run.arrived_text, belief_text(seen.beliefs[0]), goals)
+    evidence: tuple[str, ...] = (run.arrived_text, belief_text(seen, seen.beliefs[0]), goals)
     if met is not None:
         tried = shown_tried(met.tried, wrong_drive=bool(run.findings_about(drives=True)))
-        evidence = (run.arrived_text, belief_text(met.met.belief), tried)
+        evidence = (run.arrived_text, belief_text(seen, met.met.belief), tried)
     elif seen.is_silent:
         evidence = (f"Last output: {run.last_words}." if run.last_words else "",)
     # A reason may end with a question; a sentence ends with one mark.
@@ -229,7 +238,7 @@ def _refused_by(run: RunEvidence, text: str, row: RefusalRow, codes: Sequence[st
     one = f"{cut(row.result.command.shown, WORD)} at {row.elapsed:.1f} s: {row.result.reason.rstrip('.')}"
     wait = "Wait for the end of each movement before you send the next command."
     return Fact(
-        f"{text.format(one)}{run.origin_of(row)}",
+        text.format(one),
         row,
         culprits=tuple(codes),
         advice=wait if row.result.is_early else None,
@@ -258,7 +267,7 @@ def _undone(run: RunEvidence, rows: Sequence[RefusalRow], then: str) -> Fact:
         text = (
             f"{len(rows)} commands were refused and never carried out. The first: {text.replace(often, '')}"
         )
-    return Fact(f"{text}{run.origin_of(first)}", first, culprits=(command.code,), then=then)
+    return Fact(text, first, culprits=(command.code,), then=then)
 
 
 def _crashed(run: RunEvidence) -> Fact | None:
@@ -318,10 +327,15 @@ def _silence(run: RunEvidence) -> Fact | None:
 
 def _quiet(run: RunEvidence) -> str:
     """The time without a command at the end, in sentences; empty without one."""
-    quiet, end = run.silence, "the real time limit" if run.cut_off else "the time limit"
+    quiet, last = run.silence, run.last_command
     if quiet is None:
         return ""
-    return f"No command came after {quiet.since:.1f} s. The run was ended at {end}."
+    end = f"The run was ended at the {'real ' if run.cut_off else ''}time limit."
+    if run.stopped:
+        end = f"The program was stopped {quiet.real_seconds:.0f} s of real time later."
+    after = "" if last is None else f", when {last[0]} was answered"
+    words = f" Its last output: {run.last_words.rstrip('.')}." if run.last_words else ""
+    return f"No command came after {quiet.since:.1f} s{after}. {end}{words}"
 
 
 # -- sensors and drives ------------------------------------------------------------------------------------
@@ -336,6 +350,8 @@ def _unread(run: RunEvidence) -> Fact | None:
         advice = (
             f"Read {codes[0]} before you send {met.met.ended.command.code}." if codes else _NO_SENSOR_THERE
         )
+        if met.goes_on and not met.belief:
+            advice = _GOES_ON.format(code=met.met.ended.command.code)
         if met.quiet_since is not None:
             codes, advice = (
                 [],
@@ -360,8 +376,7 @@ def _unread(run: RunEvidence) -> Fact | None:
     goal = run.goals[-1] if run.goals else None
     read = f"{was} never read"
     if goal is not None and any(code in run.seen.history.sensor_codes for code in unseen.codes):
-        often = f"{was} read {times_text(unseen.readings)}" if unseen.readings else f"{was} not read"
-        read = f"{often} after {goal.elapsed:.1f} s ({goal.event.subject.value})"
+        read = f"{was} not read after {goal.elapsed:.1f} s ({goal.event.subject.value})"
     return Fact(
         f"{names} {read}, and {it} alone {sees} the block. The block was in sight at {unseen.since:.1f} s.",
         since=unseen.since,
@@ -391,16 +406,25 @@ def _known_wall(run: RunEvidence) -> Fact | None:
         return _at_contact(run, met, _with_belief(met, read), advice=advice)
     if not met.is_into_known:
         return None
-    advice = _MAP_ADVICE.format(wall=obstacle_place(met.met.contact, run.seen.spec))
     unread = f". {met.unread_text}" if met.is_blind else ""
-    return _at_contact(run, met, f"{_with_belief(met, _sent(run))}{unread}", advice=advice)
+    return _at_contact(run, met, f"{_with_belief(met, _sent(run))}{unread}", advice=_wall_advice(run, met))
+
+
+def _wall_advice(run: RunEvidence, met: ContactEvidence) -> str:
+    """Advice where a command led into a wall: a right belief leaves the map, which has the outer wall."""
+    if not met.knew or met.is_outer_wall:
+        return advice_on(Kind.KNOWN_WALL)
+    return _MAP_ADVICE.format(wall=obstacle_place(met.met.contact, run.seen.spec))
 
 
 def _at_contact(run: RunEvidence, met: ContactEvidence, text: str, *, advice: str | None = None) -> Fact:
     """A fact about the command that led to a contact."""
     place = met.met.contact.point
     unread = f" {met.not_read}." if met.not_read and met.not_read not in text else ""
-    then = f"{_contact(run)}{met.narrow_text}{unread}"
+    outline = met.outline_text if met.knew else ""
+    if outline:
+        advice = "Give your program the outline of this robot."
+    then = f"{_contact(run)}{outline or met.narrow_text}{unread}"
     return Fact(f"{text}.", met.met.row, met.sent, place, has_behind=True, advice=advice, then=then)
 
 
@@ -411,14 +435,10 @@ def _sensor_wrong(run: RunEvidence) -> Fact | None:
     met = run.contact if run.has_contact else None
     if met is None:
         return None
-    last, advice = None if met.is_blind else met.misread, _OUTLIER_ADVICE
-    if last is not None and math.isinf(last.value):
-        advice = _NO_ECHO_ADVICE
+    last = None if met.is_blind else met.misread
     if last is None:
-        later = met.ignored
-        if met.knew or met.no_echo is None or (later is not None and later.elapsed >= met.no_echo.time):
-            return None
-        last, advice = met.no_echo, _NO_ECHO_ADVICE
+        return None
+    advice = _NO_ECHO_ADVICE if math.isinf(last.value) else _OUTLIER_ADVICE
     true = f", the true distance was {shown_range(last.true)}" if math.isfinite(last.true) else ""
     read = f"{last.code} read {shown_range(last.value)} at {last.time:.1f} s{true}"
     at_sight = met.facing is last
@@ -458,9 +478,11 @@ def _devices(run: RunEvidence, found: Sequence[Finding]) -> Fact:
     told, codes = _told(found)
     others = [each for each in run.findings if each not in found]
     besides = f" Also {others[0].text}." if others else ""
-    return Fact(
-        f"{told}{besides}", since=_first_use(run.seen, codes[0]), culprits=codes, sure=Sureness.LIKELY
-    )
+    first, advice = found[0], None
+    if first.other is not None:
+        advice = f"Exchange the cables of {first.of} and {first.other}, or their codes in your program."
+    since = _first_use(run.seen, codes[0])
+    return Fact(f"{told}{besides}", since=since, culprits=codes, advice=advice, sure=Sureness.LIKELY)
 
 
 def _told(found: Sequence[Finding]) -> tuple[str, tuple[str, ...]]:
@@ -489,7 +511,7 @@ def _missed_grip(run: RunEvidence) -> Fact | None:
     if seen.misses and not seen.taken:
         return _closed_on_nothing(run, seen.misses[-1], gripper.code)
     unused = run.unused_grip
-    if unused is None or _lacked_time(run):
+    if unused is None or run.stopped or _lacked_time(run):
         return None
     first, what, value = unused
     text = f"The gripper was never {what}, first at {first.elapsed:.1f} s."
@@ -501,12 +523,10 @@ def _closed_on_nothing(run: RunEvidence, done: GripRow, code: str) -> Fact:
     seen, missed = run.seen, done.grip.missed
     often = f" {times_text(len(seen.misses))}" if len(seen.misses) > 1 else ""
     place = (done.grip.block.x, done.grip.block.y)
-    since = run.closed_before(done)
-    if since is not None and missed is not None and not any(missed):
-        text = (
-            f"The gripper was closed already: {code}-1 had come at {since.elapsed:.1f} s, "
-            f"and no {code}-0 since."
-        )
+    closed = run.closed_before(done)
+    if closed is not None and missed is not None and not any(missed):
+        since = f"{code}-1 had come at {closed.elapsed:.1f} s, and no {code}-0 since"
+        text = f"The gripper was closed already: {since}."
         return Fact(text, done, place=place, advice=f"Send {code}-0 before you drive to the block.")
     last = "" if missed is None else f": {miss_text(missed)}"
     if often and last:
@@ -515,8 +535,7 @@ def _closed_on_nothing(run: RunEvidence, done: GripRow, code: str) -> Fact:
     unseen, advice = run.unseen_block, None
     if unseen is not None:
         names, was, sees = _alone(unseen.codes)
-        read = f"read {times_text(unseen.readings)}" if unseen.readings else "not read"
-        text += f" {names} alone {sees} the block, and {was} {read} on the way to it."
+        text += f" {names} alone {sees} the block, and {was} not read on the way to it."
         advice = f"Read {unseen.codes[0]} before you close the gripper."
     return Fact(
         text, done, place=place, has_behind=True, culprits=unseen.codes if unseen else (), advice=advice
@@ -529,20 +548,19 @@ def _dropped(run: RunEvidence) -> Fact | None:
         return None
     block, zone = done.grip.block, seen.task.zone
     where = place_text(block.x, block.y)
-    off = "not in the drop zone"
+    off, advice = "not in the drop zone", None
     if zone is not None:
         off = outside_text(missed_zone(zone, block.x, block.y))
         off = f"{off} the cell around {place_text(zone.x, zone.y)}"
+        there = place_text(zone.x, zone.y)
+        advice = f"Print where your program takes drop zone and block to be; the zone is at {there}."
+    text = f"It set the block down outside the drop zone: at {where}, {off}."
     lay = next((row.block for row in seen.history.blocks.items if not row.held), block)
     if lay is not block and math.hypot(block.x - lay.x, block.y - lay.y) <= GROUND:
-        load = [each.code for each in seen.load_sensors if each.code in seen.history.sensor_codes]
-        advice = (
-            "" if not load else f"Print what {load[0]} replies after it has closed: 1 says that it holds."
-        )
+        gripper = "" if seen.spec.gripper is None else seen.spec.gripper.code
+        advice = f"Find out why your program sends {gripper}-0 there: the gripper held the block."
         text = f"It took the block {times_text(seen.takes)}, and let it go where it lay: at {where}, {off}."
-        return Fact(text, done, place=(block.x, block.y), has_behind=True, advice=advice)
-    text = f"It set the block down outside the drop zone: at {where}, {off}."
-    return Fact(text, done, place=(block.x, block.y), has_behind=True)
+    return Fact(text, done, place=(block.x, block.y), has_behind=True, advice=advice)
 
 
 def _with_belief(met: ContactEvidence, text: str) -> str:
@@ -577,7 +595,8 @@ def _lost(run: RunEvidence) -> Fact | None:
         least = run.missed_by / 2.0
     if lost is not None and belief is not None and belief.distance >= least:
         return _lost_since(run, lost)
-    if belief is None or grip is not None or least or _stalled(run) is not None:
+    # A program that was stopped might have found its place.
+    if belief is None or grip is not None or least or run.stopped or _stalled(run) is not None:
         return None
     if belief.unsure or not run.belief.was_right:
         ever = "no longer knew" if run.belief.was_right else "never found out"
@@ -590,19 +609,22 @@ def _lost(run: RunEvidence) -> Fact | None:
 
 def _lost_since(run: RunEvidence, lost: BeliefRow) -> Fact:
     """A belief that was wrong, what explains it, and what came of it."""
-    parted, fit, advice = run.belief.parted, run.fit_text(lost), None
+    parted, ranges, advice, unsure = run.belief.parted, run.ranges_before(lost), None, ""
+    last = run.seen.beliefs[0] if run.contact is None or not run.has_contact else run.contact.belief
     moved = bool(parted) and "no movement" not in parted
     if moved or not (lost.deviation.off_place or lost.deviation.rejects_truth):
-        what = "movement" if moved else "turn"
-        advice = f"Compare what your program adds to its belief for a {what} with the command that it sends."
+        advice = _COMPARE_MOTION.format(what="movement" if moved else "turn")
     elif not run.looked_before(lost):
         parted = parted or " It had read no range before that."
         advice = "Do not assume the start: read all sensors, and search for the place that they fit."
-    elif fit:
-        advice = (
-            "Compare the ranges with those that your program's map gives there, before you trust a place."
-        )
-    text = f"{capitalized(lost_text(run, lost))}.{parted}{fit}"
+    elif last is not None and last.unsure:
+        if not math.isnan(last.spread):
+            unsure = f" It drove on with a spread of {last.spread:.1f} in."
+    elif ranges.were_right and is_small(lost):
+        advice = _COMPARE_MOTION.format(what="movement")
+    elif ranges.were_right and not ranges.fit_belief:
+        advice = "Print the ranges as your program uses them, beside those that its map gives for its belief."
+    text = f"{capitalized(lost_text(run, lost))}.{parted}{ranges.text}{unsure}"
     return Fact(text, lost, has_behind=True, advice=advice, then=_then(run))
 
 
@@ -616,6 +638,8 @@ def _then(run: RunEvidence) -> str:
         return f"Then it {grip_ending(run.last_grip.grip)}."
     if run.silence is not None:
         return _quiet(run)
+    if run.stopped:
+        return ""
     out_of_time = run.seen.out_of_time or run.cut_off
     return "Then its time was up." if out_of_time else "Then the program ended by itself."
 
@@ -628,10 +652,12 @@ def _too_close(run: RunEvidence) -> Fact | None:
     text, advice = _sent(run), None
     if contact.held_block:
         advice = "Plan with the held block, and an inch more on each side."
-    elif met.leads_into:
+    elif met.leads_into or not (met.met.ended.trajectory.turning or met.narrow_text):
         silent = _silent(run)
         text = f"{silent} read nothing in range; then {text}" if silent else text
-        advice = advice_on(Kind.KNOWN_WALL)
+        advice = _wall_advice(run, met)
+    if met.goes_on:
+        advice = _GOES_ON.format(code=met.met.ended.command.code)
     fact = _at_contact(run, met, _with_belief(met, text), advice=advice)
     errors = None if met.is_blind else met.drive_errors
     if errors is None:
@@ -656,7 +682,10 @@ def _nowhere(run: RunEvidence) -> Fact | None:
         return Fact(
             f"It was stuck at {place_text(pose.x, pose.y)}: {stuck.text}.", since=stuck.since, has_behind=True
         )
-    return _stalled(run)
+    fact = _stalled(run)
+    if fact is None or not run.has_contact:
+        return fact
+    return replace(fact, then=f"{fact.then} {_then(run)}".lstrip())
 
 
 def _stalled(run: RunEvidence) -> Fact | None:
@@ -664,33 +693,25 @@ def _stalled(run: RunEvidence) -> Fact | None:
     seen, task = run.seen, run.seen.task
     if task is None:
         return None
-    stalled, loop, long = seen.stalled, seen.loop, STAYED * task.time_limit
+    stalled, long = seen.stalled, STAYED * task.time_limit
+    if run.corrections:
+        # The table behind the fact tells of them.
+        first = run.corrections[0]
+        return Fact("", since=first.elapsed, culprits=first.of, advice=first.advice, has_behind=True)
     stays = _stays(run)
     if stays is not None:
         return stays
     # A robot that stands and reads is slow, not without progress: half of the time must have been driving.
     lasted = seen.elapsed - stalled.since
     idle = lasted < long or stalled.driving < lasted / 2
-    drives, count = seen.asked_for_nothing
-    in_vain = count >= MOVES and 2 * count > stalled.movements
-    if stalled.movements >= (HUNDRED if idle or not seen.out_of_time else MOVES) or in_vain:
+    if stalled.movements >= (HUNDRED if idle or not seen.out_of_time else MOVES):
         turned = f", {stalled.turned:.0f} deg" if stalled.turned >= 1.0 else ""
         moved = f"{stalled.movements} movements ({stalled.driven:.0f} in{turned})"
         text = f"From {stalled.since:.1f} s on, {moved} reached no goal and no new place"
         often = run.movements_by_code(stalled.since)
-        text = f"{text}: {often}" if often and not in_vain else text
-        culprits: tuple[str, ...] = ()
-        if in_vain:
-            text, culprits = f"{text}: {count} of them asked for 0 ({', '.join(drives)})", tuple(drives)
-            if seen.whole_numbers:
-                text += ". All commands to drive were whole numbers"
+        text = f"{text}: {often}." if often else f"{text}."
         place = (stalled.place.x, stalled.place.y)
-        return Fact("", since=stalled.since, place=place, culprits=culprits, has_behind=True, then=f"{text}.")
-    if loop is not None:
-        text = (
-            f"From {loop.since:.1f} s on it repeated the same {loop.commands} movements {loop.rounds} times."
-        )
-        return Fact("", since=loop.since, place=(loop.place.x, loop.place.y), has_behind=True, then=text)
+        return Fact("", since=stalled.since, place=place, has_behind=True, then=text)
     return None
 
 
@@ -712,8 +733,11 @@ def _stays(run: RunEvidence) -> Fact | None:
         return None
     codes = tuple(history.code_names[number] for number in dict.fromkeys(drove["code"].tolist()))
     what = "movement" if drove is moves else " or ".join(codes)
-    text = f"From {since:.1f} s on no {what} came, and {counted(later, 'reading')} did. {_stand(run)}"
-    return Fact("", since=since, culprits=codes[: len(codes) == 1], has_behind=True, then=text.rstrip())
+    came = f"{counted(later, 'reading')} did, the last {run.last_reading}"
+    text = f"From {since:.1f} s on no {what} came, and {came}. {_stand(run)}".rstrip()
+    culprits = () if drove is moves else codes[: len(codes) == 1]
+    advice = "Print what your program compares in the loop that only reads, and what would end it."
+    return Fact("", since=since, culprits=culprits, advice=advice, has_behind=True, then=text)
 
 
 # -- time, and the program's end ---------------------------------------------------------------------------
@@ -756,7 +780,7 @@ def _ended(run: RunEvidence) -> Fact | None:
     text = f"{capitalized(exit_text(run.exit_code))}{limit}, before it was done.{words}{waited_text(run)}"
     text = " ".join(filter(None, (text, _stand(run), run.all_movements)))
     advice = None
-    if waited_text(run) or _NO_LINK in run.last_words:
+    if _of_link(run):
         advice = f"Look at the link: {LINK_ADVICE}"
     elif run.velocities_left:
         often = f"it made {run.velocities_left} for {counted(seen.commands, 'command')}"
@@ -799,22 +823,17 @@ def _stand(run: RunEvidence) -> str:
 
 
 def waited_text(run: RunEvidence) -> str:
-    """The program's last command and its answer, if it waited for one or sent nothing more for seconds."""
-    last, said = run.last_command, run.last_words
-    if run.program is not None:
-        said = f"{said} {run.program.error}"
-    asked = _NO_REPLY.search(said)
-    if last is not None and run.program is not None and run.program.error.startswith(LINK_ENDED):
-        return f" Its connection ended after its last command to arrive, {last[0]}, at {last[1]:.1f} s."
-    error = "" if run.program is None else run.program.error.partition(":")[0]
-    if error and "Timeout" not in error and run.last_reading:
-        return f" Its last reading was {run.last_reading}."
-    if last is None or not (last[2] >= _WAITED or (asked and last[2] >= _WAITED / 2)):
-        return ""
-    name, at, quiet = last
-    return (
-        f" Its last command to arrive, {name}, was answered at {at:.1f} s; then none came for {quiet:.0f} s."
-    )
+    """The last command to arrive of a program that ended because of its link; of one with another error its
+    last reading."""
+    last, error = run.last_command, "" if run.program is None else run.program.error
+    if last is not None and (_of_link(run) or error.startswith((*LINK_ENDED, *LINK_WAITED))):
+        return f" Its last command to arrive, {last[0]}, was answered at {last[1]:.1f} s."
+    return f" Its last reading was {run.last_reading}." if error and run.last_reading else ""
+
+
+def _of_link(run: RunEvidence) -> bool:
+    """True if a program said in the end that its link had ended, or gave no reply."""
+    return any(words in run.last_words for words in _LINK_WORDS)
 
 
 def _contact(run: RunEvidence) -> str:
@@ -840,7 +859,7 @@ def _sent(run: RunEvidence) -> str:
         return ""
     again = run.repeated
     often = f" {times_text(again[1])} in a row" if again is not None and again[2] else ""
-    return f"{met.met.row.shown} was sent{often}"
+    return f"{met.met.row.shown} was sent{often}{', and nothing ended it' if met.goes_on else ''}"
 
 
 def _twice(run: RunEvidence) -> str:
@@ -926,7 +945,7 @@ ORDER: tuple[CauseRule, ...] = (
         MomentKind.END,
         "no command came in the last quarter of the time, or none at all",
         "a program that is slow",
-        "Print a line before each command: the last line shows where the program waits.",
+        "Print a line before each command, lock and wait: the last line shows where the program waits.",
     ),
     CauseRule(
         Kind.KNOWN_WALL,
@@ -940,7 +959,7 @@ ORDER: tuple[CauseRule, ...] = (
         Kind.UNREAD,
         _unread,
         MomentKind.COMMAND,
-        "no range was read on the last 4 in or 45 deg; or the one that sees the block hardly was",
+        "no range was read on the last 4 in or 45 deg; or the one that sees the block was not",
         "wrong readings",
     ),
     CauseRule(
@@ -971,7 +990,7 @@ ORDER: tuple[CauseRule, ...] = (
         Kind.GOT_NOWHERE,
         _nowhere,
         MomentKind.COMMAND,
-        "100 movements, or a quarter of the time, led to no goal and no new place",
+        "100 movements or a quarter of the time led to no goal or new place; or corrections do not shrink",
         "lack of time",
         "Count movements without a new place, and try another way after ten.",
     ),
@@ -994,6 +1013,8 @@ ORDER: tuple[CauseRule, ...] = (
 """The rules, the first first."""
 _ABOUT_GOALS = (Kind.LOST, Kind.SILENCE, Kind.GOT_NOWHERE, Kind.TOO_SLOW, Kind.ENDED)
 """Causes beside which it matters how far the mission came."""
+_AT_THE_END = (Kind.CRASHED, Kind.UNREAD, Kind.TOO_SLOW, Kind.ENDED)
+"""Causes of which only the end of a run tells."""
 NO_RULE = CauseRule(
     Kind.UNKNOWN,
     lambda run: None,

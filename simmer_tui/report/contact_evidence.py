@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -56,6 +56,11 @@ _ASIDE = 30.0
 """Degrees beside a contact from which a sensor is only the nearest one."""
 _STEP = 0.05
 """Inches between places of a path at which its distance from the walls is measured: half a last digit."""
+_OF_DRIVES = (Change.EXACT, Change.UNSEEN, Change.LAST)
+"""Changes of drive errors."""
+# A block's gripper or a bumper that was forgotten is larger; a course's robots have 6 in.
+_LARGER = 0.25
+"""Inches by which a robot reaches further than that of another set, from which that is told. Judged."""
 _SHOWN = {
     Change.EXACT: "without errors of its drive",
     Change.BELIEVED: "from the pose that the program believed",
@@ -97,7 +102,7 @@ class ContactEvidence:
         self.lost = None if self.belief is None else met.lost
         self.looks = facing_sensor(met.contact, seen.spec.sensors, met.readings)
         moved = seen.history.movements.before(met.row.order + 1)
-        self.sent = met.row.elapsed if moved is None else moved.begin
+        self._begun = self.sent = met.row.elapsed if moved is None else moved.begin
         """Elapsed seconds at which its movement began, or at which its velocity was sent the last time."""
         commands, names = seen.within(seen.history.commands), np.array(seen.history.code_names)
         self._commands = commands[commands["elapsed"] <= met.row.elapsed]
@@ -113,8 +118,11 @@ class ContactEvidence:
     def _went_since(self, time: float) -> float:
         row, moves = self.met.row, self._seen.within(self._seen.history.movements)
         moves = moves[moves["order"] < row.order]
-        gone = np.interp(time, [0.0, *moves["elapsed"]], [0.0, *moves["gone"]])
-        return row.gone_before + row.went - float(gone)
+        there = row.gone_before + row.went
+        # No movement has ended since the velocity began that goes on.
+        times = [0.0, *moves["elapsed"], max([self._begun, *moves["elapsed"][-1:]]), row.elapsed]
+        gone = np.interp(time, times, [0.0, *moves["gone"], row.gone_before, there])
+        return there - float(gone)
 
     @cached_property
     def quiet_since(self) -> float | None:
@@ -140,6 +148,13 @@ class ContactEvidence:
         return next((each.saved for each in self.tried if each.change is change), None)
 
     @property
+    def is_saved_by_drives(self) -> bool:
+        """True if nothing would have been touched without drive errors, whichever movements are repeated
+        without them: where one of these repetitions touches all the same, they do not decide."""
+        found = [self.saved_by(change) for change in _OF_DRIVES]
+        return True in found and False not in found
+
+    @property
     def knew(self) -> bool:
         """True if the belief was right and sure."""
         return self.belief is not None and self.lost is None and not self.belief.unsure
@@ -149,6 +164,17 @@ class ContactEvidence:
         """Distance that the movement was to go into the wall, inches."""
         totals = self.met.ended.trajectory.totals
         return math.hypot(totals.x, totals.y) - self.met.row.went
+
+    @property
+    def goes_on(self) -> bool:
+        """True if a velocity went on for more than `BLIND` inches after it was sent, until the contact."""
+        return bool(self.met.legs) and self.went > BLIND and self.quiet_since is None
+
+    @property
+    def is_outer_wall(self) -> bool:
+        """True if the maze's outer wall was touched."""
+        maze, cell = self._seen.spec.maze, self.met.contact.cell
+        return cell is not None and not (1 <= cell[0] <= maze.rows and 1 <= cell[1] <= maze.columns)
 
     @property
     def leads_into(self) -> bool:
@@ -164,23 +190,6 @@ class ContactEvidence:
         totals = self.met.ended.trajectory.totals
         far = math.hypot(totals.x, totals.y)
         return math.degrees(math.atan2(totals.y, totals.x)) if math.isfinite(far) and far > _STOOD else None
-
-    @cached_property
-    def no_echo(self) -> LastReading | None:
-        """The last reading of a sensor that looks there, or along the movement, if it had no echo although
-        the wall was within half of its range; None if it is old."""
-        met, row = self.met, self.met.row
-        for sensor in self._seen.spec.sensors:
-            last = met.readings.get(sensor.code)
-            if last is None or not sensor.kind.is_range or not math.isinf(last.value):
-                continue
-            along = self.bearing is not None and abs(half_turn(sensor.rotation - self.bearing)) <= ALIKE
-            there = self.looks is not None and looks_there(self.looks) and sensor.code in self.looks.codes
-            path = row.gone_before - last.gone
-            fresh = path <= BLIND and row.turned_before - last.turned <= BLIND_TURN
-            if fresh and (there or (along and self.leads_into)) and path + row.went < sensor.max_range / 2:
-                return last
-        return None
 
     @property
     def facing(self) -> LastReading | None:
@@ -205,9 +214,14 @@ class ContactEvidence:
         if self.belief is not None or self.looks is None:
             none = f"No range sensor had been read for more than {BLIND:g} in or {BLIND_TURN:g} deg of path"
             return "; ".join(filter(None, (none, self.not_read)))
-        last = "never read" if self.looks.last is None else f"not read since {self.looks.last.time:.1f} s"
+        last = self.never_read if self.looks.last is None else f"not read since {self.looks.last.time:.1f} s"
         nearest = f"No sensor looks straight there; {self.looks.codes[0]}, the nearest, was {last}"
         return self.not_read or nearest
+
+    @property
+    def never_read(self) -> str:
+        """A sensor without a reading in words. Those before a person moved the robot do not count."""
+        return "not read since a person moved the robot" if self._seen.was_moved else "never read"
 
     @cached_property
     def not_read(self) -> str:
@@ -216,8 +230,19 @@ class ContactEvidence:
         if looks is None or self.met.contact.held_block or not self.looks_at(looks.codes[0]):
             return ""
         words = [] if looks.last is None else [looks.last]
-        since = "never read" if looks.last is None else f"not read since {looks.last.time:.1f} s"
+        since = self.never_read if looks.last is None else f"not read since {looks.last.time:.1f} s"
         return f"{looks.codes[0]} looks there and was {since}" if self._since(words) > 1.0 else ""
+
+    @cached_property
+    def outline_text(self) -> str:
+        """A sentence, with a space before it, on a robot that reaches further than the nominal one."""
+        nominal = self._seen.history.nominal
+        if nominal is None:
+            return ""
+        own, usual = (Footprint.of(each.robot).reach for each in (self._seen.spec, nominal.spec))
+        if own - usual < _LARGER:
+            return ""
+        return f" The robot reaches {own:.3g} in from its centre, in the set {nominal.name} {usual:.3g} in."
 
     @cached_property
     def narrow_text(self) -> str:
@@ -245,7 +270,9 @@ class ContactEvidence:
 
     @property
     def asked(self) -> float | None:
-        """Value of a straight movement's command, inches; None for others."""
+        """Value of a straight movement's command, inches; None for turns and for velocities."""
+        if self.met.legs:
+            return None
         kind, value = self.met.ended.trajectory.kind, parse_value(self.met.ended.command.argument)
         return None if kind is None or kind.turns or isinstance(value, str) else value
 
@@ -257,9 +284,11 @@ class ContactEvidence:
         any of them; for one that does not, only the sensor that looks at the wall counts."""
         met, looks = self.met, self.looks
         shown = self.shown
-        if self.quiet_since is not None or self.no_echo is not None:
-            return self.quiet_since is not None
-        if met.contact.drift or (shown is not None and shown.ago <= BLIND) or self.saved_by(Change.EXACT):
+        if self.quiet_since is not None:
+            return True
+        if met.contact.drift or (shown is not None and shown.ago <= BLIND):
+            return False
+        if self.is_saved_by_drives and self.saved_by(Change.EXACT):
             return False
         # No sensor looks at the room that a held block needs in a turn.
         turned = met.contact.held_block and met.ended.trajectory.turning
@@ -325,7 +354,8 @@ class ContactEvidence:
         more = self._exceeded is not None
         against = (far and more) if self.knew else (far or more)
         misled = self.lost is not None and self.saved_by(Change.BELIEVED) is not False
-        if misled or not against or self.saved_by(Change.UNSEEN) or self.saved_by(Change.EXACT):
+        by_drives = self.is_saved_by_drives and not self.saved_by(Change.LAST)
+        if misled or not against or by_drives:
             return None
         return shown
 
@@ -333,7 +363,8 @@ class ContactEvidence:
     def is_into_known(self) -> bool:
         """True if a right belief knew the wall, and the command led into it all the same."""
         is_straight = not self.met.ended.trajectory.turning and not self.met.contact.held_block
-        saved = self.saved_by(Change.EXACT) or self.saved_by(Change.BELIEVED)
+        by_drives = self.is_saved_by_drives and self.saved_by(Change.EXACT)
+        saved = by_drives or self.saved_by(Change.BELIEVED)
         return self.knew and is_straight and self.beyond > _INTO and not saved
 
     @cached_property
@@ -375,16 +406,17 @@ class ContactEvidence:
     def is_elsewhere(self) -> bool:
         """True if the belief was wrong or unsure, and no right reading showed the wall; or its movement would
         have touched nothing from there."""
-        believed = self.saved_by(Change.BELIEVED)
+        believed, unsure = self.saved_by(Change.BELIEVED), self.belief is not None and self.belief.unsure
         if self.lost is not None:
-            return believed is not False or self.ignored is None
-        unsure = self.belief is not None and self.belief.unsure
+            return unsure or believed is not False or self.ignored is None
         return (unsure and believed is not False) or (bool(believed) and not self.is_blind)
 
     @cached_property
     def drive_errors(self) -> DriveErrors | None:
         """Errors of drives without which nothing would have been touched."""
         met = self.met
+        if not self.is_saved_by_drives:
+            return None
         if self.saved_by(Change.EXACT) and not (self.lost is not None and self.saved_by(Change.BELIEVED)):
             return DriveErrors((met.ended.command.code,), 1, certain=True, large=self._goes_astray)
         # A program that sends beliefs has taken earlier errors into account, rightly or wrongly.
@@ -397,7 +429,8 @@ class ContactEvidence:
                 moved = [*met.before[len(met.before) - count :], met.ended]
                 codes = tuple(dict.fromkeys(each.command.code for each in moved))
                 unseen = change is Change.UNSEEN
-                return DriveErrors(codes, len(moved), certain=unseen, large=unseen)
+                large = unseen and (bool(met.legs) or self._goes_astray)
+                return DriveErrors(codes, len(moved), certain=unseen, large=large)
         return None
 
     @property
@@ -440,19 +473,21 @@ class ContactEvidence:
         return f"{place}, {side_text(self.met.contact)}, after {went:.1f} in{turned} of {row.shown}"
 
 
-def belief_text(belief: BeliefRow | None) -> str:
+def belief_text(seen: Attempt, belief: BeliefRow | None) -> str:
     """Error of a belief, and its spread as the program sent it."""
     if belief is None:
-        return "The program sent no belief."
+        return f"The program sent no belief{' since a person moved the robot' if seen.was_moved else ''}."
     spread = belief.spread
     said = "no spread was sent" if math.isnan(spread) else f"its spread was {spread:.1f} in"
     return f"The belief sent at {belief.elapsed:.1f} s was off by {belief.error_text}; {said}."
 
 
-def shown_tried(tried: Iterable[Counterfactual], *, wrong_drive: bool = False) -> str:
+def shown_tried(tried: Sequence[Counterfactual], *, wrong_drive: bool = False) -> str:
     """Changes that would have avoided a contact, and those that would not. What a wrong drive does is no
-    error of the movements that are repeated: of it they say nothing."""
-    tried = [each for each in tried if not wrong_drive or each.change in (Change.BELIEVED, Change.NO_BLOCK)]
+    error of the movements that are repeated: of it they say nothing. Nor do repetitions that differ."""
+    found = {each.saved for each in tried if each.change in _OF_DRIVES}
+    tells_nothing = wrong_drive or found >= {True, False}
+    tried = [each for each in tried if not (tells_nothing and each.change in _OF_DRIVES)]
     parts = []
     for saved, touched in ((True, "nothing"), (False, "something even")):
         changes = [_SHOWN.get(each.change, each.change.value) for each in tried if each.saved is saved]

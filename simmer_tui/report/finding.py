@@ -41,8 +41,6 @@ class FindingKind(StrEnum):
     LATE = "late"
     SWAPPED = "swapped"
     SIGN = "sign"
-    LIMIT = "limit"
-    STEPS = "steps"
     NOISE = "noise"
     MISSED = "missed"
     DRIFT = "drift"
@@ -199,7 +197,7 @@ class Disagreement(Struct, frozen=True):
 
     `probability` is that of evidence as strong without a disagreement, corrected for all tests of its kind.
     `scatter` is the residual scatter, in a unit of the evidence. `elapsed` (seconds) and `line` (of the log)
-    are where it began.
+    are where it began. `advice` is one line to follow, empty for none.
     """
 
     of: tuple[str, ...]
@@ -209,6 +207,7 @@ class Disagreement(Struct, frozen=True):
     scatter: float
     elapsed: float
     line: int
+    advice: str = ""
 
 
 def moment(row: Columns) -> tuple[float, int]:

@@ -201,7 +201,7 @@ def _deciding(run: RunEvidence) -> Iterator[Moment]:
         if met.looks is not None and looks_there(met.looks):
             sight = met.looks.codes[0] if last is None else last.code
             who = f"{sight}, which looks there," if met.looks_at(sight) else f"{sight}, the nearest sensor,"
-            text = f"{who} had never been read"
+            text = f"{who} was {met.never_read}"
             if last is not None:
                 at, off = last.time, abs(last.value - last.true) > 1.0
                 true = f"; the true distance was {shown_range(last.true)}" if off else ""
@@ -212,9 +212,6 @@ def _deciding(run: RunEvidence) -> Iterator[Moment]:
         block = (grip.grip.block.x, grip.grip.block.y)
         let_go = f"it set the block down at {place_text(*block)}"
         text = let_go if grip.had and not grip.grip.closed else f"it {grip_ending(grip.grip)}"
-        since = run.closed_before(grip)
-        if since is not None and grip.grip.closed:
-            text = f"it closed the gripper, which had been closed since {since.elapsed:.1f} s"
         gripper = seen.spec.gripper
         kind = MomentKind.GOAL if run.has_contact else MomentKind.COMMAND
         code = gripper.code if gripper else ""
@@ -230,9 +227,9 @@ def _end(run: RunEvidence) -> Iterator[Moment]:
             MomentKind.END, met.met.row.elapsed, met.text, met.met.row.line, place=met.met.contact.point
         )
     elif run.silence is not None and not seen.is_silent:
-        quiet, limit = run.silence, "real time limit" if run.cut_off else "time limit"
-        text = f"no command came any more; the run was ended at the {limit}"
-        yield Moment(MomentKind.END, quiet.since, text, place=pose)
+        limit = "real time limit" if run.cut_off else "time limit"
+        end = "" if run.stopped else f"; the run was ended at the {limit}"
+        yield Moment(MomentKind.END, run.silence.since, f"no command came any more{end}", place=pose)
     elif over is not None and over.event.subject is Result.SUCCESS:
         yield Moment(MomentKind.END, over.elapsed, "the mission succeeded", over.line, place=pose)
     elif over is not None and (seen.out_of_time or run.program is None):

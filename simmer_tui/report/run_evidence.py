@@ -9,7 +9,13 @@ from functools import cached_property
 import numpy as np
 from msgspec import Struct
 
-from simmer_tui.report.belief_facts import BeliefFacts, has_read_range, listed_movements, ranges_fit_text
+from simmer_tui.report.belief_facts import (
+    BeliefFacts,
+    RangesBefore,
+    has_read_range,
+    listed_movements,
+    ranges_before,
+)
 from simmer_tui.report.command_audit import multiplied_corrections
 from simmer_tui.report.contact_evidence import ContactEvidence
 from simmer_tui.report.finding import FEWEST, Basis, Disagreement, Finding, kept_disagreements
@@ -25,7 +31,7 @@ from simmer_tui.run.phrases import REAL_TIME_LIMIT, last_output, times_text
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.block import Block
-from simmer_tui.sim.command import counted, parse_value
+from simmer_tui.sim.command import counted
 from simmer_tui.sim.sensors import ObservingSensor, modelled_sensor
 from simmer_tui.sim.sensors.base import World
 from simmer_tui.sim.specs import CELL_SIZE
@@ -35,14 +41,8 @@ _QUIET, _QUIET_SHARE = 5.0, 0.25
 """Seconds, real or simulated, and share of the run without a command at its end that count as silence."""
 _SEEN = 1.0
 """Least change of a reading by the block, inches, with which a sensor sees it."""
-_HARDLY = 0.01
-"""Share of the ranges read since the last goal below which a sensor was hardly read. Judged."""
 _NONSENSE = "makes no sense as a movement"
 """Words of the connection doctor for the value of a command."""
-_NO_NUMBER = {"inf": "a finished movement", "infinity": "a finished movement", "nan": "a refused command"}
-"""Values that are no numbers, and the commands that are replied to with them."""
-_HUGE = 1e6
-"""Least value that no sensor replies, in any unit."""
 _CODES = 3
 """Codes of movements that are named in a sentence."""
 _STOPS = 3
@@ -61,12 +61,11 @@ class Silence(Struct, frozen=True):
 
 
 class Unseen(Struct, frozen=True):
-    """Sensors that alone see the block and were not read, or hardly (`readings`), since the last goal, and
-    the first moment at which they would have seen it (elapsed seconds)."""
+    """Sensors that alone see the block and were not read since the last goal, and the first moment at which
+    they would have seen it (elapsed seconds)."""
 
     codes: tuple[str, ...]
     since: float
-    readings: int = 0
 
 
 class RunEvidence:
@@ -92,6 +91,9 @@ class RunEvidence:
         over = seen.over
         self.cut_off = cut_off or (over is not None and over.event.reason.startswith(REAL_TIME_LIMIT))
         self.findings = _one_each(findings)
+        self.stopped = over is None and not self.cut_off and (program is None or program.stopped)
+        """True if the run ended before its mission: a person or a time limit stopped its program, or its
+        connection ended."""
         # The exit code of a program that the simulator ended is not the program's own.
         self.exit_code = None if program is None or program.stopped else program.exit_code
         self.last_words = "" if program is None else last_output(program)
@@ -182,9 +184,8 @@ class RunEvidence:
         return next((row for row in self.undone if since < row.order < lost.order), None)
 
     @cached_property
-    def last_command(self) -> tuple[str, float, float] | None:
-        """The program's last command, the moment of its answer (elapsed seconds), and the real seconds from
-        then until the end; NaN where these are not known."""
+    def last_command(self) -> tuple[str, float] | None:
+        """The program's last command, and the moment of its answer (elapsed seconds)."""
         seen, history = self.seen, self.seen.history
         rows, moves = seen.within(history.commands), seen.within(history.movements)
         if not len(rows):
@@ -192,8 +193,7 @@ class RunEvidence:
         last, name = rows[-1], history.code_names[rows["code"][-1]]
         mine = moves["asked"][moves["number"] == last["number"]]
         asked = f"-{mine[-1]:g}" if len(mine) and math.isfinite(mine[-1]) else ""
-        quiet = history.real_time - float(last["real_time"])
-        return f"{name}{asked}", float(last["elapsed"]), quiet
+        return f"{name}{asked}", float(last["elapsed"])
 
     @property
     def beside(self) -> NoticeRow | None:
@@ -229,18 +229,22 @@ class RunEvidence:
         seen = self.seen
         if self.has_contact or (self.exit_code is not None and not seen.is_silent):
             return None
+        if self.stopped and self.program is None:
+            return None
         if seen.is_silent:
             return Silence(seen.begun, seen.elapsed - seen.begun, seen.history.real_time)
         rows, moves = seen.within(seen.history.commands), seen.within(seen.history.movements)
-        if not len(rows) or not (self.cut_off or seen.out_of_time):
+        if not len(rows) or not (self.cut_off or self.stopped or seen.out_of_time):
             return None
         end = max(float(rows["elapsed"][-1]), float(moves["elapsed"][-1]) if len(moves) else 0.0)
         quiet = seen.elapsed - end
         times = rows["real_time"][np.isfinite(rows["real_time"])]
         real = seen.history.real_time - float(times.max(initial=0.0))
-        whole = seen.history.real_time or math.inf
-        by_clock = quiet >= max(_QUIET, _QUIET_SHARE * (seen.elapsed - seen.begun))
-        if by_clock or (self.cut_off and real >= max(_QUIET, _QUIET_SHARE * whole)):
+        # Who stops a program has waited for it: that needs no share of the run.
+        share = 0.0 if self.stopped else _QUIET_SHARE
+        by_clock = quiet >= max(_QUIET, share * (seen.elapsed - seen.begun))
+        by_real_time = real >= max(_QUIET, share * (seen.history.real_time or math.inf))
+        if by_clock or ((self.cut_off or self.stopped) and by_real_time):
             return Silence(end, quiet, real)
         return None
 
@@ -308,10 +312,8 @@ class RunEvidence:
             readings = readings[readings["order"] < closings[0]]
             readings = readings[readings["gone"] > readings["gone"].max(initial=0.0) - CELL_SIZE]
         codes, numbers = seen.history.sensor_codes, readings["sensor"]
-        ranges = [place for place, code in enumerate(codes) if code in {each.code for each, _ in made}]
         mine = [place for place, code in enumerate(codes) if code in {each.code for each, _ in sees}]
-        read = int(np.isin(numbers, mine).sum())
-        if not sees or read > (_HARDLY * np.isin(numbers, ranges).sum() if self.goals else 0):
+        if not sees or np.isin(numbers, mine).any():
             return None
         moves = moves[:: max(len(moves) // _POSES, 1)]
         if not len(moves):
@@ -326,7 +328,7 @@ class RunEvidence:
         place = min((each for each in first if each is not None), default=None)
         if place is None:
             return None
-        return Unseen(tuple(each.code for each, _ in sees), float(moves["elapsed"][place]), read)
+        return Unseen(tuple(each.code for each, _ in sees), float(moves["elapsed"][place]))
 
     @staticmethod
     def _first_seen(
@@ -480,36 +482,11 @@ class RunEvidence:
         first = self.belief.rows["order"][0] if len(self.belief.rows) else 0
         return belief.order != first or has_read_range(self.seen, belief.order)
 
-    def fit_text(self, lost: BeliefRow) -> str:
-        """A sentence, with a space before it, that says if the ranges of a program that was far off fit the
-        place that it believed; empty where neither is clear."""
-        if max(lost.distance, abs(lost.turn)) < CELL_SIZE or self.findings or self.seen.history.is_twin:
-            return ""
-        return ranges_fit_text(self.seen, lost)
-
-    def origin_of(self, row: RefusalRow) -> str:
-        """A sentence, with a space before it, on a value of a command that is no value of a sensor: the reply
-        that has its bytes in the other order, or the command that was replied to with it."""
-        value = parse_value(row.result.command.argument)
-        text = (row.result.command.argument or "").strip().lstrip("+-").lower()
-        earlier = self.seen.within(self.seen.history.readings)
-        earlier = earlier[earlier["order"] < row.order]
-        values, codes = earlier["value"].astype(np.float64), self.seen.history.sensor_codes
-        if text in _NO_NUMBER:
-            same = np.isinf(values) if text.startswith("inf") else np.isnan(values)
-            if same.any() or not len(values):
-                return ""
-            return f" No sensor had replied {text}; {_NO_NUMBER[text]} is replied with it."
-        if isinstance(value, str) or not len(values):
-            return ""
-        turned = np.abs(values.byteswap())
-        with np.errstate(invalid="ignore", over="ignore"):
-            same = (turned > _HUGE) & np.isclose(turned, abs(value), rtol=1e-6, atol=0.0)
-        if not same.any():
-            return ""
-        last = earlier[int(np.flatnonzero(same)[-1])]
-        code = codes[last["sensor"]]
-        return f" That is {code}'s reply {float(last['value']):.3g} with its 8 bytes in the other order."
+    def ranges_before(self, lost: BeliefRow) -> RangesBefore:
+        """The ranges before a wrong belief; none of a robot with a wrong sensor, or without a truth."""
+        if self.findings or self.seen.history.is_twin:
+            return RangesBefore()
+        return ranges_before(self.seen, lost)
 
 
 def _nonsense(row: NoticeRow) -> tuple[str, bool]:

@@ -23,7 +23,6 @@ from simmer_tui.report.robust_fit import (
     median_of,
     quantiles,
     robust_fit,
-    two_sided,
 )
 from simmer_tui.report.sensor_sample import Alternative, SensorSample
 from simmer_tui.sim.arrays import FloatArray
@@ -36,12 +35,6 @@ _EXPLAINED = 0.8
 _MISSED = 0.001
 # Judged: the residuals of a fit with one coefficient more must be smaller by a tenth.
 _BETTER = 1.1
-_AT_LIMIT = 0.1
-"""Share of readings of something beyond the least or largest one that are near it by chance. They are off by
-more than the tolerance, four standard deviations; judged, for outliers."""
-_ON_GRID, _TRULY_ON_GRID = 0.02, 0.5
-"""Share of a step within which a reading lies on its grid, as numbers are rounded; and share of true values
-on that grid from which the robot stands on it, as in the middles of cells. Judged."""
 _ONE_VALUE = 0.1
 """Share of the expected value, or least error, within which eight values in ten are one: there a gain and an
 offset are the same. Judged."""
@@ -59,9 +52,6 @@ def sensor_tests(device: DeviceUnderTest, sample: SensorSample) -> list[Claim]:
     if sample.least == 0.5 and sample.spec.is_yes_or_no:
         return [*tests, _wrong(device, sample)]
     inside = sample.inside()
-    shaped = [*_limits(device, inside), *_steps(device, inside)]
-    if any(each.finding is not None for each in shaped):
-        return [*tests, *shaped]
     return [*tests, *_fitted(device, inside)] if len(inside.values) >= FEWEST[device.basis] else tests
 
 
@@ -129,50 +119,6 @@ def change_text(spec: SensorSpec, kind: FindingKind, value: float, other: str | 
             return f"is late by {counted(int(value), 'reading')}"
 
 
-def _limits(device: DeviceUnderTest, sample: SensorSample) -> list[Claim]:
-    """The claims of a floor and a ceiling of readings: one value for all that is nearer, or further."""
-    found: list[Claim] = []
-    values, expected, tolerance = sample.values, sample.expected, sample.tolerance
-    if not sample.spec.kind.is_range or len(values) < FEWEST[device.basis]:
-        return found
-    for limit, sign, side in ((values.min(), -1.0, "nearer"), (values.max(), 1.0, "further")):
-        beyond = sign * (expected - limit) > tolerance
-        within = sign * (expected - limit) < -tolerance
-        count, hits = int(beyond.sum()), int((np.abs(values - limit) <= tolerance)[beyond].sum())
-        if count < FEWEST[device.basis] or hits < _EXPLAINED * count or not within.any():
-            continue
-        if float((np.abs(values - expected) <= tolerance)[within].mean()) < _EXPLAINED:
-            continue
-        what = f"reads {limit:.1f} {sample.spec.unit} for all that is {side}"
-        probability = binomial_tail(hits, count, _AT_LIMIT)
-        found.append(
-            device.claim(probability, FindingKind.LIMIT, float(limit), what, count, unit=sample.spec.unit)
-        )
-    return found
-
-
-def _steps(device: DeviceUnderTest, sample: SensorSample) -> list[Claim]:
-    """The claim of a coarse resolution: all readings lie on a grid on which the truth does not lie."""
-    # Not np.unique, for the same reason as `quantiles`.
-    gaps = np.diff(np.sort(sample.values))
-    gaps = gaps[gaps > 0.0]
-    if not sample.spec.kind.is_range or len(gaps) + 1 < FEWEST["nominal"]:
-        return []
-    step, count = float(gaps.min()), len(sample.values)
-    if step < max(sample.least, 2.0 * sample.spec.resolution):
-        return []
-    near, truly = (
-        np.abs((each - np.sort(each)[count // 2] + step / 2) % step - step / 2) <= _ON_GRID * step
-        for each in (sample.values, sample.expected)
-    )
-    if not near.all() or truly.mean() > _TRULY_ON_GRID:
-        return []
-    # The first two define the grid.
-    probability = binomial_tail(count - 2, count - 2, 2 * _ON_GRID)
-    what = f"reads in steps of {step:.1f} {sample.spec.unit}"
-    return [device.claim(probability, FindingKind.STEPS, step, what, count, unit=sample.spec.unit)]
-
-
 # -- shares ------------------------------------------------------------------------------------------
 
 
@@ -231,35 +177,7 @@ def _fitted(device: DeviceUnderTest, sample: SensorSample) -> list[Claim]:
     kinds = single if fits[single].rough <= _BETTER * fits[double].rough else double
     fit, design = fits[kinds], np.column_stack([columns[each] for each in kinds])
     tests = [_figure(device, sample, kind, fit, place) for place, kind in enumerate(kinds)]
-    for grown, per in ((sample.seconds, "s"), (sample.gone, "in driven")):
-        growing = np.column_stack((grown, np.ones(len(grown))))
-        if counts or len(grown) < len(residuals) or np.ptp(grown) == 0.0:
-            continue
-        drift = robust_fit(growing, residuals, sample.spread)
-        if _BETTER * drift.rough < fit.rough and abs(drift.values[0]) * np.ptp(grown) >= sample.least:
-            fit, design, tests = drift, growing, [_drift(device, sample, drift, float(grown[-1]), per)]
-    if counts and sample.first is not None:
-        tests.append(_first_offset(device, sample, *sample.first))
     return [*tests, _noise(device, sample, residuals - design @ fit.values)]
-
-
-def _drift(device: DeviceUnderTest, sample: SensorSample, fit: RobustFit, last: float, per: str) -> Claim:
-    """The claim of a drift in each second, or each inch driven, of which the last reading had `last`."""
-    unit, value, end = sample.spec.unit, float(fit.values[0]), float(fit.values @ (last, 1.0))
-    shown = f"{abs(value):.2g} {unit}/{per}" if per == "s" else f"{abs(value):.2g} {unit} for each {per}"
-    what = f"drifts by {shown}, to {abs(end):.1f} {unit} {_too(end, sample)} at its last reading"
-    interval, per_unit = fit.interval(0), f"{unit}/{per.partition(' ')[0]}"
-    bounds = f"{interval[0]:.3g} to {interval[1]:.3g}"
-    return device.claim(
-        fit.probability(0),
-        FindingKind.DRIFT,
-        value,
-        what,
-        fit.count,
-        interval=interval,
-        bounds=bounds,
-        unit=per_unit,
-    )
 
 
 def _figure(
@@ -282,19 +200,6 @@ def _figure(
     if error < sample.least or low <= 0.0 <= high:
         return Claim(probability)
     return device.claim(probability, kind, value, what, fit.count, interval=(low, high), unit=unit)
-
-
-def _first_offset(device: DeviceUnderTest, sample: SensorSample, error: float, spread: float) -> Claim:
-    """The offset of a counting sensor, by its first reading: later ones contain the errors since."""
-    spec, probability = sample.spec, two_sided(error / spread)
-    if abs(error) < sample.least:
-        return Claim(probability)
-    low, high = error - Z_95 * spread, error + Z_95 * spread
-    what, rests_on = f"began {abs(error):.1f} {spec.unit} {_too(error, sample)}", "first reading"
-    interval, unit = (low, high), spec.unit
-    return device.claim(
-        probability, FindingKind.OFFSET, error, what, 1, interval=interval, rests_on=rests_on, unit=unit
-    )
 
 
 def _noise(device: DeviceUnderTest, sample: SensorSample, residuals: FloatArray) -> Claim:

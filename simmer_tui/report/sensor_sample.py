@@ -68,11 +68,7 @@ class SensorSample(Struct, frozen=True):
     missed: int = 0
     looked: int = 0
     seconds: FloatArray = field(default_factory=lambda: np.empty(0))
-    """Seconds since the run's beginning, of a counting sensor those between its readings, (n,)."""
-    gone: FloatArray = field(default_factory=lambda: np.empty(0))
-    """Of an observing sensor: inches driven by each reading, (n,)."""
-    first: tuple[float, float] | None = None
-    """Of a counting sensor: error of its first reading, and its standard deviation."""
+    """Of a counting sensor: seconds between its readings, (n,)."""
 
     @property
     def spec(self) -> SensorSpec:
@@ -103,9 +99,8 @@ class SensorSample(Struct, frozen=True):
         if not self.spec.kind.is_range:
             return self
         kept = self.values > self.spec.min_range
-        names = ("values", "expected", "spread", "seconds", "gone")
-        columns = {name: getattr(self, name) for name in names}
-        return replace(self, **{name: each[kept] if len(each) else each for name, each in columns.items()})
+        columns = {name: getattr(self, name)[kept] for name in ("values", "expected", "spread")}
+        return replace(self, **columns)
 
     def off(self, expected: FloatArray) -> FloatArray:
         """Values less expected ones, (n,)."""
@@ -183,8 +178,6 @@ def _observed(
         spread[usable],
         missed=int((within & ~there).sum()),
         looked=int(within.sum()),
-        seconds=seconds[usable],
-        gone=rows["gone"][usable].astype(np.float64),
     )
     others = *_late(expected, usable), *inverted_compass(sample, base[usable])
     return sample.against((*stuck(sample), *others, *_swapped(history, rows[usable], sample, alike)))
@@ -266,19 +259,12 @@ def _counted(
         + sensor.least_error**2
     )
     expected = spec.gain * counted + spec.drift * seconds
-    begun = times[0] - history.clock.before
-    level = spec.gain * levels[0] + spec.bias + spec.drift * begun
-    deviation = abs(spec.gain * spec.error * travelled[0]) + sensor.random_walk * max(begun, 0.0) ** 0.5
     sample = SensorSample(
         sensor,
         values[whole],
         expected[whole],
         spread[whole],
         seconds=seconds[whole],
-        first=(
-            float(sensor.wrapped(rows["value"][0] - level)),
-            float(np.hypot(deviation + tick, sensor.least_error)),
-        ),
     )
     usable = np.zeros(len(values), bool)
     usable[whole] = True

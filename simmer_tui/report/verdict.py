@@ -17,8 +17,8 @@ from simmer_tui.report.cause_order import (
     LINK_ADVICE,
     LINK_ENDED,
     LINK_WAITED,
-    advice_on,
     cause_of,
+    cause_so_far,
     waited_text,
 )
 from simmer_tui.report.causes import Cause, Kind
@@ -203,7 +203,9 @@ class _Judge:
         if found is None:
             found = findings_of(self._history, self._attempt.task) if needs_cause else ()
         run = RunEvidence(self._attempt, program, cut_off=self._cut_off, findings=found)
-        cause = cause_of(run) if needs_cause else None
+        cause = None
+        if needs_cause:
+            cause = cause_so_far(run) if run.stopped else cause_of(run)
         if cause is not None and cause.kind is Kind.CRASHED and outcome is Outcome.FAILED:
             outcome = Outcome.CRASHED
         late = self._crash if self._is_after_mission else None
@@ -217,7 +219,7 @@ class _Judge:
             cause=cause,
             moments=moments_of(run, cause),
             evidence=() if cause is None else cause.evidence,
-            advice=self._advice(cause, run),
+            advice=self._advice(cause),
             notes=() if late is None else (f"After that the program crashed: {crash_text(late)}.",),
             program=self._program,
             restart=self._attempt.restart,
@@ -265,10 +267,7 @@ class _Judge:
             return False
         if not self._is_mission:
             return outcome.is_failure
-        over = self._attempt.over
-        has_ended = self._cut_off or (self._program is not None and not self._program.stopped)
-        # A mission may go on after its program's connection has ended.
-        return self._attempt.failed if over is not None else has_ended
+        return True if self._attempt.over is None else self._attempt.failed
 
     # -- text ------------------------------------------------------------------------------------
 
@@ -290,31 +289,27 @@ class _Judge:
                 return f"Crashed {when}{reached}: {cause.text} Then: {crash_text(self._crash)}."
             return f"Crashed {when}{reached}: {crash_text(self._crash)}.{waited_text(run)}"
         if cause is not None:
-            return f"{outcome.value.capitalize()} {when}{reached}: {cause.text}"
+            stop = f", when {self._stop()}" if run.stopped else ""
+            return f"{outcome.value.capitalize()} {when}{stop}{reached}: {cause.text}"
         if outcome is Outcome.FAILED:
             reason = "real time was up" if over is None else over.event.reason
             return f"Failed {when}{reached}: {reason}."
         end, last = self._end(), run.last_command
-        is_quiet = outcome is Outcome.STILL_GOING or (last is not None and last[2] >= _QUIET)
-        if self._is_mission and last is not None and is_quiet:
+        if self._is_mission and last is not None and outcome is Outcome.STILL_GOING:
             # Nobody knows what the program waits for; the last thing it did is a fact.
             done = counted(attempt.commands, "command")
             answered = f"the last, {last[0]}, was answered at {last[1]:.1f} s"
-            since = (
-                "none has come since" if outcome is Outcome.STILL_GOING else f"none came for {last[2]:.0f} s"
-            )
-            return f"{outcome.value.capitalize()} {when}{reached}: {done}; {answered}, and {since}."
+            return f"Still going {when}{reached}: {done}; {answered}, and none has come since."
         how = f"{end}; " if end else ""
         return f"{outcome.value.capitalize()} {when}{reached}: {how}{self._worst()}."
 
-    def _is_quiet(self, run: RunEvidence) -> bool:
-        """True if a program was stopped that had sent nothing for seconds."""
-        program, last = self._program, run.last_command
-        return program is not None and program.stopped and last is not None and last[2] >= _QUIET
+    def _stop(self) -> str:
+        """The stop of a run, in words."""
+        return "its connection ended" if self._program is None else "the program was stopped"
 
-    def _advice(self, cause: Cause | None, run: RunEvidence) -> str:
+    def _advice(self, cause: Cause | None) -> str:
         if cause is None:
-            return f"Try: {advice_on(Kind.SILENCE)}" if self._is_quiet(run) else ""
+            return ""
         program = self._program
         own = program is not None and program.exit_code and not program.stopped
         if program is None or not own or cause.kind not in _OF_THE_PROGRAM:
@@ -376,9 +371,6 @@ class _Judge:
         return "nothing went wrong" if is_counted else f"{done}, nothing went wrong"
 
 
-# Judged: a program that computes for so long between two commands has stopped.
-_QUIET = 5.0
-"""Real seconds without a command before a person ended the program, from which that is told."""
 _OF_THE_PROGRAM = (Kind.CRASHED, Kind.SILENCE)
 _OF_VALUES = "ValueError"
 """Errors of values that a program was given: their line need not be the wrong one."""

@@ -24,7 +24,7 @@ from simmer_tui.run.history_rows import (
     MovementRow,
     RefusalRow,
 )
-from simmer_tui.run.progress import CommandLoop, StalledPeriod, loop_at_end, without_progress
+from simmer_tui.run.progress import StalledPeriod, without_progress
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.table import Columns, Newest, RowT, RowTable
 from simmer_tui.sim.arrays import BoolArray, IntArray
@@ -272,11 +272,16 @@ class Attempt:
         """Number of contacts since the last restart."""
         return int(self.within(self.history.movements)["contact"].sum())
 
+    @property
+    def was_moved(self) -> bool:
+        """True if a person has put the robot elsewhere: readings and beliefs before that do not count."""
+        return self.placed > self.history.began
+
     # -- beliefs and contacts --------------------------------------------------------------------
 
     def belief_before(self, order: int) -> tuple[BeliefRow | None, BeliefRow | None]:
-        """The newest belief before an event, and the first of the unbroken row of lost beliefs that leads to
-        it."""
+        """The newest belief before an event and, if it is lost, the first lost one since the last that was
+        right and sure."""
         beliefs = self.history.beliefs
         newest = lost = None
         # Backwards, as far as it matters: a long run has tens of thousands.
@@ -285,14 +290,15 @@ class Attempt:
             if not row.finite:
                 continue
             newest = newest or row
-            if not row.lost:
+            if row.lost:
+                lost = row
+            elif row is newest or row.is_right:
                 break
-            lost = row
         return newest, lost
 
     @cached_property
     def beliefs(self) -> tuple[BeliefRow | None, BeliefRow | None]:
-        """The last belief, and the first of the unbroken row of lost beliefs that leads to it."""
+        """The last belief and, if it is lost, the first lost one since the last that was right and sure."""
         return self.belief_before(self._until + 1)
 
     @cached_property
@@ -571,38 +577,6 @@ class Attempt:
         rows = rows[np.isin(rows["code"], [place for place, name in enumerate(names) if name in driving])]
         codes = rows["code"][rows["refused"]]
         return [names[number] for number in sorted(set(codes.tolist()))], len(codes), len(rows)
-
-    @cached_property
-    def asks_end(self) -> BoolArray:
-        """True for the movements of 0 by which a program in packets asks for the end of the one before,
-        (n,). In packets most of them follow that one directly, or questions that came too early; the others
-        follow one that was lost."""
-        rows, commands = self.within(self.history.movements), self.within(self.history.commands)
-        nothing, number = rows["asked"] == 0.0, rows["number"]
-        early = np.searchsorted(np.sort(commands["number"][commands["early"]]), number)
-        follows = (np.diff(number, prepend=-1) == 1) & (np.diff(rows["code"], prepend=-1) == 0)
-        follows |= np.diff(early, prepend=0) > 0
-        in_packets = 2 * int((nothing & follows).sum()) > int(nothing.sum())
-        return np.asarray(nothing & (follows | in_packets))
-
-    @cached_property
-    def asked_for_nothing(self) -> tuple[list[str], int]:
-        """Codes of drives that were asked for 0 in the stretch without progress, and how often."""
-        rows, names = self.within(self.history.movements), self.history.code_names
-        rows = rows[(rows["asked"] == 0.0) & ~self.asks_end & (rows["elapsed"] >= self.stalled.since)]
-        return [names[number] for number in np.unique(rows["code"])], len(rows)
-
-    @property
-    def whole_numbers(self) -> int:
-        """Number of the commands for drives, if all asked for whole numbers; else 0."""
-        asked = self.within(self.history.movements)["asked"]
-        asked = asked[np.isfinite(asked)]
-        return len(asked) if (asked == np.round(asked)).all() else 0
-
-    @cached_property
-    def loop(self) -> CommandLoop | None:
-        """The movements that it repeated until the end."""
-        return loop_at_end(self.within(self.history.movements, max(self.placed, self._began)))
 
     @property
     def left_block(self) -> bool:

@@ -1,4 +1,4 @@
-"""Progress of a robot: new ground, the stretch at the end without any, and repeated movements."""
+"""Progress of a robot: new ground, and the stretch at the end without any."""
 
 import numpy as np
 from msgspec import Struct
@@ -16,9 +16,6 @@ HUNDRED = 100
 # Judged: a cell at 6 in/s takes as long. The number of legs says how often a program steers, not how much.
 LEG = 2.0
 """Seconds of continuous motion that count as one movement."""
-# Judged: a program that uses its sensors does not ask for the same five times in a row.
-ROUNDS, LOOPED, _LONGEST = 5, 40, 16
-"""Least rounds of a loop, least movements in all of them, and most movements of one round."""
 
 
 class StalledPeriod(Struct, frozen=True):
@@ -66,38 +63,3 @@ def without_progress(rows: Columns, legs: BoolArray, place: Pose, since: float) 
         turned=float(rows["turned"][-1] - rows["turned"][last]) if len(rest) and last >= 0 else 0.0,
         driving=float((rest["elapsed"] - rest["begin"]).sum()),
     )
-
-
-class CommandLoop(Struct, frozen=True):
-    """Movements at the end that repeat a round of commands: begin (elapsed seconds), place, commands of a
-    round, and number of rounds."""
-
-    place: Pose
-    since: float
-    commands: int
-    rounds: int
-
-
-def loop_at_end(rows: Columns) -> CommandLoop | None:
-    """The loop in which movements end, (n,); None where they repeat nothing, or lead further than a cell.
-
-    Repeating one single command is no loop: a robot that looks around turns in equal steps.
-
-    Args:
-        rows: Columns of `MovementRow`.
-    """
-    rows = rows[rows["asked"] != 0.0]
-    code, asked = rows["code"], rows["asked"]
-    for period in range(1, min(_LONGEST, len(rows) // ROUNDS) + 1):
-        differs = (code[period:] != code[:-period]) | (asked[period:] != asked[:-period])
-        places = np.flatnonzero(differs)
-        begin = int(places[-1]) + 1 if len(places) else 0
-        repeated = rows[begin:]
-        if len(repeated) < max(LOOPED, ROUNDS * period):
-            continue
-        first = repeated[0]
-        if period == 1 or max(np.ptp(repeated[axis]) for axis in ("x", "y")) > CELL_SIZE:
-            return None
-        pose = Pose(float(first["x"]), float(first["y"]), float(first["heading"]))
-        return CommandLoop(pose, float(first["begin"]), period, len(repeated) // period)
-    return None

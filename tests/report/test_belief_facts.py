@@ -141,21 +141,6 @@ def test_a_mirrored_maze_is_told() -> None:
     assert "mirrored left to right in 100 % of the sure beliefs" in facts(mission).text
 
 
-@pytest.mark.parametrize("late", [0, 1])
-def test_beliefs_of_one_command_ago_are_told(late: int) -> None:
-    mission = begin(noise=True)
-    poses = [mission.simulator.pose]
-    for step in range(24):
-        mission.give(
-            "u1", f"d1-{4.0 * (-1) ** (step // 2)}" if step % 2 else f"w1-{2.5 * (-1) ** (step // 2)}"
-        )
-        poses.append(mission.simulator.pose)
-        mission.engine.tell(Belief(mission.simulator.time, poses[-1 - late], poses[-1], 0.3))
-    said = "where the robot had been one command earlier in 100 % of the sure beliefs after a movement"
-    assert (said in facts(mission).text) == bool(late)
-    assert late or not facts(mission).text
-
-
 def test_the_tables_have_the_same_rows_with_and_without_a_truth() -> None:
     mission = begin(noise=True)
     look_along(mission, 3.0)

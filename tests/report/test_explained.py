@@ -11,6 +11,8 @@ from msgspec.structs import replace
 from simmer_tui.config.mission_plan import Cell
 from simmer_tui.report.cause_order import cause_of
 from simmer_tui.report.causes import Kind
+from simmer_tui.report.contact_evidence import shown_tried
+from simmer_tui.report.counterfactuals import Change, Counterfactual
 from simmer_tui.report.finding import Basis, Finding, FindingKind
 from simmer_tui.report.moments import moments_of
 from simmer_tui.report.run_evidence import RunEvidence
@@ -25,6 +27,47 @@ def placed_wrong(mission: Mission, rounds: int = 12) -> None:
 
 
 # -- the order --------------------------------------------------------------------------------------
+
+
+def test_right_ranges_beside_a_wrong_belief_are_told_and_no_more_readings_are_advised() -> None:
+    mission = begin()
+    mission.give("u1", "u2", "u3", "u4")
+    mission.believe(ahead=40.0)
+    mission.give("u1", "u2", "u3", "u4", "d1-1")
+    mission.believe(ahead=40.0)
+    cause = mission.why(1)
+    assert cause.kind is Kind.LOST
+    assert re.search(
+        r" Its last 4 ranges before that were right, and .* of them .* there: u\d read ", cause.text
+    )
+    assert cause.advice.startswith("Print the ranges as your program uses them")
+
+
+def test_who_drives_on_with_a_wrong_and_unsure_belief_is_lost_whatever_was_read() -> None:
+    mission = begin()
+    mission.give("u1", "u2", "u4")
+    mission.believe(ahead=20.0, spread=5.0)
+    mission.give("w1-9")
+    cause = mission.why()
+    assert cause.kind is Kind.LOST
+    assert "It drove on with a spread of 5.0 in." in cause.text
+
+
+def test_a_program_that_ended_well_waited_for_no_link() -> None:
+    mission = begin()
+    mission.give("u1", "d1-2")
+    mission.history.real_time += 3.0
+    cause = mission.why(0, words="done")
+    assert (cause.kind, cause.advice) == (Kind.ENDED, "")
+    assert "Its last command to arrive" not in cause.text
+
+
+def test_repetitions_without_drive_errors_that_differ_say_nothing_of_drives() -> None:
+    exact, last = Counterfactual(Change.EXACT, True), Counterfactual(Change.LAST, False)
+    assert shown_tried([exact]) == "It would have touched nothing without errors of its drive."
+    believed = Counterfactual(Change.BELIEVED, False)
+    said = "It would have touched something even from the pose that the program believed."
+    assert shown_tried([exact, last, believed]) == said
 
 
 def test_a_wrong_map_stands_before_the_contact_it_led_to() -> None:

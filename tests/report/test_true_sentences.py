@@ -13,6 +13,7 @@ from simmer_tui.report.cause_order import advice_on, cause_of
 from simmer_tui.report.causes import Kind
 from simmer_tui.report.fact_tables import fact_tables
 from simmer_tui.report.finding import Basis, DeviceUnderTest, Finding, FindingKind, kept
+from simmer_tui.report.moments import moments_of
 from simmer_tui.report.run_evidence import RunEvidence
 from simmer_tui.report.sensor_audit import sensor_tests
 from simmer_tui.report.sensor_sample import SensorSample, inverted_compass
@@ -21,7 +22,7 @@ from simmer_tui.run.events import Notice, NoticeKind, OutputLine, ProgramEnded, 
 from simmer_tui.sim.sensors import modelled_sensor
 from simmer_tui.sim.sensors.base import Sensor
 from simmer_tui.sim.specs import Axes, DriveKind
-from tests.report.test_causes import begin
+from tests.report.test_causes import begin, teleport
 
 SET = load(find_set("mission"))
 
@@ -144,7 +145,52 @@ def test_a_block_that_was_let_go_where_it_lay_was_carried_nowhere() -> None:
     cause = mission.why(1)
     assert cause.kind is Kind.DROPPED_OUTSIDE
     assert cause.text.startswith("It took the block 3 times, and let it go where it lay: at (20.0, 42.0), ")
-    assert cause.advice.startswith("Print what l1 replies after it has closed")
+    # It is of no use to look at the sensor, which was right.
+    assert cause.advice == "Find out why your program sends p1-0 there: the gripper held the block."
+
+
+def test_jaws_that_were_closed_before_are_named_with_the_command_that_closed_them() -> None:
+    mission = begin((28.0, 42.0, 180.0))
+    mission.give("p1-1", "d1-4", "p1-1")
+    cause = mission.why(1)
+    assert cause.kind is Kind.MISSED_GRIP
+    assert re.match(r"The gripper was closed already: p1-1 had come at \d+\.\d s, and no p1-0", cause.text)
+    assert cause.advice == "Send p1-0 before you drive to the block."
+
+
+def test_the_way_of_a_velocity_is_compared_with_no_distance() -> None:
+    mission = begin((9.0, 42.0, 0.0))
+    mission.give("u2", "u4", "vx-5")
+    for hundredths in range(5010, 5760, 10):
+        mission.simulator.advance(hundredths / 100.0)
+        mission.give("g1")
+    cause = mission.why()
+    assert "nothing ended it" in cause.text
+    assert re.search(r", after \d\d\.\d in\.", cause.text)
+    assert cause.advice == "End the velocity in time: send vx with zeros. It goes on until another one comes."
+
+
+def test_what_came_before_a_person_moved_the_robot_is_not_denied() -> None:
+    mission = begin((9.0, 42.0, 0.0))
+    mission.give("u1", "u2")
+    mission.believe()
+    teleport(mission, 66.0, 42.0, 0.0)
+    mission.give("d1-60")
+    evidence = mission.evidence()
+    texts = [each.text for each in moments_of(evidence)]
+    assert "u1, which looks there, was not read since a person moved the robot" in texts
+    assert "The program sent no belief since a person moved the robot." in cause_of(evidence).evidence
+
+
+def test_a_robot_larger_than_the_nominal_one_is_told_where_a_right_belief_met_a_wall() -> None:
+    for diameter, told in ((6.0, False), (8.4, True)):
+        mission = begin((20.0, 6.5, 90.0), diameter=diameter)
+        mission.give("u1", "u2", "u4")
+        mission.believe()
+        mission.give("d1-8", "w1--40")
+        cause = mission.why()
+        assert ("reaches 4.2 in from its centre, in the set mission 3 in" in cause.text) is told
+        assert (cause.advice == "Give your program the outline of this robot.") is told
 
 
 # -- beliefs, and the end ----------------------------------------------------------------------------------
@@ -159,6 +205,16 @@ def test_a_wrong_heading_is_compared_with_turns_not_with_ranges() -> None:
     cause = mission.why(1)
     assert cause.kind is Kind.LOST
     assert "for a turn with the command" in cause.advice
+
+
+def test_a_belief_that_was_unsure_in_between_was_lost_all_the_while() -> None:
+    mission = begin()
+    for ahead, spread in ((0.0, 0.3), (9.0, 0.3), (9.0, 12.0), (9.0, 0.3)):
+        mission.give("u1", "d1-1")
+        mission.believe(ahead=ahead, spread=spread)
+    first = mission.history.beliefs[1]
+    cause = mission.why()
+    assert (cause.kind, cause.elapsed) == (Kind.LOST, first.elapsed)
 
 
 def test_who_was_sent_no_movement_is_not_told_to_compare_movements() -> None:
