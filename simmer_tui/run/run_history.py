@@ -426,7 +426,8 @@ class RunHistory:
         """Add readings that follow each other during one movement, or none, and begin their events."""
         clock, paths, gone, turned = self.clock, self.paths, self._gone, self._turned
         trail = self._trail if self._trail.text else None
-        codes, sources, sensors, error_of = self._codes, self._sources, self._sensors, self._truth.error
+        codes, sources, sensors = self._codes, self._sources, self._sensors
+        truth, observed = self._truth, self._truth.observed
         commands: list[tuple[float, ...]] = []
         readings: list[tuple[float, ...]] = []
         for result, line, real_time in zip(results, lines, real_times, strict=True):
@@ -442,14 +443,15 @@ class RunHistory:
                 self.order, self.line, elapsed, self.real_time, number if number < _LARGEST else _LARGEST,
                 codes[command.code], sources[command.source], False, False, result.link,
             ))  # fmt: skip
-            value, true = reading.value, reading.true
-            error = error_of(reading, under_way, time)
+            value, true, code = reading.value, reading.true, reading.sensor.code
+            error_of = observed.get(code)
+            error = error_of(true, value) if error_of else truth.count_error(reading, under_way, time)
             # A reading cannot have been taken after it was answered, whatever a damaged log says.
             taken = clock.before + (time if result.taken is None else result.taken)
             if taken > elapsed:
                 taken = elapsed
             readings.append((
-                self.order, self.line, elapsed, taken, sensors[reading.sensor.code], value, true,
+                self.order, self.line, elapsed, taken, sensors[code], value, true,
                 math.nan if error is None else error, reading.took, gone, turned,
                 pose.x, pose.y, pose.heading,
             ))  # fmt: skip
