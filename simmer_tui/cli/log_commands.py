@@ -10,6 +10,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
 from io import TextIOWrapper
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from simmer_tui.cli.command_line import (
     ExitCode,
@@ -30,11 +31,13 @@ from simmer_tui.errors import ExportError, RunLogError
 from simmer_tui.report.content import maze_picture, report_document, svg_picture
 from simmer_tui.report.run_statistics import CommandTable, RunStatistics
 from simmer_tui.runlog.reader import Logged, LogReader
-from simmer_tui.runlog.rerun import Rerun
 from simmer_tui.sim.command import WORD, counted, cut, typed_path
 from simmer_tui.sim.rules import IntegerRule, NumberRule
 from simmer_tui.version import __version__
 from simmer_tui.whole_file import whole_file, write_whole
+
+if TYPE_CHECKING:
+    from simmer_tui.runlog.rerun import Rerun
 
 # Lines between two updates of a progress bar. Judged: often enough for the eye, rarely enough to cost
 # nothing.
@@ -187,6 +190,9 @@ def run_rerun(options: argparse.Namespace) -> int:
     """Run the commands of a log again, from its configuration and seed, and compare every reply bit for bit.
     If a machine with other mathematics wrote the log, differences by rounding are allowed. Exits with 0 if
     all are the same, 1 at the first difference, 2 for a broken log."""
+    # Imported here because a report runs nothing.
+    from simmer_tui.runlog.rerun import Rerun
+
     path = log_of(options)
     with configuration_of(path):
         rerun = Rerun(path, options.config)

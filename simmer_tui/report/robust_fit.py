@@ -156,10 +156,11 @@ def binomial_tail(hits: int, count: int, share: float) -> float:
         return 1.0
     if share <= 0.0:
         return 0.0
+    # Once: a sum may have thousands of terms.
+    ways, hit, miss = math.lgamma(count + 1), math.log(share), math.log1p(-share)
     logs = [
-        math.lgamma(count + 1) - math.lgamma(k + 1) - math.lgamma(count - k + 1)
-        + k * math.log(share) + (count - k) * math.log1p(-share)
+        ways - math.lgamma(k + 1) - math.lgamma(count - k + 1) + k * hit + (count - k) * miss
         for k in range(hits, count + 1)
-    ]  # fmt: skip
+    ]
     most = max(logs)
     return min(math.exp(most) * math.fsum(math.exp(each - most) for each in logs), 1.0)

@@ -272,10 +272,10 @@ class Truth:
 
     def __init__(self, sensors: Iterable[SensorSpec], known: bool) -> None:
         self.known = known
-        self._sensors = {sensor.code: modelled_sensor(sensor) for sensor in sensors}
-        self._counters = {
-            code: each for code, each in self._sensors.items() if isinstance(each, CountingSensor)
-        }
+        modelled = {sensor.code: modelled_sensor(sensor) for sensor in sensors}
+        self._counters = {code: each for code, each in modelled.items() if isinstance(each, CountingSensor)}
+        self.observed = {code: each.error for code, each in modelled.items() if code not in self._counters}
+        """By code, the error of a sensor whose true value is in the log, of a true value and a reply."""
         self._moved = (0.0, 0.0, 0.0)
         """Sums of the robot's motions: degrees turned, inches ahead and to the left."""
 
@@ -289,21 +289,14 @@ class Truth:
         before = self._moved
         self._moved = (before[0] + turned, before[1] + ahead, before[2] + aside)
 
-    def error(self, reading: Reading, under_way: Trajectory | Leg | None, time: float) -> float | None:
-        """Error of a reading taken at a simulated time, in the sensor's unit; None if it is not known. It is
-        infinite if the reading saw something where nothing was in range, or the reverse. `under_way` is the
-        movement at that time."""
-        code = reading.sensor.code
-        sensor = self._sensors.get(code)
-        if sensor is None:
-            return None
-        counter = self._counters.get(code)
-        if counter is None:
-            return sensor.error(reading.true, reading.value)
-        if not self.known:
+    def count_error(self, reading: Reading, under_way: Trajectory | Leg | None, time: float) -> float | None:
+        """Error of a count at a simulated time, in the sensor's unit; None if it is not known, or of another
+        sensor. `under_way` is the movement at that time."""
+        counter = self._counters.get(reading.sensor.code)
+        if counter is None or not self.known:
             return None
         # Counts are linear in the motion.
         true = counter.counted_on(*self._moved)
         if under_way is not None:
             true += counter.counted_on(*under_way.moved(time))
-        return sensor.error(true, reading.value)
+        return counter.error(true, reading.value)

@@ -141,24 +141,26 @@ class Reducer:
     ) -> None:
         """Apply readings that follow each other: the same as `apply` for each, in less time."""
         block, held, spent = self._now.block, self._held, self._reading
+        number, sensors, read = self.number, self._sensors, self._read
         for result in results:
             reading = result.reading
             assert reading is not None
-            self.number += 1
+            number += 1
             # Comparisons in place of max(): this runs once for each reading, which are most events.
             if result.number > self._commands:
                 self._commands = result.number
             if result.time > self.time:
                 self.time = result.time
             self._link += result.link
-            code = reading.sensor.code
-            if reading.took:
-                spent[code] = spent.get(code, 0.0) + reading.took
-            known = self._sensors.get(code)
+            code, took = reading.sensor.code, reading.took
+            if took:
+                spent[code] = spent.get(code, 0.0) + took
+            known = sensors.get(code)
             values = deque[float](maxlen=HISTORY) if known is None else known[2]
             values.append(reading.value)
-            self._sensors[code] = (result, reading, values, self.number, block, held)
-            self._read[code] = result
+            sensors[code] = (result, reading, values, number, block, held)
+            read[code] = result
+        self.number = number
         self._last = results[-1]
         if self.history is not None:
             movement = self._movement

@@ -423,29 +423,40 @@ class RunHistory:
     ) -> None:
         """Add readings that follow each other during one movement, or none, and begin their events."""
         clock, paths, gone, turned = self.clock, self.paths, self._gone, self._turned
+        trail = self._trail if self._trail.text else None
+        codes, sources, sensors = self._codes, self._sources, self._sensors
+        truth, observed = self._truth, self._truth.observed
+        commands: list[tuple[float, ...]] = []
+        readings: list[tuple[float, ...]] = []
         for result, line, real_time in zip(results, lines, real_times, strict=True):
             self.begin(line, real_time)
-            elapsed = clock.advance(result.time)
-            if self._trail.text:
-                self._trail.begun(result.number, result.time)
-            command, number, reading, pose = result.command, result.number, result.reading, result.pose
-            assert reading is not None
-            self.commands.append(
-                self.order, self.line, elapsed, self.real_time, number if number < _LARGEST else _LARGEST,
-                self._codes[command.code], self._sources[command.source], False, False, result.link,
+            number, time, command, reading, pose = (
+                result.number, result.time, result.command, result.reading, result.pose
             )  # fmt: skip
-            error = self._truth.error(reading, under_way, result.time)
+            elapsed = clock.advance(time)
+            if trail is not None:
+                trail.begun(number, time)
+            assert reading is not None
+            commands.append((
+                self.order, self.line, elapsed, self.real_time, number if number < _LARGEST else _LARGEST,
+                codes[command.code], sources[command.source], False, False, result.link,
+            ))  # fmt: skip
+            value, true, code = reading.value, reading.true, reading.sensor.code
+            error_of = observed.get(code)
+            error = error_of(true, value) if error_of else truth.count_error(reading, under_way, time)
             # A reading cannot have been taken after it was answered, whatever a damaged log says.
-            taken = clock.before + (result.time if result.taken is None else result.taken)
+            taken = clock.before + (time if result.taken is None else result.taken)
             if taken > elapsed:
                 taken = elapsed
-            self.readings.append(
-                self.order, self.line, elapsed, taken, self._sensors[reading.sensor.code],
-                reading.value, reading.true, math.nan if error is None else error,
-                reading.took, gone, turned, pose.x, pose.y, pose.heading,
-            )  # fmt: skip
+            readings.append((
+                self.order, self.line, elapsed, taken, sensors[code], value, true,
+                math.nan if error is None else error, reading.took, gone, turned,
+                pose.x, pose.y, pose.heading,
+            ))  # fmt: skip
             if paths is not None and reading.scan is not None:
                 paths.scan(clock.before, elapsed, taken, reading)
+        self.commands.extend(commands)
+        self.readings.extend(readings)
 
     def add_plan(self, planned: MovementPlanned) -> None:
         elapsed = self.clock.advance(planned.time)

@@ -222,14 +222,27 @@ class RowTable(Sequence[RowT]):
         rows = self._open
         rows += self._pack(*values)
         if len(rows) == self._full:
-            # Summed up before it is closed: dropped rows must be in the sums already.
-            self.settle()
-            self._chunks.append(bytes(self._open))
-            self._open, self._settled = bytearray(), 0
-            if (len(self._chunks) - 1) * CHUNK >= self._most:
-                self._drop()
-                for other in self._followers:
-                    other.forget(self[0][0])
+            self._close()
+
+    def extend(self, rows: Iterable[Iterable[float]]) -> None:
+        """Add rows: the same as `append` for each, in less time."""
+        pack, full, packed = self._pack, self._full, self._open
+        for row in rows:
+            packed += pack(*row)
+            if len(packed) == full:
+                self._close()
+                packed = self._open
+
+    def _close(self) -> None:
+        """Close the open chunk, and drop the oldest if there are enough."""
+        # Summed up before it is closed: dropped rows must be in the sums already.
+        self.settle()
+        self._chunks.append(bytes(self._open))
+        self._open, self._settled = bytearray(), 0
+        if (len(self._chunks) - 1) * CHUNK >= self._most:
+            self._drop()
+            for other in self._followers:
+                other.forget(self[0][0])
 
     def forget(self, order: int) -> None:
         """Drop the rows before this `order`, as whole chunks."""

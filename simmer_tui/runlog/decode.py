@@ -29,15 +29,19 @@ from simmer_tui.run.events import (
 from simmer_tui.run.state import Checkpoint, TimeSpent
 from simmer_tui.runlog.line_form import Makers, Values, line_form
 from simmer_tui.runlog.log_records import (
+    CONTACT_FORM,
+    VELOCITY_FORM,
     ActionRecord,
     AnswerRecord,
     AnyRecord,
     BeliefRecord,
     CheckpointRecord,
     EndRecord,
+    GripFields,
     LegEndRecord,
     LegRecord,
     MissionRecord,
+    MovementRecord,
     NoticeRecord,
     PlanRecord,
     ProgramRecord,
@@ -69,22 +73,17 @@ _SLACK = 1e-3
 _CACHED = 4096
 """Texts of commands that are kept parsed."""
 _EVENTS: dict[type, Callable[..., Event]] = {
-    AnswerRecord: CommandResult,
-    PlanRecord: MovementPlanned,
-    EndRecord: MovementEnded,
     LegRecord: LegBegun,
     LegEndRecord: LegEnded,
     ActionRecord: ActionDone,
-    BeliefRecord: Belief,
     NoticeRecord: Notice,
     MissionRecord: MissionEvent,
     TwinRecord: TwinReading,
     ProgramRecord: ProgramEnded,
     VelocityEndRecord: VelocityEnded,
     WireRecord: WireMessage,
-    ReadingRecord: CommandResult,
 }
-"""The kind of event of each kind of record; a checkpoint has none."""
+"""The kind of event of each kind of record that `line_form` reads."""
 
 
 class LogDecoder:
@@ -101,7 +100,7 @@ class LogDecoder:
         self._drives = {row.code: row for row in spec.drive_rows}
         self._under_way: Motion | None = None
         """The movement or leg under way."""
-        self._made: tuple[object, Trajectory] | None = None
+        self._made: tuple[tuple[object, ...], Trajectory] | None = None
         """The last trajectory, and all that it was made of: the end of most movements repeats their plan."""
         self._scans = ScanDecoder(spec.sensors)
         self._parsed = lru_cache(_CACHED)(parse_command)
@@ -110,8 +109,6 @@ class LogDecoder:
         self._makers: Makers = {
             "command": self._command,
             "action": lambda event, values: Action(**values),
-            "grip": self._grip,
-            "trajectory": self._trajectory,
             "leg": self._leg,
         }
 
@@ -120,33 +117,34 @@ class LogDecoder:
 
         Raises RunLogError for a record that does not fit the configuration or the records before it.
         """
-        if isinstance(record, ReadingRecord):
-            return (self.reading(record),)
+        # By hand, not by `line_form`: these are nearly all the lines of a log, which has millions.
+        match record:
+            case ReadingRecord():
+                return (self.reading(record),)
+            case BeliefRecord():
+                return (self._belief(record),)
+            case PlanRecord():
+                return (self._planned(record),)
+            case EndRecord():
+                ended = self._ended(record)
+                return (ended, _done(ended)) if ended.answers else (ended,)
+            case AnswerRecord():
+                return (self._answer(record),)
+            case CheckpointRecord():
+                return ()
         kind = type(record)
-        if kind is CheckpointRecord:
-            return ()
-        known = {"pose": self.pose} if kind is AnswerRecord or kind is BeliefRecord else None
-        values = line_form(kind).values(record, self._makers, known)
-        if isinstance(record, AnswerRecord):
-            values["taken"] = record.taken
-        elif isinstance(record, BeliefRecord):
-            values["particles"] = unpacked_particles(record)
-        event = _EVENTS[kind](**values)
+        event = _EVENTS[kind](**line_form(kind).values(record, self._makers))
         match event:
-            case CommandResult() | ActionDone():
+            case ActionDone():
                 self.pose = event.pose
-            case MovementPlanned():
-                self._under_way = event.trajectory
+                if event.places:
+                    self._under_way = None
+                    self._scans.forget(all_scans=event.restarts)
             case LegBegun():
                 self._under_way = event.leg
-            case MovementEnded():
-                self._moved(event.trajectory, event.pose)
             case LegEnded():
                 self._moved(event.leg, event.leg.last_pose)
-        if isinstance(event, ActionDone) and event.places:
-            self._under_way = None
-            self._scans.forget(all_scans=event.restarts)
-        return (event, _done(event)) if isinstance(event, MovementEnded) and event.answers else (event,)
+        return (event,)
 
     def resume(self, record: CheckpointRecord) -> Checkpoint:
         """Continue decoding from a checkpoint, and return it."""
@@ -165,18 +163,10 @@ class LogDecoder:
         self._under_way = None
         self._scans.add_motion(motion)
 
-    # -- the parts of events ---------------------------------------------------------------------
-
-    def _command(self, event: Values, values: Values) -> Command:
-        text, source = values["text"], values["source"]
-        # A text that stops the robot is not in the grammar.
-        if values.get("stops"):
-            return Command(text, text.strip()[:2], source=source, stops=True)
-        return self._parsed(text, source)
+    # -- events --------------------------------------------------------------------------------------
 
     def reading(self, record: ReadingRecord) -> CommandResult:
         """The event of a reading. Raises RunLogError, as `events` does."""
-        # By hand, not by `line_form`: a log has millions of these.
         command = self._parsed(record.command, record.source)
         sensor = self._sensors.get(command.code)
         if sensor is None:
@@ -206,6 +196,77 @@ class LogDecoder:
             taken=record.taken,
             link=record.link,
         )
+
+    def _answer(self, record: AnswerRecord) -> CommandResult:
+        # A text that stops the robot is not in the grammar.
+        if record.stops:
+            command = Command(record.command, record.command.strip()[:2], source=record.source, stops=True)
+        else:
+            command = self._parsed(record.command, record.source)
+        if record.pose is not None:
+            self.pose = Pose(*record.pose)
+        before = self.pose if record.before is None else Pose(*record.before)
+        began = record.t if record.taken is None else record.taken
+        return CommandResult(
+            number=record.n,
+            time=record.t,
+            command=command,
+            status=record.status,
+            reply=float(record.reply),
+            before=before,
+            pose=self.pose,
+            reason=record.reason,
+            grip=None if record.grip is None else self._grip(record.grip, began, before),
+            taken=record.taken,
+            link=record.link,
+            velocity=None if record.velocity is None else VELOCITY_FORM.read(record.velocity),
+            waits=record.waits,
+        )
+
+    def _belief(self, record: BeliefRecord) -> Belief:
+        return Belief(
+            time=record.t,
+            pose=Pose(*record.believed),
+            true=self.pose if record.pose is None else Pose(*record.pose),
+            spread=record.spread,
+            particles=unpacked_particles(record) if record.particles else (),
+            note=record.note,
+            grid=record.grid,
+            again=record.again,
+        )
+
+    def _planned(self, record: PlanRecord) -> MovementPlanned:
+        command = self._parsed(record.command, record.source)
+        trajectory = self._under_way = self._trajectory(record, command)
+        return MovementPlanned(
+            number=record.n,
+            time=record.t,
+            command=command,
+            trajectory=trajectory,
+            grip=self._grip_of(record, trajectory),
+        )
+
+    def _ended(self, record: EndRecord) -> MovementEnded:
+        command = self._parsed(record.command, record.source)
+        # A movement that nobody stopped ends as planned, and the plan gives the same float again.
+        trajectory = self._trajectory(record, command, cut=record.t if record.stopped_by else None)
+        pose = Pose(*record.pose)
+        self._moved(trajectory, pose)
+        return MovementEnded(
+            number=record.n,
+            time=record.t,
+            command=command,
+            trajectory=trajectory,
+            pose=pose,
+            stopped_by=record.stopped_by,
+            answers=record.answers,
+            grip=self._grip_of(record, trajectory),
+        )
+
+    # -- the parts of events ---------------------------------------------------------------------
+
+    def _command(self, event: Values, values: Values) -> Command:
+        return self._parsed(values["text"], values["source"])
 
     def _leg(self, event: Values, values: Values) -> Leg:
         arc = values["arc"]
@@ -237,42 +298,46 @@ class LogDecoder:
         if far or turns or not inside:
             raise RunLogError(f"the leg of {cut(command.text)!r} leads out of the maze")
 
-    def _trajectory(self, event: Values, values: Values) -> Trajectory:
-        command: Command = event["command"]
+    def _trajectory(self, record: MovementRecord, command: Command, cut: float | None = None) -> Trajectory:
         drive = self._drives.get(command.code)
         if drive is None:
             raise RunLogError(f"{command.shown} moves nothing in the log's configuration")
-        # A movement that nobody stopped ends as planned, and the plan gives the same float again.
-        cut = event["time"] if event.get("stopped_by") else None
-        made_of = command.text, values, cut
+        begin = record.t if record.begin is None else record.begin
+        made_of = (command.text, begin, record.origin, record.total, record.contact, record.stop, cut)
         if self._made is None or self._made[0] != made_of:
-            self._made = made_of, self._trajectory_of(command, drive, values, cut)
+            self._made = made_of, self._trajectory_of(record, command, drive, begin, cut)
         return self._made[1]
 
     def _trajectory_of(
-        self, command: Command, drive: DriveSpec | GripperSpec, values: Values, cut: float | None
+        self,
+        record: MovementRecord,
+        command: Command,
+        drive: DriveSpec | GripperSpec,
+        begin: float,
+        cut: float | None,
     ) -> Trajectory:
-        start: Pose = values["before"]
-        begin: float = values["start_time"]
-        totals: Axes = values["totals"]
-        stop: PathPosition | None = values["rest_stop"]
+        start = Pose(*record.origin)
         if type(drive) is not DriveSpec:
             # The speed of a gripper is in openings or closings a second.
             return standing(start, begin, 1.0 / drive.speed, cut=cut)
         profile, whole = self._profile(command.text)
+        totals, stop = Axes(*record.total), None
         # After a contact the errors are dropped, so the rest is one straight piece or one turn.
-        if stop is not None and stop.segment:
-            raise RunLogError("the rest of a movement has one segment")
+        if record.stop is not None:
+            stop = PathPosition(*record.stop)
+            if stop.segment:
+                raise RunLogError("the rest of a movement has one segment")
         segments = self._spec.num_segments
         path = Path.lazy(start, *totals.share(segments), segments)
         contact = None
-        if values["contact"] is not None:
-            place: PathPosition = values["contact"]["place"]
+        if record.contact is not None:
+            values = CONTACT_FORM.read(record.contact)
+            place: PathPosition = values["place"]
             # A log from elsewhere may hold anything: an index beyond the path must not raise another error.
             if place.segment >= path.segments:
                 raise RunLogError(f"the movement has no segment {place.segment}")
             pose = path.pose(place.segment, place.turned, place.translated)
-            contact = _contact(pose, **values["contact"])
+            contact = _contact(pose, **values)
         return rebuilt(path, drive.kind, totals, begin, whole, contact, stop, cut, profile)
 
     def _profile_of(self, text: str) -> tuple[VelocityProfile | None, float]:
@@ -290,15 +355,15 @@ class LogDecoder:
             raise RunLogError(f"{command.shown} takes too long")
         return profile, duration
 
-    def _grip(self, event: Values, values: Values | None) -> Grip | None:
-        """The gripper's action. The distance by which it missed the block follows from where it acted."""
-        if values is None:
-            return None
-        closed, holding, lies = values["closed"], values["holding"], values["block"]
-        path = event.get("trajectory")
+    def _grip_of(self, record: MovementRecord, trajectory: Trajectory) -> Grip | None:
         # The jaws act at once, so the time is that of the movement's beginning.
-        time = event["taken"] if path is None else path["start_time"]
-        pose = event["before"] if path is None else path["before"]
+        fields, time = record.grip, trajectory.start_time
+        return None if fields is None else self._grip(fields, time, trajectory.before)
+
+    def _grip(self, fields: GripFields, time: float, pose: Pose) -> Grip:
+        """The gripper's action, of a robot at a pose. The distance by which it missed the block follows from
+        that."""
+        closed, holding, lies = fields.closed, fields.holding, Pose(*fields.block)
         spec, missed = self._spec, None
         # Only jaws that closed on nothing have missed a block.
         if closed and not holding and spec.gripper is not None and spec.block_size:

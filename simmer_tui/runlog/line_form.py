@@ -102,18 +102,7 @@ class LineForm(Generic[_Record]):
         self._of_event = _getter([at.path for _, at in told])
         self._forms = [(name, at.form) for name, at in told if at.form is not None]
         self._unless = [(name, at.unless) for name, at in told if at.unless]
-        last_of = {name: at.path.rpartition(".")[2] for name, at in told}
-        self._read = [
-            (
-                None if at.form is None else at.form.read,
-                None if at.form is None else at.form.missing,
-                name,
-                last_of.get(at.unless),
-                at.path.split(".")[:-1],
-                last_of[name],
-            )
-            for name, at in told
-        ]
+        self._read = [(at.form, at.path.split(".")[:-1], at.path.split(".")[-1]) for _, at in told]
         # msgspec leaves out a field that holds the same object as its default, not one that is only equal.
         self._defaults = [
             (each.name, each.default)
@@ -147,29 +136,17 @@ class LineForm(Generic[_Record]):
                 values[name] = default
         return self._record(**values)
 
-    def values(
-        self, record: _Record, makers: Makers | None = None, known: Mapping[str, Any] | None = None
-    ) -> Values:
-        """The keyword arguments of the event of a record.
+    def values(self, record: _Record, makers: Makers | None = None) -> Values:
+        """The keyword arguments of the event of a record that leaves out nothing but its defaults.
 
         Args:
             record: The record.
             makers: Functions that make the event's parts; a part without one is a dictionary.
-            known: Values of fields that the record may have left out, as the event has them.
         """
         found: Values = {}
-        # One pass: a log has hundreds of thousands of these.
-        for value, (read, missing, name, unless, parts, last) in zip(
-            self._of_record(record), self._read, strict=True
-        ):
-            if value is None:
-                value = missing
-                if known is not None and name in known:
-                    value = known[name]
-                elif unless is not None:
-                    value = found[unless]
-            elif read is not None:
-                value = read(value)
+        for value, (form, parts, last) in zip(self._of_record(record), self._read, strict=True):
+            if form is not None:
+                value = form.missing if value is None else form.read(value)
             place = found
             for part in parts:
                 place = place.setdefault(part, {})

@@ -2,13 +2,14 @@
 
 A record's definition is all that there is to a line: its keys, the range of their values, what is left out,
 and where in an event each value is from. `encode.py` chooses the records of a run. `decode.py` knows the
-parts of events that follow from a record and the header.
+parts of events that follow from a record and the header, and reads the most frequent kinds by hand.
+
+Annotations are evaluated here. msgspec would evaluate their texts again for each record that inherits them,
+which would take as long as the rest of this module.
 
 JSON has no infinities and no NaN. A field that can hold them is a `LoggedNumber`, and `float()` gives the
 number back.
 """
-
-from __future__ import annotations
 
 import json
 import math
@@ -136,7 +137,7 @@ class VelocityFields(msgspec.Struct, frozen=True, omit_defaults=True):
     limited: Real = 1.0
 
 
-_VELOCITY = form_of_part(VelocityFields, VelocityChange)
+VELOCITY_FORM = form_of_part(VelocityFields, VelocityChange)
 
 
 class GripFields(msgspec.Struct, frozen=True):
@@ -157,7 +158,7 @@ class AnswerRecord(ReplyRecord, tag="answer", frozen=True, kw_only=True, gc=Fals
     status: Status
     reason: str = ""
     stops: Annotated[bool, At("command.stops")] = False
-    velocity: Annotated[VelocityFields | None, At("velocity", _VELOCITY)] = None
+    velocity: Annotated[VelocityFields | None, At("velocity", VELOCITY_FORM)] = None
     waits: Real = 0.0
     grip: Annotated[GripFields | None, At("grip", _GRIP)] = None
 
@@ -175,7 +176,7 @@ class ContactFields(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=Tru
     held_block: bool = False
 
 
-_CONTACT = form_of_part(ContactFields, dict)
+CONTACT_FORM = form_of_part(ContactFields, dict)
 
 
 class MovementRecord(CommandRecord, frozen=True, kw_only=True):
@@ -185,7 +186,7 @@ class MovementRecord(CommandRecord, frozen=True, kw_only=True):
     begin: Annotated[Real | None, At("trajectory.start_time", unless="t")] = None
     origin: Annotated[LoggedPose, At("trajectory.before", POSE_FORM)] = msgspec.field(name="from")
     total: Annotated[LoggedPose, At("trajectory.totals", AXES_FORM)]
-    contact: Annotated[ContactFields | None, At("trajectory.contact", _CONTACT)] = None
+    contact: Annotated[ContactFields | None, At("trajectory.contact", CONTACT_FORM)] = None
     stop: Annotated[LoggedPlace | None, At("trajectory.rest_stop", _PLACE)] = None
     grip: Annotated[GripFields | None, At("grip", _GRIP)] = None
 
@@ -221,7 +222,7 @@ class CourseRecord(CommandRecord, frozen=True, kw_only=True):
         name="told"
     )
     pressed: Annotated[bool, At("leg.pressed")] = False
-    contact: Annotated[ContactFields | None, At("leg.contact", _CONTACT)] = None
+    contact: Annotated[ContactFields | None, At("leg.contact", CONTACT_FORM)] = None
 
 
 class LegRecord(CourseRecord, tag="leg", frozen=True, kw_only=True):
@@ -291,6 +292,8 @@ class BeliefRecord(LogRecord, tag="belief", frozen=True, kw_only=True, gc=False)
     particles: Annotated[tuple[tuple[Hundredths | None, ...], ...], GIVEN] = ()
 
     def __post_init__(self) -> None:
+        if not self.particles:
+            return
         counts = {len(column) for column in self.particles}
         # Only headings may be missing.
         missing = any(None in column for column in self.particles[:2])

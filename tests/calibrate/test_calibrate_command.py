@@ -103,10 +103,11 @@ def test_a_log_without_ranges_is_refused_for_that(logged: Logged, tmp_path: Path
 
 @pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="threads are counted in /proc")
-def test_its_small_matrices_are_left_to_one_thread() -> None:
+@pytest.mark.parametrize("command", ["calibrate", "report"])
+def test_its_small_matrices_are_left_to_one_thread(command: str) -> None:
     program = (
         "import os, sys; from simmer_tui.__main__ import entry\n"
-        "sys.argv = ['simmer-tui', 'calibrate', '--help']\n"
+        f"sys.argv = ['simmer-tui', '{command}', '--help']\n"
         "try: entry()\n"
         "except SystemExit: import scipy.linalg\n"
         "print(len(os.listdir('/proc/self/task')))"
