@@ -927,7 +927,7 @@ ORDER: tuple[CauseRule, ...] = (
         Kind.DRIVE_WRONG,
         _drive_wrong,
         MomentKind.DEVICE,
-        "a drive differs from its set; or without drive errors nothing would have been touched",
+        "a drive differs from its set; or without its large errors nothing would have been touched",
         "what followed",
         _CORRECT,
     ),
