@@ -32,6 +32,8 @@ class BoardKind(Struct, frozen=True, kw_only=True):
     """Pins (SDA, SCL) of Wire."""
     servo_takes: frozenset[int]
     """PWM pins whose timer the Servo library uses: with a servo attached they have no PWM."""
+    tick: int = 16
+    """Milliseconds of a tick of FreeRTOS. On an AVR the watchdog makes it."""
 
     def pin(self, given: int | str) -> int | None:
         """The number of a pin by number or analog name; None if the board has none such."""

@@ -58,6 +58,9 @@ _OTHER_NAMES = {
     "string.h": "string.h",
     "wire.h": "Wire.h",
     "lcd.h": "LiquidCrystal_I2C.h",  # of a library with the same class
+    # FreeRTOS for AVR boards has its headers in no folder.
+    **{f"{name}.h": f"freertos/{name}.h" for name in ("task", "queue", "semphr", "timers", "event_groups")},
+    "freertos.h": "freertos/FreeRTOS.h",
 }
 _FLAGS = (
     "-std=gnu++17",
@@ -84,8 +87,16 @@ _REGISTER = re.compile(
     r"|(?:WGM|COM|CS|OCIE|TOIE|TOV|OCF)[0-5]\w*|AD(?:EN|SC|ATE|IF|IE|PS[0-2]|LAR)|PCI(?:E|NT)[0-9]+"
 )
 """Registers and bits of the boards' chips."""
-_OTHER_BOARD = re.compile(r"ledc\w+|xTask\w+|vTask\w+|esp_\w+|analogWriteResolution|touchRead|dacWrite")
+_OTHER_BOARD = re.compile(
+    r"ledc\w+|x?v?TaskCreatePinnedToCore|esp_\w+|analogWriteResolution|touchRead|dacWrite"
+)
 """Calls of the ESP32 and of 32-bit boards."""
+_OF_TASKS = re.compile(
+    r"(?:[evx]|u[lx]|p[cv])(?:Task|Queue|Semaphore|Timer|EventGroup|StreamBuffer|MessageBuffer)\w+"
+    r"|(?:task|port|config|pd|err)[A-Z]\w+|(?:Task|Queue|Semaphore|Timer|EventGroup)Handle_t"
+    r"|(?:TickType|BaseType|UBaseType|EventBits)_t"
+)
+"""Names of FreeRTOS."""
 _WARNINGS = {
     "-Woverflow": "this number does not fit",
     "-Wconstant-conversion": "this number does not fit",
@@ -400,7 +411,8 @@ def _with_names(source: str, allowed: set[str] | None, sources: Sequence[_Source
     are not among those allowed get a folder that is not there."""
     known = {each.name.lower(): each.name for each in (*(RUNTIME / "core").glob("*.h"), *_library_headers())}
     own = {Path(each.name).name for each in sources}
-    known |= {each.lower(): each for each in own}
+    own_there = {each.lower(): each for each in own}
+    known |= own_there
 
     def renamed(match: re.Match[str]) -> str:
         name = match[2]
@@ -410,7 +422,7 @@ def _with_names(source: str, allowed: set[str] | None, sources: Sequence[_Source
         folder, slash, last = name.rpartition("/")
         if last in own:
             return match[0]
-        found = known.get(low) or _OTHER_NAMES.get(low)
+        found = own_there.get(low) or _OTHER_NAMES.get(low) or known.get(low)
         if slash and last.lower() in {each.lower() for each in own}:
             found = f"{folder}/{known[last.lower()]}"
         return f"{match[1]}{found or name}{match[3]}"
@@ -471,8 +483,12 @@ def _library_classes() -> frozenset[str]:
 
 def _of_no_board(text: str, line: str) -> str:
     """The sentence about a register, an interrupt or a call that no simulated board has; else empty."""
-    undeclared = re.search(r"'(\w+)' was not declared|undeclared identifier '(\w+)'", text)
-    name = (undeclared[1] or undeclared[2]) if undeclared else ""
+    undeclared = re.search(
+        r"'(?P<gcc>\w+)' (?:was not declared|does not name a type|has not been declared)"
+        r"|(?:undeclared identifier|unknown type name) '(?P<clang>\w+)'",
+        text,
+    )
+    name = (undeclared["gcc"] or undeclared["clang"]) if undeclared else ""
     vector = re.match(r"\s*ISR\s*\(\s*(\w+)", line)
     if vector is not None:
         what = f"{vector[1]} is an interrupt of the chip's own parts, which are not simulated"
@@ -482,7 +498,17 @@ def _of_no_board(text: str, line: str) -> str:
         return f"{what}: use digitalRead, digitalWrite, analogRead, analogWrite or attachInterrupt"
     if _OTHER_BOARD.fullmatch(name):
         return f"{name} is a call of another board; there are {', '.join(BOARDS)}"
-    return ""
+    return _of_no_task(name) if _OF_TASKS.fullmatch(name) else ""
+
+
+def _of_no_task(name: str) -> str:
+    """The sentence about a name of FreeRTOS that a sketch has not."""
+    for header in sorted((RUNTIME / "libraries" / "freertos").glob("*.h")):
+        if re.search(rf"\b{name}\b", header.read_text(encoding="utf-8")):
+            last = "Arduino_FreeRTOS.h" if header.stem in ("FreeRTOS", "task") else header.name
+            return f"{name} is of FreeRTOS, which is not included: add #include <{last}>"
+    what = f"the simulator's FreeRTOS has no {name}; its calls are in docs/sketch-esp32-freertos.md"
+    return f"{what}. Write it with those that are there"
 
 
 def _errors(output: str, compiler: Compiler, files: Sequence[Path]) -> Iterator[Problem]:

@@ -99,6 +99,8 @@ class CheckedBoard(BoardProcess):
             return f"it told {value} as {Told(kind).name if kind in _KINDS else kind}, which no board does"
         if kind == Told.WAITED:
             return "" if pin in _WAITS and time <= self.now else "it waited as no board does"
+        if kind == Told.TASK_NAME:
+            return ""
         if pin >= _MOST_PINS:
             return f"it told of pin {pin}, which no board has"
         if kind == Told.BYTE:

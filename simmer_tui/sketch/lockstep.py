@@ -370,8 +370,10 @@ class Lockstep:
                 begun = record
             elif record.kind == Told.UNTIL and begun is not None:
                 place = begun.value & 0xFFFFFFFF
-                board.waited.append(BoardWait(begun.pin, place, begun.time, record.time))
+                board.waited.append(BoardWait(begun.pin, place, begun.time, record.time, begun.task))
                 begun = None
+            elif record.kind == Told.TASK_NAME:
+                process.name_task(record)
             elif record.kind == Told.BAUD:
                 board.baud[record.pin] = record.value if record.value > 0 else _USUAL_BAUD
             else:

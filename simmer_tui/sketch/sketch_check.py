@@ -11,6 +11,7 @@ from simmer_tui.sim.specs import WheelsSpec
 from simmer_tui.sketch.bus_check import bus_problems
 from simmer_tui.sketch.motion_check import wrong_motions
 from simmer_tui.sketch.sketch_scan import PULSES, WRITES, Pins, SketchFacts, SketchPort
+from simmer_tui.sketch.task_check import task_problems
 from simmer_tui.sketch.wiring import (
     LaptopLine,
     MotorDriver,
@@ -58,6 +59,7 @@ def sketch_problems(
         problems += _interrupts(found)
         problems += _deaf_ports(found)
         problems += bus_problems(wiring, name, found)
+        problems += task_problems(found)
         for sensor in wiring.sensors:
             if isinstance(sensor, WiredSonar) and sensor.board == name:
                 problems += _swapped_sonar(found, sensor)

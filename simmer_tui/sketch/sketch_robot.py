@@ -32,7 +32,7 @@ from simmer_tui.run.events import (
 )
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.records import CommandResult, Status
-from simmer_tui.sketch.board_facts import BoardFacts, is_told
+from simmer_tui.sketch.board_facts import BoardFacts, in_task, is_told
 from simmer_tui.sketch.board_process import (
     BYTE,
     EDGE,
@@ -453,7 +453,7 @@ class SketchRobot(LockstepWorld):
         def where() -> str:
             nonlocal line
             line = board.process.line_of(board.process.place)
-            return f"{board.name} at {line}" if line else ""
+            return f"{board.name} at {line}{in_task(board, board.process.task)}" if line else ""
 
         if self._world.set_speeds(speeds, where):
             self._tell_wrong(board, line)

@@ -40,7 +40,7 @@ _TRIGGER, _ECHO, _LEFT, _RIGHT, _OPEN, _CLOSED = (
 )
 _HALF_TURN = 180
 """The largest angle of a servo; a larger number is a pulse."""
-_LATER = frozenset(f"{name}.h" for name in ("Arduino_FreeRTOS", "BluetoothSerial", "ESP32Servo", "WiFi"))
+_LATER = frozenset(f"{name}.h" for name in ("BluetoothSerial", "ESP32Servo", "WiFi"))
 """Headers of parts that are not simulated yet; those of teams, by how often they have them."""
 _MARK = "  # ?"
 _HEAD = """\

@@ -143,7 +143,7 @@ def test_what_boards_tell_is_taken(begun: Begun, pipes: Pipes, fine: bytes) -> N
         (request(100, record(Told.TEXT, 5 << 24)), "it told 83886080 as TEXT"),
         (request(100, record(Told.TEXT, -1)), "it told -1 as TEXT"),
         (request(100, record(Told.TEXT, 0, pin=8)), "it told of display 8"),
-        (request(100, wait=(0, 5)), "it waits as no board does"),
+        (request(100, wait=(0, 6)), "it waits as no board does"),
         (request(100, record(Told.BYTE, 65, 1 << 62)), "faster than a line carries them"),
         (request(100, record(Told.BYTE, 65, 9000), record(Told.BYTE, 65, 9001)), "faster than a line"),
     ],

@@ -3,6 +3,7 @@
 #include "exchange.h"
 #include "i2c.h"
 #include "interrupts.h"
+#include "tasks.h"
 
 namespace board {
 
@@ -37,6 +38,7 @@ void plan_stop() {
   next_stop = horizon < next_event() ? horizon : next_event();
   if (next_interrupt() < next_stop) next_stop = next_interrupt();
   if (next_part() < next_stop) next_stop = next_part();
+  if (next_task_stop() < next_stop) next_stop = next_task_stop();
 }
 
 void service() {
@@ -52,8 +54,10 @@ void service() {
       pass(duration);
       continue;
     }
-    if (!interrupt_waits()) break;
-    run_interrupt();
+    if (interrupt_waits())
+      run_interrupt();
+    else if (!run_tasks())
+      break;
   }
   plan_stop();
 }
@@ -64,7 +68,7 @@ void pass(Nanoseconds duration) {
     if (next_stop > now) now = next_stop;
     const Nanoseconds before = now;
     service();
-    end += now - before;  // only interrupts take time in there
+    end += now - before;  // only interrupts and other tasks take time in there
   }
   now = end;
 }

@@ -15,6 +15,7 @@
 #include "exchange.h"
 #include "i2c.h"
 #include "pins.h"
+#include "tasks.h"
 
 __attribute__((weak)) void serialEvent();
 #if defined(SIMMER_MEGA)
@@ -93,6 +94,14 @@ void listen_for_death(int number) { std::signal(number, died); }
 // A sketch that calls exit(): the board has no system to go back to.
 void left() { report_death(0, 0); }
 
+constexpr int TASK_RETURNED = 200;  // beyond the signals of all systems
+
+void run_loop() {
+  loop();
+  board::pass(board::cost::LOOP);
+  serialEventRun();
+}
+
 // "--drives 5,6,7": the pins of a list, each passed to a function.
 void for_pins(const char* list, void (*mark)(int)) {
   for (const char* at = list; *at;) {
@@ -102,6 +111,9 @@ void for_pins(const char* list, void (*mark)(int)) {
   }
 }
 }  // namespace
+
+void board::report_return() { report_death(TASK_RETURNED, 0); }
+void board::start_scheduler() { start_tasks(run_loop); }
 
 int main(int count, char** arguments) {
   for (int number : {SIGSEGV, SIGFPE, SIGILL, SIGABRT}) listen_for_death(number);
@@ -123,9 +135,7 @@ int main(int count, char** arguments) {
   board::open_channel();
   board::exchange(board::Reason::Horizon);
   setup();
-  for (;;) {
-    loop();
-    board::pass(board::cost::LOOP);
-    serialEventRun();
-  }
+  // A sketch with FreeRTOS has its loop() in the idle task.
+  if (board::uses_tasks()) board::start_tasks(run_loop);
+  for (;;) run_loop();
 }

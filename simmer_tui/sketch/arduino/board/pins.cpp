@@ -4,6 +4,7 @@
 #include "exchange.h"
 #include "i2c.h"
 #include "interrupts.h"
+#include "tasks.h"
 
 namespace board {
 
@@ -161,7 +162,7 @@ void attachInterrupt(int number, void (*function)(), int mode) { attach(interrup
 void detachInterrupt(int number) { attach(interrupt_pin(number), nullptr, 0); }
 void interrupts() {
   set_interrupts(true);
-  if (interrupt_waits()) service();
+  if (interrupt_waits() || next_task_stop() <= now) service();
 }
 void noInterrupts() { set_interrupts(false); }
 void sei() { interrupts(); }
