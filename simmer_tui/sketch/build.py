@@ -60,7 +60,7 @@ _OTHER_NAMES = {
     "lcd.h": "LiquidCrystal_I2C.h",  # of a library with the same class
     # FreeRTOS for AVR boards has its headers in no folder.
     **{f"{name}.h": f"freertos/{name}.h" for name in ("task", "queue", "semphr", "timers", "event_groups")},
-    "freertos.h": "freertos/FreeRTOS.h",
+    "freertos.h": "Arduino_FreeRTOS.h",
 }
 _FLAGS = (
     "-std=gnu++17",

@@ -31,9 +31,6 @@ struct Task;
 struct Queue;
 struct Timer;
 struct EventGroup;
-// Sketches with FreeRTOS have tasks from the beginning.
-bool use_tasks();
-inline const bool has_tasks = use_tasks();
 }  // namespace board
 typedef board::Task* TaskHandle_t;
 typedef board::Queue* QueueHandle_t;
