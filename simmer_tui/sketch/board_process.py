@@ -108,6 +108,7 @@ class Told(IntEnum):
     FIFO_OVERFLOW = 15
     BUS_STUCK = 16
     TASK_NAME = 17
+    FINE_DUTY = 18
 
 
 class Waits(IntEnum):

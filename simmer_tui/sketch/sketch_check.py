@@ -191,6 +191,8 @@ def _interrupts(facts: SketchFacts) -> Iterator[Problem]:
 def _deaf_ports(facts: SketchFacts) -> Iterator[Problem]:
     """SoftwareSerial ports at pins at which the board has no pin-change interrupt."""
     kind = facts.kind
+    if kind.int_bits == 32:
+        return
     for port in facts.ports():
         for pin in sorted((port.rx or Pins()) - kind.software_rx):
             if port.name not in kind.serial and pin < kind.pins:

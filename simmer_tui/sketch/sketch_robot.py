@@ -74,8 +74,6 @@ from simmer_tui.sketch.wiring import (
     read_wiring,
 )
 
-_LED = 13
-_USB_PINS = (0, 1)
 """The pins of the port that is at the USB line too."""
 _TYPED = "binary"
 """The dialect of typed commands."""
@@ -310,7 +308,9 @@ class SketchRobot(LockstepWorld):
     def reset_by_usb(self) -> None:
         """The laptop's program has opened the port: on a USB line that resets the board."""
         line = self._set.wiring.laptop
-        if line is None or (line.rx, line.tx) != _USB_PINS or self.failed:
+        if line is None or self.failed:
+            return
+        if (line.rx, line.tx) != self._set.wiring.boards[line.board].kind.usb:
             return
         board = self.boards[line.board]
         now = board.now
@@ -513,7 +513,9 @@ class SketchRobot(LockstepWorld):
             if isinstance(each, WiredSonar):
                 self._ping(board, each)
             elif isinstance(each, WiredAnalog):
-                made = analog_counts(each, self._world.read(each.code))
+                made = analog_counts(
+                    each, self._world.read(each.code), self._set.wiring.boards[board.name].kind.most_counts
+                )
             elif isinstance(each, WiredI2c):
                 read = self._world.rate if query == Query.RATE else self._world.read
                 made = read(each.code)
@@ -601,7 +603,7 @@ class SketchRobot(LockstepWorld):
         pins = tuple(
             PinView(kind.pin_name(number), _pin_text(state)) for number, state in sorted(board.pins.items())
         )
-        led = board.level(_LED) > 0.0
+        led = board.level(kind.led) > 0.0
         displays = tuple(each.rows for _, each in sorted(board.displays.items()))
         return BoardView(
             name, board.now / SECOND, max(busy, 0.0), led, said.strip(), pins, self.failed, displays

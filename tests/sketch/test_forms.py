@@ -29,6 +29,9 @@ SENT: dict[str, Sent] = {
         *((1.0, frame(ord("T"), 0)), (1.2, b"\xaa\1\2\3")),
     ),
     "bluetooth_chars": ((0.5, b"5F"), (1.0, b"L"), (1.4, b"S")),
+    "esp32_bluetooth": (
+        *((0.5, b"F"), (1.2, b"U"), (1.5, b"7L"), (1.9, b"S"), (2.2, b"G"), (2.5, b"B"), (3.0, b"S")),
+    ),
     "rtos_timers": ((0.5, b"g"), (2.0, b"t"), (4.0, b"q")),
     "servo_gripper": ((0.5, b"c"), (2.0, b"?"), (2.5, b"o")),
     "two_boards": ((0.5, b"F160\n"), (2.0, b"L120\n"), (2.3, b"S\n")),
@@ -44,6 +47,8 @@ EXPECTED = {
     "dmp_interrupt": "connected\r\n" + r"(ypr\t-?\d+\.\d\d\t0\.00\t0\.00\r\n){3}overflow\r\n"
     r"(ypr\t-?\d+\.\d\d\t0\.00\t0\.00\r\n)+",
     "echo_interrupt": r"(\d{4} us, \d{5} passes\r\n)+",
+    "esp32_bluetooth": r"F700\r\n\d+\.\d cm, line \d+\n7903\r\nL903\r\nS903\r\nG903\r\nB903\r\nS903\r\n",
+    "esp32_encoders": r"encoders on core 0\r\nloop on core 1, 32-bit int\nreached\r\n40\d 40\d\n",
     "encoder_ticks": "done (60|61) (60|61)\r\n",
     "flag_wait": "5\r\n10\r\n15\r\n20\r\n25\r\n30\r\n35\r\n40\r\n",
     "gyro_registers": "2\r\n68\r\n16384 25.00\r\nturned 90.\\d\\d\r\n",

@@ -12,6 +12,10 @@ Nanoseconds boot = 0;
 Nanoseconds waited = 0;
 Nanoseconds next_stop = NEVER;  // before main() nothing is due: constructors of globals take no time
 
+#if defined(SIMMER_ESP32)
+unsigned int halving = 0;
+#endif
+
 Wait waiting, last_wait;
 
 WaitScope::WaitScope(Waits kind, uint32_t at) : is_outermost_(waiting.kind == Waits::Not) {
@@ -63,7 +67,7 @@ void service() {
 }
 
 void pass(Nanoseconds duration) {
-  Nanoseconds end = now + duration;
+  Nanoseconds end = now + (duration >> halving);
   while (next_stop <= end) {
     if (next_stop > now) now = next_stop;
     const Nanoseconds before = now;

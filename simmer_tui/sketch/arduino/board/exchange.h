@@ -27,9 +27,10 @@ enum class Query : uint8_t { None = 0, Sonar = 1, Analog = 2, Digital = 3, Range
 // `Text` an operation on a display (see display.h), whose number is in the place of a pin.
 // `FifoOverflow` has the number of a part's row for its pin. `BusStuck` is a use of the bus while interrupts are off.
 // `TaskName` has the number of a task for its pin, and four characters of its name, of four records.
+// `FineDuty` is a duty as a share of 65,535.
 enum class Told : uint8_t {
   Level = 1, Duty = 2, Servo = 3, Byte = 4, LostEdge = 5, LostByte = 6, Baud = 7, Mode = 8, Waited = 9, LateByte = 10, Until = 11,
-  Edges = 12, Step = 13, Text = 14, FifoOverflow = 15, BusStuck = 16, TaskName = 17
+  Edges = 12, Step = 13, Text = 14, FifoOverflow = 15, BusStuck = 16, TaskName = 17, FineDuty = 18
 };
 // Records of the simulator: an edge of an input, a byte that has arrived.
 enum class Event : uint8_t { Edge = 1, Byte = 2 };

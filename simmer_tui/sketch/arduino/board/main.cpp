@@ -18,17 +18,21 @@
 #include "tasks.h"
 
 __attribute__((weak)) void serialEvent();
-#if defined(SIMMER_MEGA)
+#if defined(SIMMER_MEGA) || defined(SIMMER_ESP32)
 __attribute__((weak)) void serialEvent1();
 __attribute__((weak)) void serialEvent2();
+#endif
+#if defined(SIMMER_MEGA)
 __attribute__((weak)) void serialEvent3();
 #endif
 
 void serialEventRun() {
   if (serialEvent && Serial.available()) serialEvent();
-#if defined(SIMMER_MEGA)
+#if defined(SIMMER_MEGA) || defined(SIMMER_ESP32)
   if (serialEvent1 && Serial1.available()) serialEvent1();
   if (serialEvent2 && Serial2.available()) serialEvent2();
+#endif
+#if defined(SIMMER_MEGA)
   if (serialEvent3 && Serial3.available()) serialEvent3();
 #endif
 }
@@ -38,7 +42,7 @@ extern "C" void __sanitizer_cov_trace_pc() {
   using namespace board;
   place = CALLED_AT;
   if (now + cost::BLOCK < next_stop)
-    now += cost::BLOCK;
+    now += cost::BLOCK >> halving;
   else if (next_stop != NEVER)
     pass(cost::BLOCK);
 }
@@ -102,6 +106,13 @@ void run_loop() {
   serialEventRun();
 }
 
+#if defined(SIMMER_ESP32)
+void run_sketch(void*) {
+  setup();
+  for (;;) run_loop();
+}
+#endif
+
 // "--drives 5,6,7": the pins of a list, each passed to a function.
 void for_pins(const char* list, void (*mark)(int)) {
   for (const char* at = list; *at;) {
@@ -134,6 +145,10 @@ int main(int count, char** arguments) {
   board::now = board::boot;
   board::open_channel();
   board::exchange(board::Reason::Horizon);
+#if defined(SIMMER_ESP32)
+  board::create_task(run_sketch, "", nullptr, 1, 1);
+  board::start_tasks(board::wait_for_tick);
+#endif
   setup();
   // A sketch with FreeRTOS has its loop() in the idle task.
   if (board::uses_tasks()) board::start_tasks(run_loop);

@@ -17,6 +17,11 @@ bool is_used = false, has_begun = false, switch_asked = false;
 unsigned int held = 0;  // vTaskSuspendAll() and its kind, one in the other
 uint64_t ticks = 0, held_ticks = 0, turns = 0;
 Nanoseconds next_tick = NEVER;
+// The task of each core; none where the core is idle. An AVR has the idle task among the others.
+Task* chosen[CORES] = {};
+Nanoseconds idle_since = 0;
+Nanoseconds share_end = NEVER;  // the end of a core's turn, while both work
+constexpr bool IDLE_IS_A_TASK = CORES == 1;
 // A pass of loop() that takes no longer has nothing in it.
 constexpr Nanoseconds EMPTY_LOOP = 2 * (cost::LOOP + cost::BLOCK) + cost::SERIAL_LOOK;
 
@@ -24,11 +29,58 @@ bool is_before(const Task& one, const Task& other) {
   return one.priority != other.priority ? one.priority > other.priority : one.turn < other.turn;
 }
 
+bool is_chosen(const Task& task) {
+  for (const Task* each : chosen)
+    if (each == &task) return true;
+  return false;
+}
+
+bool may_be_chosen(const Task& task) {
+  if (task.state != TaskState::Ready || is_chosen(task)) return false;
+  if (task.core != ANY_CORE) return !chosen[task.core];
+  return true;
+}
+
+// The core of a task that may run on each: a free one for which no other task waits, if there is one.
+int free_core() {
+  int found = ANY_CORE;
+  for (int core = CORES - 1; core >= 0; --core) {
+    if (chosen[core]) continue;
+    bool is_wanted = false;
+    for (const Task& each : made) is_wanted |= each.core == core && each.state == TaskState::Ready;
+    if (found == ANY_CORE || !is_wanted) found = core;
+  }
+  return found;
+}
+
+// Give each core the most urgent task that it may have.
+void choose() {
+  for (Task*& each : chosen) each = nullptr;
+  for (int count = 0; count < CORES; ++count) {
+    Task* best = IDLE_IS_A_TASK ? &idle_task : nullptr;
+    for (Task& each : made)
+      if (may_be_chosen(each) && (!best || is_before(each, *best))) best = &each;
+    if (!best) break;
+    chosen[best->core == ANY_CORE ? free_core() : best->core] = best;
+  }
+}
+
+bool both_work() { return CORES > 1 && chosen[0] && chosen[CORES - 1]; }
+
 Task& next_to_run() {
-  Task* best = &idle_task;
-  for (Task& each : made)
-    if (each.state == TaskState::Ready && is_before(each, *best)) best = &each;
-  return *best;
+  choose();
+  if (is_chosen(*running)) return *running;
+  for (Task* each : chosen)
+    if (each) return *each;
+  return idle_task;
+}
+
+// The other core goes on.
+void share_time() {
+#if defined(SIMMER_ESP32)
+  halving = both_work();
+#endif
+  share_end = both_work() ? now + SHARE : NEVER;
 }
 
 void go_to(Task& next) {
@@ -39,12 +91,15 @@ void go_to(Task& next) {
   before.place = place;
   before.interrupts_on = interrupts_on();
   if (before.state == TaskState::Blocked) last_blocked = &before;
-  before.turn = ++turns;
+  if (!is_chosen(before)) before.turn = ++turns;
+  if (!IDLE_IS_A_TASK && &before == &idle_task) waited += now - idle_since;
+  if (&next == &idle_task) idle_since = now;
   running = &next;
   waiting = next.waiting;
   last_wait = next.last_wait;
   place = next.place;
   set_interrupts(next.interrupts_on);
+  share_time();
   plan_stop();
   before.context.switch_to(next.context);
 }
@@ -56,7 +111,10 @@ void switch_tasks() {
   set_interrupts(false);
   pass(cost::TASK_SWITCH);
   set_interrupts(were_on);
-  go_to(next_to_run());
+  Task& next = next_to_run();
+  share_time();
+  plan_stop();
+  go_to(next);
 }
 
 void count_ticks(uint64_t count) {
@@ -74,8 +132,14 @@ void run_tick() {
     ++held_ticks;
   } else {
     count_ticks(1);
-    running->turn = ++turns;
-    switch_asked = &next_to_run() != running;
+    // All equals of those that run have their turn.
+    Task* before[CORES];
+    for (int core = 0; core < CORES; ++core) {
+      before[core] = chosen[core];
+      if (chosen[core]) chosen[core]->turn = ++turns;
+    }
+    choose();
+    for (int core = 0; core < CORES; ++core) switch_asked |= chosen[core] != before[core];
   }
   set_interrupts(true);
 }
@@ -100,6 +164,13 @@ bool tasks_run() { return has_begun; }
 uint64_t tick_count() { return ticks; }
 Task& running_task() { return *running; }
 bool is_idle() { return running == &idle_task; }
+int running_core() { return running == chosen[CORES - 1] ? CORES - 1 : 0; }
+
+void wait_for_tick() {
+  pass_until(next_tick);
+  waited += now - idle_since;
+  idle_since = now;
+}
 
 namespace {
 // While all tasks wait, the board is where the last one waits.
@@ -114,13 +185,16 @@ uint8_t waiting_task() { return shows_blocked() ? last_blocked->number : running
 void start_tasks(void (*idle)()) {
   if (!has_begun) {
     has_begun = true;
+    if (IDLE_IS_A_TASK) chosen[0] = &idle_task;
     next_tick = now + TICK;
+    idle_since = now;
     set_interrupts(true);
     ask_for_switch();
   }
   for (;;) {
     const Nanoseconds begin = now;
     idle();
+    if (!IDLE_IS_A_TASK) continue;
     if (now - begin <= EMPTY_LOOP) waited += now - begin;
     // The idle task gives way to others of its priority.
     for (const Task& each : made)
@@ -131,10 +205,10 @@ void start_tasks(void (*idle)()) {
   }
 }
 
-Task* create_task(void (*function)(void*), const char* name, void* argument, unsigned int priority) {
+Task* create_task(void (*function)(void*), const char* name, void* argument, unsigned int priority, int core) {
   Task* task = nullptr;
   for (Task& each : made)
-    if (each.state == TaskState::Deleted && &each != running) task = &each;
+    if (each.state == TaskState::Deleted && &each != running && !is_chosen(each)) task = &each;
   const uint8_t number = task ? task->number : static_cast<uint8_t>(made.size() < 255 ? made.size() + 1 : 255);
   if (!task) task = &made.emplace_back();
   task->state = TaskState::Ready;
@@ -144,6 +218,7 @@ Task* create_task(void (*function)(void*), const char* name, void* argument, uns
   if (name) std::strncpy(task->name, name, sizeof task->name - 1);
   task->number = number;
   task->priority = task->own_priority = priority < PRIORITIES ? priority : PRIORITIES - 1;
+  task->core = core >= 0 && core < CORES ? core : ANY_CORE;
   task->mutexes = 0;
   task->turn = ++turns;
   task->wake = NEVER;
@@ -171,16 +246,26 @@ unsigned int task_total() {
   return count;
 }
 
+namespace {
+// A task that is no longer ready gives its core to another one.
+void leave_core(const Task& task) {
+  if (&task == running)
+    switch_tasks();
+  else if (is_chosen(task))
+    ask_for_switch();
+}
+}  // namespace
+
 void delete_task(Task& task) {
   if (&task == &idle_task) return;
   task.state = TaskState::Deleted;
-  if (&task == running) switch_tasks();
+  leave_core(task);
 }
 
 void suspend_task(Task& task) {
   if (&task == &idle_task) return;
   task.state = TaskState::Suspended;
-  if (&task == running) switch_tasks();
+  leave_core(task);
 }
 
 void make_ready(Task& task) {
@@ -220,7 +305,13 @@ bool wake_first(const void* waits_for) {
   Task* first = first_waiting(waits_for);
   if (!first) return false;
   make_ready(*first);
-  return first->priority > running->priority;
+  return is_urgent(*first);
+}
+
+bool is_urgent(const Task& task) {
+  for (int core = 0; core < CORES; ++core)
+    if ((task.core == ANY_CORE || task.core == core) && (!chosen[core] || task.priority > chosen[core]->priority)) return true;
+  return false;
 }
 
 void ask_for_switch() {
@@ -263,15 +354,21 @@ bool switches_are_held() { return held != 0; }
 
 Nanoseconds next_task_stop() {
   if (!has_begun || !interrupts_on()) return NEVER;
-  return switch_asked && !held ? now : next_tick;
+  if (switch_asked && !held) return now;
+  return share_end < next_tick ? share_end : next_tick;
 }
 
 bool run_tasks() {
   if (next_task_stop() > now) return false;
-  if (next_tick <= now)
+  if (next_tick <= now) {
     run_tick();
-  else
+  } else if (switch_asked && !held) {
     switch_tasks();
+  } else {
+    // The turn of the other core.
+    Task& other = running == chosen[0] ? *chosen[CORES - 1] : *chosen[0];
+    go_to(other);
+  }
   return true;
 }
 

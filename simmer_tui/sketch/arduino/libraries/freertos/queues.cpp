@@ -59,17 +59,17 @@ struct EventGroup {
   bool set(EventBits_t more) {
     bits |= more;
     EventBits_t cleared = 0;
-    bool is_urgent = false;
+    bool wakes_urgent = false;
     for (Waiter* each : waiters) {
       if (each->has_come || !each->fits(bits)) continue;
       each->has_come = true;
       each->found = bits;
       if (each->clear) cleared |= each->bits;
       if (each->task->state == TaskState::Blocked) make_ready(*each->task);
-      is_urgent |= each->task->priority > running_task().priority;
+      wakes_urgent |= is_urgent(*each->task);
     }
     bits &= static_cast<EventBits_t>(~cleared);
-    return is_urgent;
+    return wakes_urgent;
   }
 };
 

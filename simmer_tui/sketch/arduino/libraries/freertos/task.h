@@ -16,6 +16,11 @@ enum { taskSCHEDULER_SUSPENDED = 0, taskSCHEDULER_NOT_STARTED = 1, taskSCHEDULER
 // A stack has 256 kB here, whatever its size on the board.
 BaseType_t xTaskCreate(TaskFunction_t function, const char* name, unsigned int stack, void* argument,
                        unsigned int priority, TaskHandle_t* created);
+#if defined(SIMMER_ESP32)
+BaseType_t xTaskCreatePinnedToCore(TaskFunction_t function, const char* name, unsigned int stack, void* argument,
+                                   unsigned int priority, TaskHandle_t* created, int core);
+BaseType_t xPortGetCoreID();
+#endif
 void vTaskStartScheduler();
 void vTaskDelete(TaskHandle_t task = nullptr);
 void vTaskDelay(TickType_t ticks);

@@ -10,8 +10,13 @@
 
 using namespace board;
 
+#if defined(SIMMER_ESP32)
+void portENTER_CRITICAL(portMUX_TYPE*) { enter_critical(); }
+void portEXIT_CRITICAL(portMUX_TYPE*) { exit_critical(); }
+#else
 void portENTER_CRITICAL() { enter_critical(); }
 void portEXIT_CRITICAL() { exit_critical(); }
+#endif
 void portDISABLE_INTERRUPTS() { noInterrupts(); }
 void portENABLE_INTERRUPTS() { interrupts(); }
 void portYIELD() { yield_task(); }
@@ -22,14 +27,28 @@ namespace {
 Task& meant(TaskHandle_t task) { return task ? *task : running_task(); }
 }  // namespace
 
-BaseType_t xTaskCreate(TaskFunction_t function, const char* name, unsigned int, void* argument, unsigned int priority,
-                       TaskHandle_t* created) {
+namespace {
+BaseType_t create(TaskFunction_t function, const char* name, void* argument, unsigned int priority,
+                  TaskHandle_t* created, int core) {
   pass(cost::TASK_CREATE);
-  Task* task = create_task(function, name, argument, priority);
+  Task* task = create_task(function, name, argument, priority, core);
   if (created) *created = task;
-  if (task->priority > running_task().priority) ask_for_switch();
+  if (is_urgent(*task)) ask_for_switch();
   return pdPASS;
 }
+}  // namespace
+
+BaseType_t xTaskCreate(TaskFunction_t function, const char* name, unsigned int, void* argument, unsigned int priority,
+                       TaskHandle_t* created) {
+  return create(function, name, argument, priority, created, ANY_CORE);
+}
+#if defined(SIMMER_ESP32)
+BaseType_t xTaskCreatePinnedToCore(TaskFunction_t function, const char* name, unsigned int, void* argument,
+                                   unsigned int priority, TaskHandle_t* created, int core) {
+  return create(function, name, argument, priority, created, core);
+}
+BaseType_t xPortGetCoreID() { return running_core(); }
+#endif
 
 void vTaskStartScheduler() {
   if (!tasks_run()) start_scheduler();
@@ -88,14 +107,14 @@ void vTaskResume(TaskHandle_t task) {
   pass(cost::TASK_CALL);
   if (!task || task->state != TaskState::Suspended) return;
   make_ready(*task);
-  if (task->priority >= running_task().priority) ask_for_switch();
+  if (task->priority >= running_task().priority || is_urgent(*task)) ask_for_switch();
 }
 
 BaseType_t xTaskResumeFromISR(TaskHandle_t task) {
   pass(cost::TASK_CALL);
   if (!task || task->state != TaskState::Suspended) return pdFALSE;
   make_ready(*task);
-  return task->priority >= running_task().priority;
+  return is_urgent(*task);
 }
 
 void vTaskSuspendAll() { hold_switches(true); }
