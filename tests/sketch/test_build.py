@@ -130,7 +130,7 @@ REFUSED = {
     "ISR(TIMER1_COMPA_vect) { n++; }": "TIMER1_COMPA_vect is an interrupt of the chip's own parts",
     "void f() { DDRB |= 1; }": "DDRB is a register of the chip, and registers are not simulated: use",
     "void f() { TCCR1B = 0; }": "TCCR1B is a register of the chip",
-    "void f() { ledcWrite(1, 2); }": "ledcWrite is a call of another board; there are uno, nano, mega",
+    "void f() { ledcWrite(1, 2); }": "ledcWrite is a call of another board; give it in wiring.toml",
     "void f() { vTaskDelay(1); }": "vTaskDelay is of FreeRTOS, .*: add #include <Arduino_FreeRTOS.h>",
     "QueueHandle_t q;": "QueueHandle_t is of FreeRTOS",
     "#include <Arduino_FreeRTOS.h>\nvoid f() { xQueueReset(0); }": "xQueueReset .*#include <queue.h>",
