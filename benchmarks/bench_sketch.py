@@ -4,8 +4,10 @@
 
 A polling sketch with two sonars and two H-bridges runs alone (goal 50 times real time), then with a laptop
 program that asks at 9600 baud (goal 20). Two boards joined at 9600 baud run with encoders of 400 edges a
-second (goal 10). Two steppers are polled at 900 steps a second each, up and down their ramps (goal 10). A
-sketch is compiled, with an empty cache and again (goals 5 s and 0.2 s). Needs a C++ compiler.
+second (goal 10). Two steppers are polled at 900 steps a second each, up and down their ramps (goal 10). Two
+tasks of FreeRTOS measure and drive, with a queue between them (goal 20). Both cores of an ESP32 work
+without a pause (no goal: ten times as many basic blocks as an AVR, on each). A sketch is compiled, with an
+empty cache and again (goals 5 s and 0.2 s). Needs a C++ compiler.
 """
 
 from __future__ import annotations
@@ -90,6 +92,44 @@ void loop() {
 """
 
 
+TASKS = (
+    "#include <Arduino_FreeRTOS.h>\n#include <queue.h>\n"
+    + DRIVE
+    + """
+QueueHandle_t ranges;
+void measures(void*) {
+  for (;;) {
+    digitalWrite(8, HIGH); delayMicroseconds(10); digitalWrite(8, LOW);
+    float ahead = pulseIn(4, HIGH, 30000) / 148.0;
+    xQueueSend(ranges, &ahead, 0);
+    vTaskDelay(2);
+  }
+}
+void drives(void*) {
+  float ahead;
+  for (;;)
+    if (xQueueReceive(ranges, &ahead, portMAX_DELAY))
+      if (ahead > 0 && ahead < 8) drive(-120, 120); else drive(150, 140);
+}
+void setup() {
+  pinMode(8, OUTPUT); pinMode(4, INPUT);
+  ranges = xQueueCreate(4, sizeof(float));
+  xTaskCreate(measures, "measures", 128, NULL, 1, NULL);
+  xTaskCreate(drives, "drives", 128, NULL, 2, NULL);
+}
+void loop() {}
+"""
+)
+
+
+CORES = """
+volatile unsigned long counts[2];
+void other(void*) { for (;;) counts[0]++; }
+void setup() { xTaskCreatePinnedToCore(other, "other", 2000, NULL, 1, NULL, 0); }
+void loop() { counts[1]++; digitalWrite(2, counts[1] & 1); }
+"""
+
+
 def alone(folder: Path, wiring: str, sketches: Mapping[str, str], seconds: float) -> dict[str, float]:
     """Times real time of boards without a program, by the real clock and by the processor's."""
     boards = Boards(made_set(folder, wiring, sketches))
@@ -149,6 +189,9 @@ def main() -> None:
         polling = alone(folder / "polling", ROVER + MOTORS + SONARS, {"rover.ino": POLLING}, seconds)
         joined = alone(folder / "two", TWO_BOARDS, {"sensor.ino": SENSOR, "rover.ino": ROVER_JOINED}, seconds)
         steppers = alone(folder / "steppers", ROVER + STEPPERS, {"rover.ino": STEPPING}, seconds)
+        tasks = alone(folder / "tasks", ROVER + MOTORS + SONARS, {"rover.ino": TASKS}, seconds)
+        esp32 = ROVER.replace("uno", "esp32")
+        cores = alone(folder / "cores", esp32, {"rover.ino": CORES}, seconds / 10)
         laptop = with_laptop(folder / "laptop", seconds)
     figures = {
         "compile_s": first,
@@ -157,15 +200,19 @@ def main() -> None:
         "polling_with_laptop": laptop,
         "two_boards": joined,
         "steppers": steppers,
+        "tasks": tasks,
+        "esp32_cores": cores,
     }
     print(f"compile                 {first:6.2f} s (goal 5), again {again:.3f} s (goal 0.2)")
     for title, goal, made in (
         ("polling sketch alone", 50, polling),
         ("two boards, 400 edges/s", 10, joined),
         ("two steppers", 10, steppers),
+        ("tasks with a queue", 20, tasks),
     ):
         speed = f"{made['real']:6.1f} times real time (goal {goal})"
         print(f"{title:24}{speed}, {made['own_cpu']:.1f} by our own processor time")
+    print(f"two cores of an ESP32   {cores['real']:6.1f} times real time, {cores['own_cpu']:.1f} by our own")
     print(f"with a laptop program   {laptop:6.1f} times real time (goal 20)")
     if options.json:
         options.json.write_text(json.dumps(figures), "utf-8")

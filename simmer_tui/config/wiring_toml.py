@@ -109,10 +109,9 @@ def _pin(name: str, meaning: str) -> Value:
     return _key(name, PinRule(), meaning)
 
 
-_NAMES = "uno, nano and mega can"
+_NAMES = "uno, nano, mega and esp32 can"
 _BOARDS = dict.fromkeys(
     (
-        "esp32",
         "esp8266",
         "leonardo",
         "micro",
@@ -133,7 +132,7 @@ _LATER_PARTS = {
 }
 _BOARD_KEY = _key("board", TextRule(), "name of a board of [boards]")
 
-BOARD_KINDS = ("uno", "nano", "mega")
+BOARD_KINDS = ("uno", "nano", "mega", "esp32")
 """The kinds of boards."""
 BOARD_TABLE = (
     _key("sketch", TextRule(), "the sketch: an .ino file or its folder, by path from the set"),
@@ -142,8 +141,9 @@ BOARD_TABLE = (
 """The keys of [boards.NAME]: a board and its sketch."""
 LAPTOP = (
     _BOARD_KEY,
-    _pin("rx", "pin at which the board receives; 0 is its USB port"),
-    _pin("tx", "pin at which the board sends; 1 is its USB port"),
+    _pin("rx", "pin at which the board receives; without it, that of its USB port"),
+    _pin("tx", "pin at which the board sends; without it, that of its USB port"),
+    _key("bluetooth", FlagRule(), "true if the line is BluetoothSerial of an esp32"),
     _key(
         "baud", IntegerRule(50, 4_000_000), "bits a second of the laptop's program; else those of the sketch"
     ),
@@ -249,7 +249,7 @@ PART_KEYS: Mapping[str, tuple[Value, ...]] = {
     "analog": (
         _pin("pin", "line, analog: the pin"),
         # 16 points describe the curve of an infrared distance sensor by its data sheet.
-        _key("points", PointsRule(16, 1023), "analog: curve from the reading to analogRead's count"),
+        _key("points", PointsRule(16, 4095), "analog: curve from the reading to analogRead's count"),
     ),
     "mpu6050": (
         _ADDRESS,

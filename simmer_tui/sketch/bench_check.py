@@ -115,5 +115,7 @@ def _readings(engine: Engine, wiring: Wiring) -> Iterator[str]:
             made = f"turning at {rate:.2f} deg/s"
         else:
             assert isinstance(part, WiredAnalog)
-            made = f"analogRead gives {analog_counts(part, value)}"
+            made = (
+                f"analogRead gives {analog_counts(part, value, wiring.boards[part.board].kind.most_counts)}"
+            )
         yield f"{part.label} {part.code}: {shown} at the start, {made}"

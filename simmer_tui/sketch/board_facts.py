@@ -29,6 +29,7 @@ _CALLS = {
     Waits.PULSE: "in pulseIn()",
     Waits.READ: "in a read with a timeout",
     Waits.STEPS: "in a stepper's movement",
+    Waits.TASK: "in vTaskDelay()",
 }
 
 
@@ -68,7 +69,7 @@ class BoardFacts:
             begin = wait.begin / SECOND
             took, gone = (at - wait.begin) / 1e6, self._gone(begin, contact.time)
             text = (
-                f"at the contact, board {board.name} was {_call(wait, line)} for {took:.0f} ms; "
+                f"at the contact, board {board.name} was {_call(board, wait, line)} for {took:.0f} ms; "
                 f"the robot had gone {gone:.1f} in meanwhile"
             )
             waiting = [value for time, value in self._bytes if wait.begin <= time <= at]
@@ -91,7 +92,9 @@ class BoardFacts:
             return
         value = next((value for time, value in self._bytes if time == record.time), None)
         which = "a byte" if value is None else f"the byte {chr(value)!r}"
-        where = _call(wait, line) if wait is not None else f"at {line or 'work'}"
+        where = f"at {line or 'work'}{in_task(board, record.task)}"
+        if wait is not None:
+            where = _call(board, wait, line)
         took = (until - record.time) / 1e6
         text = f"{which} waited {took:.0f} ms to be read: board {board.name} was {where}"
         self._tell(f"{text}; the robot went {gone:.1f} in meanwhile", line)
@@ -110,7 +113,7 @@ class BoardFacts:
         line = board.process.line_of(place)
         if not self._is_due(f"bus {board.name}", line):
             return
-        where = f" at {line}" if line else ""
+        where = (f" at {line}" if line else "") + in_task(board, board.process.task)
         because = "Wire needs interrupts, which are off there, as in an interrupt's function"
         self._tell(f"board {board.name} waits without end{where}: {because}", line)
 
@@ -176,9 +179,16 @@ class BoardFacts:
         self._engine.tell(Notice(NoticeKind.BOARD, text, line))
 
 
-def _call(wait: BoardWait, line: str) -> str:
+def _call(board: Board, wait: BoardWait, line: str) -> str:
     call = _CALLS.get(Waits(wait.kind), "")
-    return f"{call} at {line}" if line else call
+    where = f"{call} at {line}" if line else call
+    return where + in_task(board, wait.task)
+
+
+def in_task(board: Board, number: int) -> str:
+    """The task of a sketch with FreeRTOS, for a sentence; empty for loop()."""
+    name = board.process.task_name(number)
+    return f" in task {name}" if name else ""
 
 
 def is_told(count: int) -> bool:

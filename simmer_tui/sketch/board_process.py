@@ -28,6 +28,8 @@ _LARGEST_READ = 65536
 # A slice takes milliseconds. A board that says nothing for this long is in a loop that no clock sees.
 SILENT = 5.0
 """Real seconds of silence after which a board is ended."""
+_NAME_PARTS = 4
+"""Records of a task's name, each of four characters."""
 _LOOKS = 10
 """Looks at a board in this time. They do not happen while the simulator itself is suspended."""
 _CAUSES: dict[int, str] = {
@@ -35,6 +37,7 @@ _CAUSES: dict[int, str] = {
     signal.SIGSEGV: "it used memory that is not its own, or its stack is full",
     signal.SIGFPE: "it divided by zero",
     signal.SIGABRT: "it gave up",
+    200: "the function of a task returned; end it with vTaskDelete(NULL)",
 }
 """Causes of a board's death by its signal; 0 is none."""
 if sys.platform != "win32" and platform_has.POSIX:
@@ -104,6 +107,8 @@ class Told(IntEnum):
     TEXT = 14
     FIFO_OVERFLOW = 15
     BUS_STUCK = 16
+    TASK_NAME = 17
+    FINE_DUTY = 18
 
 
 class Waits(IntEnum):
@@ -114,15 +119,18 @@ class Waits(IntEnum):
     PULSE = 2
     READ = 3
     STEPS = 4
+    TASK = 5
 
 
 class BoardWait(NamedTuple):
-    """A wait of a sketch: the call, the address of its block, and its times in nanoseconds."""
+    """A wait of a sketch: the call, the address of its block, its times in nanoseconds, and the number of
+    its task."""
 
     kind: int
     place: int
     begin: int
     end: int
+    task: int = 0
 
 
 EDGE, BYTE = 1, 2
@@ -130,12 +138,13 @@ EDGE, BYTE = 1, 2
 
 
 class BoardRecord(NamedTuple):
-    """A record of a board: its time in nanoseconds, its kind, its pin and a value."""
+    """A record of a board: its time in nanoseconds, its kind, its pin, the number of the task that it is of
+    (0 is loop()), and a value."""
 
     time: int
     kind: int
     pin: int
-    zero: int
+    task: int
     value: int
 
 
@@ -157,6 +166,7 @@ class BoardProcess:
         waited: its time in delay() so far, milliseconds.
         place: the address of the basic block of its sketch.
         wait: the call in which it waits, if it does; its end is not known.
+        task: the number of the task that runs; 0 is loop().
     """
 
     def __init__(
@@ -170,7 +180,8 @@ class BoardProcess:
         """Start the board. A failure is told when it is received from."""
         self.name = name
         self.now = 0
-        self.reason = self.query = self.pin = self.waited = self.place = 0
+        self.reason = self.query = self.pin = self.waited = self.place = self.task = 0
+        self._task_names: dict[int, list[bytes]] = {}
         self.wait: BoardWait | None = None
         self.line_of = (lines or SketchLines(program)).line_of
         self._horizon = 0
@@ -197,8 +208,9 @@ class BoardProcess:
         # The board sends one request with its records, mostly in one piece, and waits for a grant.
         data = self._read_more(b"", _REQUEST.size)
         self.now, self.reason, self.query, count, *rest = _REQUEST.unpack_from(data)
-        self.pin, self.waited, self.place, begin, place, kind = rest
-        self.wait = BoardWait(kind, place, begin, NEVER) if kind else None
+        self.pin, self.waited, self.place, begin, place, waits = rest
+        kind, task, self.task = waits & 0xFF, waits >> 8 & 0xFF, waits >> 16
+        self.wait = BoardWait(kind, place, begin, NEVER, task) if kind else None
         self.exchanges += 1
         records: list[BoardRecord] = []
         if count:
@@ -220,6 +232,18 @@ class BoardProcess:
                 raise BoardError(self._end(host))
             data += more
         return data
+
+    def name_task(self, record: BoardRecord) -> None:
+        """Take a part of a task's name."""
+        parts = self._task_names.setdefault(record.pin, [])
+        if len(parts) == _NAME_PARTS:  # another task has the number now
+            parts.clear()
+        parts.append(struct.pack("<i", record.value))
+
+    def task_name(self, number: int) -> str:
+        """The name of a task, printable; empty for loop()."""
+        name = b"".join(self._task_names.get(number, ())).partition(b"\0")[0]
+        return "".join(chr(each) if 32 <= each < 127 else "?" for each in name)
 
     def grant(self, horizon: int, events: Iterable[BoardEvent], answer: float, flags: int) -> None:
         """Let the board continue to a horizon, nanoseconds. The events replace those of the last grant."""
@@ -268,6 +292,8 @@ class BoardProcess:
             # Up to its last grant: a board cannot have gone farther.
             self.now = max(self.now, min(int(died[4]) * 1000, self._horizon))
         where = f" at {at}" if at else ""
+        name = self.task_name(self.task)
+        where += f" in task {name}" if name else ""
         clock = f"after {self.now / 1e9:.6g} s"
         if self._is_hung:
             return (

@@ -32,18 +32,66 @@ class BoardKind(Struct, frozen=True, kw_only=True):
     """Pins (SDA, SCL) of Wire."""
     servo_takes: frozenset[int]
     """PWM pins whose timer the Servo library uses: with a servo attached they have no PWM."""
+    inputs: frozenset[int] = frozenset()
+    """Pins that can be read alone."""
+    absent: frozenset[int] = frozenset()
+    """Numbers that no pin has."""
+    analog_names: Mapping[str, int] = {}
+    """Analog pins by name, where they are in no row."""
+    int_bits: int = 16
+    """Width of an `int`; with 16, a `double` has 4 bytes."""
+    most_counts: int = 1023
+    """The greatest number that analogRead gives."""
+    led: int = 13
+    """The pin of its LED."""
+    bluetooth: tuple[int, int] | None = None
+    """Numbers that stand for the two directions of its Bluetooth line."""
+    lacks: frozenset[str] = frozenset(("BluetoothSerial.h", "ESP32Servo.h"))
+    """Libraries of the simulator that are for other boards."""
+    tick: int = 16
+    """Milliseconds of a tick of FreeRTOS. On an AVR the watchdog makes it."""
 
     def pin(self, given: int | str) -> int | None:
         """The number of a pin by number or analog name; None if the board has none such."""
-        number = given if isinstance(given, int) else self.first_analog + int(given[1:])
-        return number if number < self.pins else None
+        if isinstance(given, int):
+            number = given
+        elif self.analog_names:
+            number = self.analog_names.get(given, self.pins)
+        else:
+            number = self.first_analog + int(given[1:])
+        return number if number < self.pins and number not in self.absent else None
 
     def pin_name(self, pin: int) -> str:
         """The name of a pin for people: `9`, `A0`."""
+        if self.bluetooth is not None and pin in self.bluetooth:
+            return "Bluetooth"
+        if self.analog_names:
+            return str(pin)
         return f"A{pin - self.first_analog}" if pin >= self.first_analog else str(pin)
+
+    @property
+    def pin_names(self) -> str:
+        """Its pins, for people."""
+        if self.absent:
+            return f"0 to {self.pins - 1} without {', '.join(map(str, sorted(self.absent)))}"
+        return f"0 to {self.first_analog - 1} and A0 to {self.pin_name(self.pins - 1)}"
+
+    @property
+    def analog_text(self) -> str:
+        """Its analog pins, for people."""
+        if self.analog_names:
+            return ", ".join(map(str, sorted(self.analog_names.values())))
+        return f"A0 to {self.pin_name(self.pins - 1)}"
+
+    @property
+    def usb(self) -> tuple[int, int]:
+        """Pins (rx, tx) of its USB port."""
+        return self.serial["Serial"]
 
     def is_analog(self, pin: int) -> bool:
         """True if analogRead can read the pin."""
+        if self.analog_names:
+            return pin in self.analog_names.values()
         return self.first_analog <= pin < self.pins
 
 
@@ -82,5 +130,34 @@ MEGA = BoardKind(
     # The first twelve servos use timer 5.
     servo_takes=frozenset((44, 45, 46)),
 )
-BOARDS = {board.name: board for board in (UNO, NANO, MEGA)}
+_ESP32_INPUTS = frozenset((*range(34, 40),))
+# The flash memory has 6 to 11; the others are on no pin of the chip's case.
+_ESP32_ABSENT = frozenset((*range(6, 12), 20, 24, *range(28, 32)))
+_ESP32_PINS = frozenset(range(40)) - _ESP32_ABSENT
+ESP32 = BoardKind(
+    name="esp32",
+    title="ESP32",
+    macro="ARDUINO_ESP32_DEV",
+    pins=40,
+    first_analog=0,
+    analog_names={
+        **dict(zip(("A0", "A3", "A4", "A5", "A6", "A7"), (36, 39, 32, 33, 34, 35), strict=True)),
+        **dict(zip((f"A{n}" for n in range(10, 20)), (4, 0, 2, 15, 13, 12, 14, 27, 25, 26), strict=True)),
+    },
+    inputs=_ESP32_INPUTS,
+    absent=_ESP32_ABSENT,
+    pwm=_ESP32_PINS - _ESP32_INPUTS,
+    interrupts={pin: pin for pin in sorted(_ESP32_PINS)},
+    serial={"Serial": (3, 1), "Serial1": (9, 10), "Serial2": (16, 17)},
+    software_rx=_ESP32_PINS,
+    i2c=(21, 22),
+    servo_takes=frozenset(),
+    int_bits=32,
+    most_counts=4095,
+    led=2,
+    bluetooth=(40, 41),
+    lacks=frozenset(("Arduino_FreeRTOS.h", "EEPROM.h", "Servo.h", "SoftwareSerial.h")),
+    tick=1,
+)
+BOARDS = {board.name: board for board in (UNO, NANO, MEGA, ESP32)}
 """The kinds of boards by their names in wiring.toml."""

@@ -59,16 +59,13 @@ _OTHER_NAMES = {
     "string.h": "string.h",
     "wire.h": "Wire.h",
     "lcd.h": "LiquidCrystal_I2C.h",  # of a library with the same class
+    # FreeRTOS for AVR boards has its headers in no folder.
+    **{f"{name}.h": f"freertos/{name}.h" for name in ("task", "queue", "semphr", "timers", "event_groups")},
+    "freertos.h": "Arduino_FreeRTOS.h",
 }
-_FLAGS = (
-    "-std=gnu++17",
-    "-fpermissive",
-    "-Wno-narrowing",
-    "-Wreturn-type",
-    "-DARDUINO=10819",
-    "-DARDUINO_ARCH_AVR",
-    "-D__AVR__",
-)
+_FLAGS = ("-std=gnu++17", "-fpermissive", "-Wno-narrowing", "-Wreturn-type", "-DARDUINO=10819")
+_AVR_FLAGS = ("-DARDUINO_ARCH_AVR", "-D__AVR__")
+_ESP32_FLAGS = ("-DARDUINO_ARCH_ESP32", "-DESP32", "-DSIMMER_ESP32")
 _BAUDS = frozenset(
     (
         *(300, 600, 1200, 2400, 4800, 9600, 14400, 19200, 28800, 31250, 38400, 57600, 74880, 115200),
@@ -76,6 +73,8 @@ _BAUDS = frozenset(
     )
 )
 _USUAL_BAUD = 9600
+_BLUETOOTH_BAUD = 115200
+"""The rate of BluetoothSerial.h."""
 _NO_REASONS = ("Please ", "See ", "compilation terminated")
 """Beginnings of lines of gcc that follow the reason."""
 # Names of the data sheets of ATmega328P and ATmega2560.
@@ -85,8 +84,18 @@ _REGISTER = re.compile(
     r"|(?:WGM|COM|CS|OCIE|TOIE|TOV|OCF)[0-5]\w*|AD(?:EN|SC|ATE|IF|IE|PS[0-2]|LAR)|PCI(?:E|NT)[0-9]+"
 )
 """Registers and bits of the boards' chips."""
-_OTHER_BOARD = re.compile(r"ledc\w+|xTask\w+|vTask\w+|esp_\w+|analogWriteResolution|touchRead|dacWrite")
+_OTHER_BOARD = re.compile(
+    r"ledc\w+|xTaskCreatePinnedToCore|xPortGetCoreID|esp_\w+|analogWrite(?:Resolution|Frequency)|touchRead"
+    r"|dacWrite|hallRead|timer(?:Begin|Attach|Alarm|Write|Read|Start|Stop)\w*|hw_timer_t|ESP|portMUX_TYPE"
+    r"|analogReadResolution|analogSet\w+|attachInterruptArg"
+)
 """Calls of the ESP32 and of 32-bit boards."""
+_OF_TASKS = re.compile(
+    r"(?:[evx]|u[lx]|p[cv])(?:Task|Queue|Semaphore|Timer|EventGroup|StreamBuffer|MessageBuffer)\w+"
+    r"|(?:task|port|config|pd|err)[A-Z]\w+|(?:Task|Queue|Semaphore|Timer|EventGroup)Handle_t"
+    r"|(?:TickType|BaseType|UBaseType|EventBits)_t"
+)
+"""Names of FreeRTOS."""
 _WARNINGS = {
     "-Woverflow": "this number does not fit",
     "-Wconstant-conversion": "this number does not fit",
@@ -184,6 +193,8 @@ def fastest_baud(sketch: Path) -> int:
     files = main_files(sketch)
     texts = [sketch_text(each) for each in (*files, *(each.path for each in _sources(sketch, files)))]
     named = {int(each) for text in texts for each in re.findall(r"\b[0-9]{3,7}\b", text)}
+    if any("BluetoothSerial" in text for text in texts):
+        named.add(_BLUETOOTH_BAUD)
     return max(named.intersection(_BAUDS), default=_USUAL_BAUD)
 
 
@@ -240,24 +251,32 @@ def _provided() -> set[str]:
     return {each.relative_to(RUNTIME / "libraries").as_posix().lower() for each in _library_headers()}
 
 
-def _known_headers(sources: Sequence[_Source]) -> set[str]:
+def _known_headers(sources: Sequence[_Source], kind: BoardKind) -> set[str]:
     """The headers that a sketch may include, in small letters."""
     own = {Path(each.name).name.lower() for each in sources}
     core = {each.name.lower() for each in (RUNTIME / "core").glob("*.h")}
     known = core | _provided() | _STANDARD | set(_OTHER_NAMES)
-    return (known - ({"wire.h"} - _provided())) | own
+    # The sketches of an ESP32 have FreeRTOS without a header, or by those of its folder.
+    lacks = {each.lower() for each in kind.lacks}
+    return (known - ({"wire.h"} - _provided()) - lacks) | own
 
 
-def _missing_header(output: str, files: Sequence[Path]) -> Problem | None:
+def _missing_header(output: str, files: Sequence[Path], board: BoardKind | None) -> Problem | None:
     """The problem of the header that a compiler did not find."""
     for place, kind, text in _messages(output):
         found = re.match(r"'?([^':]+?)'?(?:: No such file or directory| file not found)", text)
         if kind == "error" and found:
-            listed = ", ".join(libraries())
+            name = found[1].removeprefix(_NOWHERE)
+            if name.lower().startswith("wifi"):
+                return Problem(place, f"{name}: WiFi is not simulated; use Bluetooth or the USB port")
+            lacks = frozenset[str]() if board is None else board.lacks
+            listed = ", ".join(each for each in libraries() if each not in lacks)
+            what = f"there is no library with {name}"
+            if board is not None and name in lacks:
+                what = f"{name} is no library of the {board.title}"
             return Problem(
                 place,
-                f"there is no library with {found[1].removeprefix(_NOWHERE)}; there are {listed}. Put one of "
-                f"your own in {files[0].parent.name}/libraries/NAME",
+                f"{what}; there are {listed}. Put one of your own in {files[0].parent.name}/libraries/NAME",
             )
     return None
 
@@ -309,20 +328,24 @@ def _compile(
     work: Path,
 ) -> None:
     """Compile a sketch in a folder. Raises ConfigurationError."""
-    known = _known_headers(sources)
+    known = _known_headers(sources, kind)
     # Arduino's build names it so too. Debuggers take the name of the unit for that of its first file.
     main = f"{files[0].name}.cpp"
     beside = [each.path for each in sources if not _in_library(each)]
     texts = [sketch_text(each) for each in (*files, *beside)]
     names, templates = own_c_names(texts), own_templates(texts)
-    joined = joined_source(files, names, templates) + sketch_start(texts)
+    joined = joined_source(files, names, templates, kind.int_bits) + sketch_start(texts)
     (work / main).write_text(_with_names(joined, known, sources), encoding="utf-8")
     for each in sources:
         target = work / each.name
         target.parent.mkdir(parents=True, exist_ok=True)
         own = None if _in_library(each) else known
         code = sketch_text(each.path)
-        code = board_source(code) if own is None else board_source(code, names, templates)
+        bits = kind.int_bits
+        if own is None:
+            code = board_source(code, int_bits=bits)
+        else:
+            code = board_source(code, names, templates, bits)
         text = f'#line 1 "{each.name}"\n{_with_names(code, own, sources)}'
         if target.suffix in _COMPILED:
             text = f'#include "Arduino.h"\n{text}'
@@ -333,7 +356,7 @@ def _compile(
     for number, unit in enumerate(units):
         made = f"{number}.o"
         flags = [*_flags(kind), *_instrumented(compiler), *_include_paths(work, sources)]
-        told += _run(compiler, [*flags, "-x", "c++", "-c", unit, "-o", made], work, files)
+        told += _run(compiler, [*flags, "-x", "c++", "-c", unit, "-o", made], work, files, kind)
         objects.append(made)
     fixed = ["-no-pie"] if links_at_fixed_addresses() else []
     # Globals are constructed in this order: `Serial` is there before those of the sketch.
@@ -375,8 +398,9 @@ def runtime_object(compiler: Compiler, kind: BoardKind) -> Path:
 
 def _flags(kind: BoardKind) -> list[str]:
     mega = ["-DSIMMER_MEGA"] if kind.name == "mega" else []
+    chip = _AVR_FLAGS if kind.int_bits == 16 else _ESP32_FLAGS
     fixed = ["-fno-pie"] if links_at_fixed_addresses() else []
-    return [*_FLAGS, f"-D{kind.macro}", *mega, *fixed]
+    return [*_FLAGS, *chip, f"-D{kind.macro}", *mega, *fixed]
 
 
 def _instrumented(compiler: Compiler) -> list[str]:
@@ -401,7 +425,8 @@ def _with_names(source: str, allowed: set[str] | None, sources: Sequence[_Source
     are not among those allowed get a folder that is not there."""
     known = {each.name.lower(): each.name for each in (*(RUNTIME / "core").glob("*.h"), *_library_headers())}
     own = {Path(each.name).name for each in sources}
-    known |= {each.lower(): each for each in own}
+    own_there = {each.lower(): each for each in own}
+    known |= own_there
 
     def renamed(match: re.Match[str]) -> str:
         name = match[2]
@@ -411,7 +436,7 @@ def _with_names(source: str, allowed: set[str] | None, sources: Sequence[_Source
         folder, slash, last = name.rpartition("/")
         if last in own:
             return match[0]
-        found = known.get(low) or _OTHER_NAMES.get(low)
+        found = own_there.get(low) or _OTHER_NAMES.get(low) or known.get(low)
         if slash and last.lower() in {each.lower() for each in own}:
             found = f"{folder}/{known[last.lower()]}"
         return f"{match[1]}{found or name}{match[3]}"
@@ -419,15 +444,22 @@ def _with_names(source: str, allowed: set[str] | None, sources: Sequence[_Source
     return re.sub(r'(?m)^(\s*#\s*include\s*[<"])([^>"\n]+)([>"])', renamed, source)
 
 
-def _run(compiler: Compiler, arguments: Sequence[str], folder: Path, files: Sequence[Path]) -> list[str]:
+def _run(
+    compiler: Compiler,
+    arguments: Sequence[str],
+    folder: Path,
+    files: Sequence[Path],
+    kind: BoardKind | None = None,
+) -> list[str]:
     """Run the compiler; returns its warnings. Raises ConfigurationError with its errors."""
     try:
         done = compiler.run(arguments, folder)
     except (OSError, subprocess.SubprocessError) as error:
         raise ConfigurationError([Problem(compiler.name, f"could not be run: {error}")]) from None
     if done.returncode:
-        missing = _missing_header(done.stderr, files) if files else None
-        raise ConfigurationError([missing] if missing else list(_errors(done.stderr, compiler, files)))
+        missing = _missing_header(done.stderr, files, kind) if files else None
+        found = [missing] if missing else list(_errors(done.stderr, compiler, files, kind))
+        raise ConfigurationError(found)
     return [
         f"{place}: {sentence}: {text}"
         for place, kind, text in _messages(done.stderr)
@@ -470,10 +502,14 @@ def _library_classes() -> frozenset[str]:
     return frozenset(name for text in texts for name in re.findall(r"(?m)^class (\w+)", text))
 
 
-def _of_no_board(text: str, line: str) -> str:
+def _of_no_board(text: str, line: str, kind: BoardKind | None) -> str:
     """The sentence about a register, an interrupt or a call that no simulated board has; else empty."""
-    undeclared = re.search(r"'(\w+)' was not declared|undeclared identifier '(\w+)'", text)
-    name = (undeclared[1] or undeclared[2]) if undeclared else ""
+    undeclared = re.search(
+        r"'(?P<gcc>\w+)' (?:was not declared|does not name a type|has not been declared)"
+        r"|(?:undeclared identifier|unknown type name) '(?P<clang>\w+)'",
+        text,
+    )
+    name = (undeclared["gcc"] or undeclared["clang"]) if undeclared else ""
     vector = re.match(r"\s*ISR\s*\(\s*(\w+)", line)
     if vector is not None:
         what = f"{vector[1]} is an interrupt of the chip's own parts, which are not simulated"
@@ -482,11 +518,25 @@ def _of_no_board(text: str, line: str) -> str:
         what = f"{name} is a register of the chip, and registers are not simulated"
         return f"{what}: use digitalRead, digitalWrite, analogRead, analogWrite or attachInterrupt"
     if _OTHER_BOARD.fullmatch(name):
-        return f"{name} is a call of another board; there are {', '.join(BOARDS)}"
-    return ""
+        if kind is not None and kind.int_bits == 32:
+            return f"{name} is not simulated; the calls of an ESP32 are in docs/sketch-esp32-freertos.md"
+        return f"{name} is a call of another board; give it in wiring.toml. There are {', '.join(BOARDS)}"
+    return _of_no_task(name) if _OF_TASKS.fullmatch(name) else ""
 
 
-def _errors(output: str, compiler: Compiler, files: Sequence[Path]) -> Iterator[Problem]:
+def _of_no_task(name: str) -> str:
+    """The sentence about a name of FreeRTOS that a sketch has not."""
+    for header in sorted((RUNTIME / "libraries" / "freertos").glob("*.h")):
+        if re.search(rf"\b{name}\b", header.read_text(encoding="utf-8")):
+            last = "Arduino_FreeRTOS.h" if header.stem in ("FreeRTOS", "task") else header.name
+            return f"{name} is of FreeRTOS, which is not included: add #include <{last}>"
+    what = f"the simulator's FreeRTOS has no {name}; its calls are in docs/sketch-esp32-freertos.md"
+    return f"{what}. Write it with those that are there"
+
+
+def _errors(
+    output: str, compiler: Compiler, files: Sequence[Path], board: BoardKind | None = None
+) -> Iterator[Problem]:
     """At most three errors, with the lines of the sketch."""
     texts = {each.name: sketch_text(each).split("\n") for each in files}
     seen = 0
@@ -496,7 +546,7 @@ def _errors(output: str, compiler: Compiler, files: Sequence[Path]) -> Iterator[
         name, _, number = place.rpartition(":")
         lines = texts.get(name, [])
         line = lines[int(number) - 1].strip() if 0 < int(number) <= len(lines) else ""
-        told = _of_no_board(text, line) or _of_no_library(text)
+        told = _of_no_board(text, line, board) or _of_no_library(text)
         yield Problem(place, told or (f"{text}: {line}" if line else text))
         seen += 1
         if seen == MOST_ERRORS:

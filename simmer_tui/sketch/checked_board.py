@@ -13,7 +13,7 @@ from simmer_tui.errors import BoardError
 from simmer_tui.sketch.board_host import BoardStart, LocalBoard
 from simmer_tui.sketch.board_process import NEVER, BoardProcess, BoardRecord, Query, Reason, Told, Waits
 from simmer_tui.sketch.boards import BOARDS
-from simmer_tui.sketch.parts import LARGEST_DUTY, SECOND
+from simmer_tui.sketch.parts import FINEST_DUTY, LARGEST_DUTY, SECOND
 from simmer_tui.sketch.sketch_lines import SketchLines
 from simmer_tui.sketch.text_display import MOST_DISPLAYS, DisplayChange
 
@@ -25,8 +25,9 @@ _LONGEST_QUEUE = 10 * SECOND
 _LONGEST_PULSE = 3_000
 """Microseconds of a servo's pulse; Servo.h makes 2400 at most."""
 _FASTEST_BAUD = 2_000_000
-_SHORTEST_STEP = 8_000
-"""Nanoseconds between two steps at a pin: it falls and rises, each in a digitalWrite."""
+_SHORTEST_STEP = 400
+"""Nanoseconds between two steps at a pin: it falls and rises, each in a digitalWrite, of an ESP32 whose other
+core works too."""
 # Every call that stops a board costs microseconds of its clock: some hundred stops are the most.
 _MILLISECOND, _MOST_STOPS = 1_000_000, 10_000
 """Stops of a board's own in a millisecond of its clock."""
@@ -35,6 +36,7 @@ _SHORTEST_RANGE = 20_000_000
 _HIGHEST: dict[int, tuple[int, int]] = {
     Told.LEVEL: (0, 1),
     Told.DUTY: (0, LARGEST_DUTY),
+    Told.FINE_DUTY: (0, FINEST_DUTY),
     Told.SERVO: (0, _LONGEST_PULSE),
     Told.BYTE: (0, 255),
     Told.BAUD: (1, _FASTEST_BAUD),
@@ -99,6 +101,8 @@ class CheckedBoard(BoardProcess):
             return f"it told {value} as {Told(kind).name if kind in _KINDS else kind}, which no board does"
         if kind == Told.WAITED:
             return "" if pin in _WAITS and time <= self.now else "it waited as no board does"
+        if kind == Told.TASK_NAME:
+            return ""
         if pin >= _MOST_PINS:
             return f"it told of pin {pin}, which no board has"
         if kind == Told.BYTE:

@@ -26,7 +26,7 @@ from simmer_tui.sketch.board_process import (
     Reason,
     Told,
 )
-from simmer_tui.sketch.parts import LARGEST_DUTY, PULSE_PERIOD, SECOND, EncoderState
+from simmer_tui.sketch.parts import FINEST_DUTY, LARGEST_DUTY, PULSE_PERIOD, SECOND, EncoderState
 from simmer_tui.sketch.shared_processor import SharedProcessor
 from simmer_tui.sketch.steppers import StepperState
 from simmer_tui.sketch.text_display import TextDisplay
@@ -46,7 +46,7 @@ REAL_SLICE = 0.02
 # Names of an enumeration take longer to read than its values, thousands of times a second.
 _QUERY = int(Reason.QUERY)
 _RATE = int(Query.RATE)
-_OF_PINS = frozenset((int(Told.LEVEL), int(Told.DUTY), int(Told.SERVO), int(Told.MODE), int(Told.STEP)))
+_OF_PINS = frozenset(map(int, (Told.LEVEL, Told.DUTY, Told.FINE_DUTY, Told.SERVO, Told.MODE, Told.STEP)))
 _OF_THE_BUS = frozenset((int(Told.FIFO_OVERFLOW), int(Told.BUS_STUCK)))
 
 
@@ -296,6 +296,8 @@ class Lockstep:
                 state.level = float(record.value)
             elif kind == Told.DUTY:
                 state.level = record.value / LARGEST_DUTY
+            elif kind == Told.FINE_DUTY:
+                state.level = record.value / FINEST_DUTY
             elif kind == Told.SERVO:
                 state.servo = record.value
                 state.level = record.value / PULSE_PERIOD
@@ -371,8 +373,10 @@ class Lockstep:
                 begun = record
             elif record.kind == Told.UNTIL and begun is not None:
                 place = begun.value & 0xFFFFFFFF
-                board.waited.append(BoardWait(begun.pin, place, begun.time, record.time))
+                board.waited.append(BoardWait(begun.pin, place, begun.time, record.time, begun.task))
                 begun = None
+            elif record.kind == Told.TASK_NAME:
+                process.name_task(record)
             elif record.kind == Told.BAUD:
                 board.baud[record.pin] = record.value if record.value > 0 else _USUAL_BAUD
             else:

@@ -20,9 +20,8 @@ NO_ECHO = 38_000_000
 """Length of the echo's pulse where nothing is heard (data sheet of the HC-SR04)."""
 LONGEST_RANGE = 157.5
 """Inches beyond which an HC-SR04 hears nothing: 4 m in its data sheet."""
-MOST_COUNTS = 1023
-"""The greatest number that analogRead gives."""
-LARGEST_DUTY = 255
+LARGEST_DUTY, FINEST_DUTY = 255, 65_535
+"""Duties of a pin that is always high: on an AVR, and on an ESP32."""
 PULSE_PERIOD, SERVO_STOP = 20_000, 1500
 """Microseconds from one pulse of a servo to the next, and of the pulse at which one that turns all round
 stands."""
@@ -63,8 +62,8 @@ def echo_length(inches: float) -> int:
     return round(2.0 * inches / SOUND_SPEED * SECOND)
 
 
-def analog_counts(sensor: WiredAnalog, reading: float) -> int:
-    """The number that analogRead gives for a reading: straight lines between the points."""
+def analog_counts(sensor: WiredAnalog, reading: float, most: int) -> int:
+    """The number that analogRead gives for a reading, `most` at most: straight lines between the points."""
     points: Sequence[tuple[float, float]] = sensor.points
     if math.isnan(reading):
         return 0
@@ -73,7 +72,7 @@ def analog_counts(sensor: WiredAnalog, reading: float) -> int:
         if left <= reading <= right:
             counts = low + (reading - left) / (right - left) * (high - low)
             break
-    return min(max(round(counts), 0), MOST_COUNTS)
+    return min(max(round(counts), 0), most)
 
 
 MILLIMETRES = 25.4

@@ -37,7 +37,14 @@ _LIMITS = {
     "DBL_MIN": "FLT_MIN",
     "DBL_EPSILON": "FLT_EPSILON",
 }
-"""Bounds of the board's number types."""
+"""Bounds of the number types of an AVR."""
+_WIDE_LIMITS = {
+    "INT_MAX": "2147483647",
+    "INT_MIN": "(-2147483647 - 1)",
+    "UINT_MAX": "4294967295U",
+    **{name: name for name in ("DBL_MAX", "DBL_MIN", "DBL_EPSILON")},
+}
+"""Those that differ with an `int` of 32 bits."""
 _LOOP = re.compile(r"\b(?P<kind>while|for)\b\s*(?=\()")
 _NO_BODY = re.compile(r"\s*(?:;|continue\s*;|\{(?:[\s;]|continue\b)*\})")
 _ENDLESS = re.compile(r"\s*(?:|1|true|HIGH)\s*")
@@ -80,9 +87,10 @@ _BEFORE_CALLS = frozenset(("return", "else", "do", "case", "and", "or", "not"))
 """Words before the name of a function that is called."""
 
 
-def with_board_widths(source: str) -> str:
-    """C++ with the number types of an AVR in the place of this machine's. Comments, texts and line ends
-    stay."""
+def with_board_widths(source: str, int_bits: int = 16) -> str:
+    """C++ with the number types of a board in the place of this machine's: of an AVR, or with an `int` of 32
+    bits and a `double` of 8 bytes. Comments, texts and line ends stay."""
+    limits = _LIMITS if int_bits == 16 else _LIMITS | _WIDE_LIMITS
     made: list[str] = []
     words: list[str] = []
     gap = ""
@@ -91,7 +99,7 @@ def with_board_widths(source: str) -> str:
     def flush() -> None:
         nonlocal words, gap
         if words:
-            made.append(_type_of(words))
+            made.append(_type_of(words, int_bits))
             words = []
         made.append(gap)
         gap = ""
@@ -112,8 +120,8 @@ def with_board_widths(source: str) -> str:
             words = [word]
         elif match["number"]:
             made.append(_without_long(match["number"]))
-        elif word in _LIMITS:
-            made.append(_LIMITS[word])
+        elif word in limits:
+            made.append(limits[word])
         else:
             made.append(match[0])
     if words:
@@ -122,12 +130,13 @@ def with_board_widths(source: str) -> str:
     return "".join(made)
 
 
-def _type_of(words: Sequence[str]) -> str:
-    """The type of these words on an AVR."""
+def _type_of(words: Sequence[str], int_bits: int) -> str:
+    """The type of these words on a board."""
     if "double" in words:
-        return "float"
+        return "float" if int_bits == 16 else "double"
     if words == ["signed"] or words == ["unsigned"] or "int" in words or "short" in words or "long" in words:
-        bits = 64 if words.count("long") > 1 else 32 if "long" in words else 16
+        bits = 64 if words.count("long") > 1 else 32 if "long" in words else int_bits
+        bits = 16 if "short" in words else bits
         return f"{'u' if 'unsigned' in words else ''}int{bits}_t"
     return " ".join(words)
 
@@ -141,19 +150,22 @@ def _without_long(number: str) -> str:
 
 def _char_types_kept(source: str) -> str:
     """`uint16_t char` back to `unsigned char`: `unsigned` alone was taken for a number's."""
-    source = re.sub(r"\buint16_t(\s+)char\b", r"unsigned\1char", source)
-    return re.sub(r"\bint16_t(\s+)char\b", r"signed\1char", source)
+    source = re.sub(r"\buint(?:16|32)_t(\s+)char\b", r"unsigned\1char", source)
+    return re.sub(r"\bint(?:16|32)_t(\s+)char\b", r"signed\1char", source)
 
 
 def board_source(
-    source: str, own_names: frozenset[str] = frozenset(), templates: Templates | None = None
+    source: str,
+    own_names: frozenset[str] = frozenset(),
+    templates: Templates | None = None,
+    int_bits: int = 16,
 ) -> str:
     """A sketch's own source, with the board's number types, and with empty loops that take time. Its own
     names of the C library are other ones (see own_c_names); calls of its templates have arguments of one
     width. Without `templates` those of the source itself are meant."""
     templates = own_templates([source]) if templates is None else templates
     with_calls = _with_one_width(_renamed(_without_main(source), own_names), templates)
-    return _with_timed_loops(_char_types_kept(with_board_widths(with_calls)))
+    return _with_timed_loops(_char_types_kept(with_board_widths(with_calls, int_bits)))
 
 
 def _without_main(source: str) -> str:
@@ -452,13 +464,16 @@ def sketch_text(path: Path) -> str:
 
 
 def joined_source(
-    files: Sequence[Path], own_names: frozenset[str] = frozenset(), templates: Templates | None = None
+    files: Sequence[Path],
+    own_names: frozenset[str] = frozenset(),
+    templates: Templates | None = None,
+    int_bits: int = 16,
 ) -> str:
     """One C++ source of a sketch's .ino files."""
     texts = [sketch_text(each) for each in files]
     templates = own_templates(texts) if templates is None else templates
     parts = [
-        f'#line 1 "{each.name}"\n{board_source(text, own_names, templates)}\n'
+        f'#line 1 "{each.name}"\n{board_source(text, own_names, templates, int_bits)}\n'
         for each, text in zip(files, texts, strict=True)
     ]
     whole = "".join(parts)

@@ -20,7 +20,7 @@ _WHEEL, _NO_WHEEL = (
 
 def attached_servos(facts: SketchFacts) -> Iterator[SketchCall]:
     """Calls that attach a servo."""
-    if any(name == "Servo.h" for name, _ in facts.includes):
+    if any(name in ("Servo.h", "ESP32Servo.h") for name, _ in facts.includes):
         yield from (call for call in facts.named("attach") if call.object)
 
 

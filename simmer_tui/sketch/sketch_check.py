@@ -11,6 +11,7 @@ from simmer_tui.sim.specs import WheelsSpec
 from simmer_tui.sketch.bus_check import bus_problems
 from simmer_tui.sketch.motion_check import wrong_motions
 from simmer_tui.sketch.sketch_scan import PULSES, WRITES, Pins, SketchFacts, SketchPort
+from simmer_tui.sketch.task_check import task_problems
 from simmer_tui.sketch.wiring import (
     LaptopLine,
     MotorDriver,
@@ -63,6 +64,7 @@ def sketch_problems(
         problems += _interrupts(found)
         problems += _deaf_ports(found)
         problems += bus_problems(wiring, name, found)
+        problems += task_problems(found)
         for sensor in wiring.sensors:
             if isinstance(sensor, WiredSonar) and sensor.board == name:
                 problems += _swapped_sonar(found, sensor)
@@ -194,6 +196,8 @@ def _interrupts(facts: SketchFacts) -> Iterator[Problem]:
 def _deaf_ports(facts: SketchFacts) -> Iterator[Problem]:
     """SoftwareSerial ports at pins at which the board has no pin-change interrupt."""
     kind = facts.kind
+    if kind.int_bits == 32:
+        return
     for port in facts.ports():
         for pin in sorted((port.rx or Pins()) - kind.software_rx):
             if port.name not in kind.serial and pin < kind.pins:

@@ -32,7 +32,7 @@ from simmer_tui.run.events import (
 )
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.records import CommandResult, Status
-from simmer_tui.sketch.board_facts import BoardFacts, is_told
+from simmer_tui.sketch.board_facts import BoardFacts, in_task, is_told
 from simmer_tui.sketch.board_process import (
     BYTE,
     EDGE,
@@ -75,8 +75,6 @@ from simmer_tui.sketch.wiring import (
     read_wiring,
 )
 
-_LED = 13
-_USB_PINS = (0, 1)
 """The pins of the port that is at the USB line too."""
 _TYPED = "binary"
 """The dialect of typed commands."""
@@ -316,7 +314,9 @@ class SketchRobot(LockstepWorld):
     def reset_by_usb(self) -> None:
         """The laptop's program has opened the port: on a USB line that resets the board."""
         line = self._set.wiring.laptop
-        if line is None or (line.rx, line.tx) != _USB_PINS or self.failed:
+        if line is None or self.failed:
+            return
+        if (line.rx, line.tx) != self._set.wiring.boards[line.board].kind.usb:
             return
         board = self.boards[line.board]
         now = board.now
@@ -459,7 +459,7 @@ class SketchRobot(LockstepWorld):
         def where() -> str:
             nonlocal line
             line = board.process.line_of(board.process.place)
-            return f"{board.name} at {line}" if line else ""
+            return f"{board.name} at {line}{in_task(board, board.process.task)}" if line else ""
 
         if self._world.set_speeds(speeds, where):
             self._tell_wrong(board, line)
@@ -522,7 +522,9 @@ class SketchRobot(LockstepWorld):
             if isinstance(each, WiredSonar):
                 self._ping(board, each)
             elif isinstance(each, WiredAnalog):
-                made = analog_counts(each, self._world.read(each.code))
+                made = analog_counts(
+                    each, self._world.read(each.code), self._set.wiring.boards[board.name].kind.most_counts
+                )
             elif isinstance(each, WiredI2c):
                 is_rate = query == Query.RATE
                 made = self._world.rate(each.code, filter_number) if is_rate else self._world.read(each.code)
@@ -610,7 +612,7 @@ class SketchRobot(LockstepWorld):
         pins = tuple(
             PinView(kind.pin_name(number), _pin_text(state)) for number, state in sorted(board.pins.items())
         )
-        led = board.level(_LED) > 0.0
+        led = board.level(kind.led) > 0.0
         displays = tuple(each.rows for _, each in sorted(board.displays.items()))
         return BoardView(
             name, board.now / SECOND, max(busy, 0.0), led, said.strip(), pins, self.failed, displays

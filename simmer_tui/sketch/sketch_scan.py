@@ -13,6 +13,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from simmer_tui.config.set_sketches import source_paths
 from simmer_tui.sketch.boards import BoardKind
@@ -183,6 +184,7 @@ class SketchFacts:
         for call in self.calls:
             # The definition of an object calls its class's constructor.
             self._callers[call.type or call.name].append(call)
+        self._follow_channels()
 
     @classmethod
     def read(cls, sketch: Path, kind: BoardKind) -> SketchFacts:
@@ -347,22 +349,60 @@ class SketchFacts:
         return "".join(token.text for token in call.arguments[index]) if index < len(call.arguments) else ""
 
     def ports(self) -> list[SketchPort]:
-        """The serial ports in hardware that it begins, and every SoftwareSerial."""
+        """The serial ports in hardware that it begins, every SoftwareSerial, and Bluetooth."""
         begun: dict[str, list[SketchCall]] = defaultdict(list)
         for call in self.named("begin"):
             begun[call.object].append(call)
         found = []
         for name, (rx, tx) in self.kind.serial.items():
             if begun[name]:
-                spot = begun[name][0].token.spot
-                found.append(SketchPort(name, Pins({rx}), Pins({tx}), self._bauds(begun[name]), spot, spot))
+                call = begun[name][0]
+                spot = call.token.spot
+                given = [self._whole(call, place) for place in (2, 3)]
+                pins = [
+                    usual if each in (None, -1) else each for each, usual in zip(given, (rx, tx), strict=True)
+                ]
+                own_rx, own_tx = (Pins({each}) for each in pins if each is not None)
+                found.append(SketchPort(name, own_rx, own_tx, self._bauds(begun[name]), spot, spot))
         for call in self.objects("SoftwareSerial"):
             begins = begun[call.name]
             spot = begins[0].token.spot if begins else ""
             rx_pins, tx_pins = self.pins(call, 0), self.pins(call, 1)
             bauds = self._bauds(begins)
             found.append(SketchPort(call.name, rx_pins, tx_pins, bauds, call.token.spot, spot))
+        if self.kind.bluetooth is not None:
+            for each in self.declared:
+                if each.type == "BluetoothSerial" and begun[each.name]:
+                    rx, tx = self.kind.bluetooth
+                    spot = begun[each.name][0].token.spot
+                    found.append(SketchPort(each.name, Pins({rx}), Pins({tx}), (), each.spot, spot))
         return found
+
+    def _whole(self, call: SketchCall, index: int) -> int | None:
+        """The number of an argument; None if it has several, or is unknown."""
+        pins = self.pins(call, index)
+        return next(iter(pins)) if pins is not None and len(pins) == 1 else None
+
+    def _follow_channels(self) -> None:
+        """Take ledcWrite of an ESP32 for analogWrite: it has a pin, or a channel that ledcAttachPin gives to
+        one."""
+        if self.kind.int_bits == 16:
+            return
+        attached: dict[int, list[tuple[Token, ...]]] = defaultdict(list)
+        for call in self.named("ledcAttachPin"):
+            channel = self._whole(call, 1)
+            if channel is not None and call.arguments:
+                attached[channel].append(call.arguments[0])
+        for at, call in enumerate(self.calls):
+            if call.name != "ledcWrite" or len(call.arguments) < 2:
+                continue
+            pins: list[tuple[Token, ...]] = [call.arguments[0]]
+            if attached:
+                channel = self._whole(call, 0)
+                pins = attached[channel] if channel is not None else []
+            if len(pins) == 1:
+                arguments = (pins[0], *call.arguments[1:])
+                self.calls[at] = replace(call, name="analogWrite", arguments=arguments)
 
     def steps(self) -> Iterator[SketchStep | None]:
         """The writes and pulses of a sketch, of each function in its order, None after each. A call of one of
@@ -500,7 +540,7 @@ class SketchFacts:
             items = (item for row in self._arrays[name] for item in row)
             return _union(self.values(item, "", depth + 1) for item in items)
         if name in _NAMED:
-            return Pins({_NAMED[name]})
+            return Pins({self.kind.led if name == "LED_BUILTIN" else _NAMED[name]})
         analog = _ANALOG_PIN.fullmatch(name)
         pin = self.kind.pin(name) if analog else None
         return None if pin is None else Pins({pin})

@@ -259,7 +259,8 @@ class Wiring(Struct, frozen=True, kw_only=True):
             for name, pin in motor.pins.items():
                 yield _use(motor, motor.board, pin, name, writes=True)
         for each in self.sensors:
-            if isinstance(each, WiredI2c):
+            # Those of an ESP32 can be any two.
+            if isinstance(each, WiredI2c) and self.boards[each.board].kind.int_bits == 16:
                 for name, pin in zip(("sda", "scl"), self.boards[each.board].kind.i2c, strict=True):
                     yield _use(each, each.board, pin, name)
             for name in ("trig", "echo", "a", "b", "pin", "xshut", "interrupt"):
@@ -324,6 +325,7 @@ def read_wiring(text: str, parts: WiringParts, problems: list[Problem]) -> Wirin
     wiring = _WiringReader(file, parts, problems).wiring()
     # The pins of rows with mistakes are missing, so two uses of a pin are only found among the others.
     problems += pins_used_twice(wiring)
+    problems += _inputs_written(wiring)
     problems += _addresses_used_twice(wiring)
     return wiring
 
@@ -370,6 +372,15 @@ def pins_used_twice(wiring: Wiring) -> Iterator[Problem]:
         kind = wiring.boards[use.board].kind
         what = f"pin {kind.pin_name(use.pin)} of {use.board} is already {other.name} of {other.label}"
         yield Problem(use.place, f"{what} ({other.place}); give each its own pin")
+
+
+def _inputs_written(wiring: Wiring) -> Iterator[Problem]:
+    """Problems with pins that cannot be outputs."""
+    for use in wiring.pin_uses():
+        kind = wiring.boards[use.board].kind
+        if use.writes and use.pin in kind.inputs:
+            inputs = ", ".join(map(str, sorted(kind.inputs)))
+            yield Problem(use.place, f"pin {use.pin} of the {kind.title} is an input alone, as are {inputs}")
 
 
 def _addresses_used_twice(wiring: Wiring) -> Iterator[Problem]:
@@ -459,14 +470,16 @@ class _WiringReader:
         # An empty table lacks its board; without the table no laptop is wired.
         if not given and self._file.tree.get("laptop") != {}:
             return None
-        values = self._row(given, "laptop", wiring_toml.LAPTOP, ("rx", "tx", "baud"))
+        values = self._row(given, "laptop", wiring_toml.LAPTOP, ("rx", "tx", "bluetooth", "baud"))
         if values is None:
             return None
         # The USB port is that of Serial.
         kind = self._boards[values["board"]].kind
+        if values.get("bluetooth"):
+            return self._bluetooth(kind, given, values)
         pins = {
             name: self._pin_of(kind, values.get(name, usual), f"laptop.{name}")
-            for name, usual in (("rx", 0), ("tx", 1))
+            for name, usual in zip(("rx", "tx"), kind.usb, strict=True)
         }
         if pins["rx"] is None or pins["tx"] is None:
             return None
@@ -477,6 +490,22 @@ class _WiringReader:
             tx=pins["tx"],
             baud=values.get("baud"),
         )
+
+    def _bluetooth(
+        self, kind: BoardKind, given: Mapping[str, Any], values: Mapping[str, Any]
+    ) -> LaptopLine | None:
+        """The line to the laptop by the board's own Bluetooth."""
+        if kind.bluetooth is None:
+            what = f"the {kind.title} has no Bluetooth of its own; give the pins of its module, rx and tx"
+            self._file.add_problem("laptop.bluetooth", what)
+            return None
+        for name in ("rx", "tx", "baud"):
+            if name in values:
+                self._file.add_problem(f"laptop.{name}", "goes with a serial port; bluetooth has none")
+                return None
+        rx, tx = kind.bluetooth
+        base = self._base("laptop", given)
+        return LaptopLine(**base, board=values["board"], rx=rx, tx=tx, baud=None)
 
     def _wires(self) -> Iterator[BoardWire]:
         file = self._file
@@ -593,7 +622,7 @@ class _WiringReader:
                 yield WiredSonar(**common, trig=pins["trig"], echo=pins["echo"])
             elif values["part"] == "line":
                 yield WiredLineSensor(**common, pin=pins["pin"], active_high=values.get("active") != "low")
-            elif self._is_analog(values["board"], pins["pin"], f"{prefix}.pin"):
+            elif self._is_analog(values["board"], pins["pin"], values["points"], prefix):
                 yield WiredAnalog(**common, pin=pins["pin"], points=values["points"])
 
     def _servos(self) -> Iterator[WiredServo]:
@@ -682,11 +711,7 @@ class _WiringReader:
         """The number of a pin; None, and a problem, if the board does not have it."""
         pin = kind.pin(given)
         if pin is None:
-            last = kind.pin_name(kind.pins - 1)
-            what = (
-                f"the {kind.title} has no pin {given}; it has 0 to {kind.first_analog - 1} and A0 to {last}"
-            )
-            self._file.add_problem(place, what)
+            self._file.add_problem(place, f"the {kind.title} has no pin {given}; it has {kind.pin_names}")
         return pin
 
     def _pins(
@@ -717,11 +742,18 @@ class _WiringReader:
             found[name] = pin
         return None if wrong else found
 
-    def _is_analog(self, board: str, pin: int, place: str) -> bool:
+    def _is_analog(self, board: str, pin: int, points: Sequence[tuple[float, float]], prefix: str) -> bool:
+        """True if analogRead can read a pin, and gives these counts."""
         kind = self._boards[board].kind
+        place = f"{prefix}.pin"
+        most = max(count for _, count in points)
+        if most > kind.most_counts:
+            what = f"has the count {most:g}; analogRead of the {kind.title} gives {kind.most_counts} at most"
+            self._file.add_problem(f"{prefix}.points", what)
+            return False
         if not kind.is_analog(pin):
-            last = kind.pin_name(kind.pins - 1)
-            self._file.add_problem(place, f"must be an analog pin, A0 to {last}, not {kind.pin_name(pin)}")
+            what = f"must be an analog pin, {kind.analog_text}, not {kind.pin_name(pin)}"
+            self._file.add_problem(place, what)
         return kind.is_analog(pin)
 
     def _wheel_index(self, name: str, place: str) -> int | None:

@@ -18,7 +18,7 @@ from msgspec import Struct
 
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim.rules import MAX_TEXT, TextRule
-from simmer_tui.sketch.boards import BOARDS, UNO, BoardKind
+from simmer_tui.sketch.boards import BOARDS, ESP32, UNO, BoardKind
 from simmer_tui.sketch.bus_draft import draft_gyros, draft_rangers
 from simmer_tui.sketch.motion_check import forward_levels
 from simmer_tui.sketch.motor_draft import END, draft_motors, oriented
@@ -41,8 +41,15 @@ _TRIGGER, _ECHO, _LEFT, _RIGHT, _OPEN, _CLOSED = (
 )
 _HALF_TURN = 180
 """The largest angle of a servo; a larger number is a pulse."""
-_LATER = frozenset(f"{name}.h" for name in ("Arduino_FreeRTOS", "BluetoothSerial", "ESP32Servo", "WiFi"))
+_LATER = frozenset(("WiFi.h",))
 """Headers of parts that are not simulated yet; those of teams, by how often they have them."""
+_ESP32_HEADERS = frozenset(
+    ("bluetoothserial.h", "esp32servo.h", "wifi.h", "esp_now.h", "freertos/freertos.h")
+)
+_ESP32_CALL = re.compile(
+    r"ledc[A-Z]\w+|xTaskCreatePinnedToCore|xPortGetCoreID|esp_\w+|portENTER_CRITICAL_ISR"
+)
+"""Headers and calls of an ESP32 alone."""
 _MARK = "  # ?"
 _HEAD = """\
 # A draft, read off the sketch. A line with "# ?" is a guess: look at it, then take the mark away.
@@ -233,8 +240,11 @@ def _seeds(facts: SketchFacts) -> set[int]:
 
 
 def _kind(facts: SketchFacts) -> BoardKind:
-    """The board that a sketch needs: a Mega for its further serial ports or a pin that an Uno lacks, or for
-    two pins that have a PWM on a Mega alone."""
+    """The board that a sketch needs: an ESP32 for its libraries and calls; a Mega for its further ports or
+    a pin that an Uno lacks, or for two pins that have a PWM on a Mega alone."""
+    of_esp32 = any(name.lower() in _ESP32_HEADERS for name, _ in facts.includes)
+    if of_esp32 or any(_ESP32_CALL.fullmatch(call.name) for call in facts.calls):
+        return ESP32
     is_mega = any(call.object in ("Serial1", "Serial2", "Serial3") for call in facts.calls)
     for call in facts.named(*WRITES, *PULSES, "digitalRead", "pinMode"):
         is_mega |= any(UNO.pins <= pin < BOARDS["mega"].pins for pin in facts.pins(call) or ())
@@ -299,16 +309,15 @@ def _line_tables(boards: Sequence[BoardDraft]) -> Iterator[str]:
     free = [(board, port) for board, port in ports if (board.name, port.name) not in linked]
     # A Bluetooth module on SoftwareSerial is the laptop's line before the USB port, which prints notes.
     # One that is not begun sends nothing.
-    free = [each for each in free if each[1].bauds] or free
-    free.sort(key=lambda each: each[1].name.startswith("Serial"))
+    free = [each for each in free if each[1].begin_spot] or free
+    free.sort(key=lambda each: each[1].name in each[0].facts.kind.serial)
     if free:
         board, port = free[0]
         sure = "" if len(free) == 1 else _MARK
-        rx, tx = _port_pins(board, port)
-        lines = [f'[laptop]\nboard = "{board.name}"{sure}\nrx = {rx}{sure}\ntx = {tx}{sure}']
+        lines = [f'[laptop]\nboard = "{board.name}"{sure}']
+        lines += [f"{each}{sure}" for each in _port_keys(board, port)]
         for at, other in free[1:]:
-            rx, tx = _port_pins(at, other)
-            lines.append(f"# or {other.name} of {at.name}: rx = {rx}, tx = {tx}")
+            lines.append(f"# or {other.name} of {at.name}: {', '.join(_port_keys(at, other))}")
         yield "\n".join(lines) + "\n"
     for (one, first), (two, second) in links:
         there, back = (one, first.tx, two, second.rx), (two, second.tx, one, first.rx)
@@ -318,8 +327,11 @@ def _line_tables(boards: Sequence[BoardDraft]) -> Iterator[str]:
             yield f'[[wires]]{_MARK}\nfrom = "{start}"\nto = "{end}"\n'
 
 
-def _port_pins(board: BoardDraft, port: SketchPort) -> tuple[str, str]:
-    return _pin(board, min(port.rx or (0,))), _pin(board, min(port.tx or (0,)))
+def _port_keys(board: BoardDraft, port: SketchPort) -> list[str]:
+    rx, tx = min(port.rx or (0,)), min(port.tx or (0,))
+    if (rx, tx) == board.facts.kind.bluetooth:
+        return ["bluetooth = true"]
+    return [f"rx = {_pin(board, rx)}", f"tx = {_pin(board, tx)}"]
 
 
 _Port = tuple[BoardDraft, SketchPort]
@@ -389,7 +401,8 @@ def _sensor_tables(board: BoardDraft, ranges: _Codes, others: _Codes) -> Iterato
     for pin in board.digital:
         yield row("line", others.line(), f"pin = {_pin(board, pin)}{_MARK} or a button: then no row")
     for pin in board.analog:
-        curve = "points = [[0, 1023], [1, 0]]  # ? [reading, count of analogRead]"
+        most = board.facts.kind.most_counts
+        curve = f"points = [[0, {most}], [1, 0]]  # ? [reading, count of analogRead]"
         yield row("analog", others.line(), f"pin = {_pin(board, pin)}", curve)
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from simmer_tui.run.events import WireMessage
 from simmer_tui.sketch.board_process import SILENT, BoardSilence
-from simmer_tui.sketch.boards import BOARDS, MEGA, BoardKind
+from simmer_tui.sketch.boards import BOARDS, ESP32, MEGA, BoardKind
 from simmer_tui.sketch.build import RUNTIME
 from simmer_tui.sketch.compiler import find_compiler
 from tests.sketch.rovers import MOTORS, ROVER, STOPPABLE, Boards, made_set
@@ -142,7 +142,10 @@ def test_silence_is_counted_while_the_simulator_runs() -> None:
     assert not any(silence.is_too_long(0.0, 9000.0 + count) for count in range(30))
 
 
-@pytest.mark.parametrize("kind", BOARDS.values(), ids=BOARDS.keys())
+_AVR = [each for each in BOARDS.values() if each is not ESP32]
+
+
+@pytest.mark.parametrize("kind", _AVR, ids=[each.name for each in _AVR])
 def test_the_runtime_has_the_pins_of_the_boards(kind: BoardKind) -> None:
     text = (RUNTIME / "core" / "boards.h").read_text("utf-8")
     symbols = {kind.macro, "SIMMER_MEGA"} if kind is MEGA else {kind.macro}
@@ -175,3 +178,19 @@ def test_the_runtime_has_the_pins_of_the_boards(kind: BoardKind) -> None:
         )
     }
     assert {name: ports[name] for name in kind.serial} == kind.serial
+
+
+def test_the_runtime_has_the_pins_of_an_esp32() -> None:
+    text = (RUNTIME / "core" / "esp32_pins.h").read_text("utf-8")
+    numbers = {name: int(number) for name, number in re.findall(r"(\w+) = (\d+)", text)}
+    assert {name: numbers[name] for name in numbers if re.fullmatch(r"A\d+", name)} == ESP32.analog_names
+    assert (numbers["SDA"], numbers["SCL"]) == ESP32.i2c
+    assert (numbers["BLUETOOTH_RX"], numbers["BLUETOOTH_TX"]) == ESP32.bluetooth
+    assert numbers["DIGITAL_PINS"] == ESP32.pins
+    assert f"#define LED_BUILTIN {ESP32.led}\n" in text
+    found = re.search(
+        r"Serial\((\d+), (\d+)\), Serial1\((\d+), (\d+)\), Serial2\((\d+), (\d+)\);",
+        (RUNTIME / "board" / "port.cpp").read_text("utf-8"),
+    )
+    assert found
+    assert [int(each) for each in found.groups()] == [pin for pair in ESP32.serial.values() for pin in pair]

@@ -9,7 +9,9 @@ import pytest
 from simmer_tui.sketch.build import RUNTIME, libraries
 from tests.test_docs import DOCS
 
-PAGE = "".join((DOCS / f"sketch-{name}.md").read_text("utf-8") for name in ("calls", "parts"))
+PAGE = "".join(
+    (DOCS / f"sketch-{name}.md").read_text("utf-8") for name in ("calls", "parts", "esp32-freertos")
+)
 CLOCK = (RUNTIME / "board" / "clock.h").read_text("utf-8")
 
 
@@ -46,6 +48,11 @@ def cost(name: str) -> float:
         ("| {} us and `micros` a look; {} us to plan a step", ("STEPPER_LOOK", "STEPPER_PLAN")),
         ("| {} us for a sample of `Compute` |", ("PID_COMPUTE",)),
         ("| {} us a transfer: 1.2 ms a character", ("DISPLAY_TRANSFER",)),
+        ("| a tick | {} us |", ("TICK",)),
+        ("| a switch to another task | {} us |", ("TASK_SWITCH",)),
+        ("| a call of a task, queue, semaphore, timer or group | {} us |", ("TASK_CALL",)),
+        ("semaphore, timer or group | {} us |\n| `xTask", ("TASK_CREATE",)),
+        ("| `xTaskGetTickCount`, `uxQueueMessagesWaiting` | {} us |", ("MILLIS",)),
         ("A byte on the bus takes {} us at 100 kHz, and {} us at 400 kHz", ("I2C_BYTE", "I2C_FAST_BYTE")),
     ],
 )

@@ -122,7 +122,13 @@ def test_counts_lie_on_lines_between_the_points() -> None:
         pin=14,
         points=((0.0, 100.0), (1.0, 900.0)),
     )
-    assert [analog_counts(sensor, each) for each in (-1.0, 0.0, 0.25, 1.0, 5.0)] == [100, 100, 300, 900, 900]
+    assert [analog_counts(sensor, each, 1023) for each in (-1.0, 0.0, 0.25, 1.0, 5.0)] == [
+        100,
+        100,
+        300,
+        900,
+        900,
+    ]
 
 
 def test_bytes_arrive_wrong_at_another_rate() -> None:

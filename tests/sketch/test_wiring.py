@@ -117,13 +117,13 @@ def test_a_wiring_is_read_with_numbers_of_pins(parts: WiringParts) -> None:
     [
         (
             'board = "uno"',
-            'board = "esp32"',
-            'wiring.toml:3:boards.sensor.board: "esp32" cannot be simulated; uno, nano and mega can',
+            'board = "esp8266"',
+            'wiring.toml:3:boards.sensor.board: "esp8266" cannot be simulated; uno, nano, mega and esp32 can',
         ),
         (
             'board = "uno"',
             'board = "unno"',
-            'must be "uno", "nano" or "mega", not "unno"; did you mean "uno"?',
+            'must be "uno", "nano", "mega" or "esp32", not "unno"; did you mean "uno"?',
         ),
         (
             'board = "sensor"\nrx',

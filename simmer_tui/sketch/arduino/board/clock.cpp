@@ -3,6 +3,7 @@
 #include "exchange.h"
 #include "i2c.h"
 #include "interrupts.h"
+#include "tasks.h"
 
 namespace board {
 
@@ -10,6 +11,10 @@ Nanoseconds now = 0;
 Nanoseconds boot = 0;
 Nanoseconds waited = 0;
 Nanoseconds next_stop = NEVER;  // before main() nothing is due: constructors of globals take no time
+
+#if defined(SIMMER_ESP32)
+unsigned int halving = 0;
+#endif
 
 Wait waiting, last_wait;
 
@@ -37,6 +42,7 @@ void plan_stop() {
   next_stop = horizon < next_event() ? horizon : next_event();
   if (next_interrupt() < next_stop) next_stop = next_interrupt();
   if (next_part() < next_stop) next_stop = next_part();
+  if (next_task_stop() < next_stop) next_stop = next_task_stop();
 }
 
 void service() {
@@ -52,19 +58,21 @@ void service() {
       pass(duration);
       continue;
     }
-    if (!interrupt_waits()) break;
-    run_interrupt();
+    if (interrupt_waits())
+      run_interrupt();
+    else if (!run_tasks())
+      break;
   }
   plan_stop();
 }
 
 void pass(Nanoseconds duration) {
-  Nanoseconds end = now + duration;
+  Nanoseconds end = now + (duration >> halving);
   while (next_stop <= end) {
     if (next_stop > now) now = next_stop;
     const Nanoseconds before = now;
     service();
-    end += now - before;  // only interrupts take time in there
+    end += now - before;  // only interrupts and other tasks take time in there
   }
   now = end;
 }

@@ -12,39 +12,55 @@ constexpr Nanoseconds NEVER = ~0ull;
 constexpr Nanoseconds MICROSECOND = 1000, MILLISECOND = 1000000, SECOND = 1000000000;
 
 // Costs on an AVR at 16 MHz, as tests/sketch/test_against_simavr.py compares them with a cycle-true core.
+// Those of an ESP32 are a tenth; waits of a bus and of memory are the same.
+#if defined(SIMMER_ESP32)
+constexpr Nanoseconds TIMES_AN_AVR = 10;
+#else
+constexpr Nanoseconds TIMES_AN_AVR = 1;
+#endif
+struct Cost {
+  Nanoseconds value;
+  constexpr Cost(Nanoseconds on_avr) : value(on_avr / TIMES_AN_AVR) {}
+  constexpr operator Nanoseconds() const { return value; }
+};
 namespace cost {
-constexpr Nanoseconds BLOCK = 500;
-constexpr Nanoseconds DIGITAL = 4000;
-constexpr Nanoseconds PIN_MODE = 4000;
-constexpr Nanoseconds ANALOG_WRITE = 6000;
-constexpr Nanoseconds ANALOG_READ = 112000;
-constexpr Nanoseconds MILLIS = 2000;
-constexpr Nanoseconds MICROS = 3500;
-constexpr Nanoseconds SERIAL_LOOK = 1500;
+constexpr Cost BLOCK = 500;
+constexpr Cost DIGITAL = 4000;
+constexpr Cost PIN_MODE = 4000;
+constexpr Cost ANALOG_WRITE = 6000;
+constexpr Cost ANALOG_READ = 112000;
+constexpr Cost MILLIS = 2000;
+constexpr Cost MICROS = 3500;
+constexpr Cost SERIAL_LOOK = 1500;
 // A byte into the queue, and later the interrupt that puts it on the line: 39.6 us for the five of a text.
-constexpr Nanoseconds SERIAL_WRITE = 8000;
+constexpr Cost SERIAL_WRITE = 8000;
 // The interrupt that takes a byte off the line.
-constexpr Nanoseconds SERIAL_RECEIVE = 5000;
+constexpr Cost SERIAL_RECEIVE = 5000;
 // print() of a number divides 32 bits for each digit: 56 us for 1, 241 for 12345, with the writes.
-constexpr Nanoseconds PRINT_NUMBER = 10000, PRINT_DIGIT = 37000;
+constexpr Cost PRINT_NUMBER = 10000, PRINT_DIGIT = 37000;
 // A float's sign and rounding, and a multiplication and two conversions for each decimal: 375 us for 42.57.
-constexpr Nanoseconds PRINT_FLOAT = 40000, PRINT_DECIMAL = 55000;
-constexpr Nanoseconds INTERRUPT_ENTRY = 5000;
-constexpr Nanoseconds INTERRUPT_EXIT = 2500;
-constexpr Nanoseconds LOOP = 500;
-constexpr Nanoseconds SERVO_WRITE = 8000;
-constexpr Nanoseconds TONE = 10000;
+constexpr Cost PRINT_FLOAT = 40000, PRINT_DECIMAL = 55000;
+constexpr Cost INTERRUPT_ENTRY = 5000;
+constexpr Cost INTERRUPT_EXIT = 2500;
+constexpr Cost LOOP = 500;
+constexpr Cost SERVO_WRITE = 8000;
+constexpr Cost TONE = 10000;
 // AccelStepper's documentation names 4,000 steps a second as the most of run() at 16 MHz: 250 us, of which the pins and
 // the clock take 35. A look at the clock compares numbers of 32 bits and floats.
-constexpr Nanoseconds STEPPER_LOOK = 4000, STEPPER_PLAN = 210000;
+constexpr Cost STEPPER_LOOK = 4000, STEPPER_PLAN = 210000;
 // Ten operations of floats, of 10 to 30 us each.
-constexpr Nanoseconds PID_COMPUTE = 150000;
+constexpr Cost PID_COMPUTE = 150000;
 // A display on I2C at 100 kHz: its address and a byte for the port expander, of 95 us each.
 constexpr Nanoseconds DISPLAY_TRANSFER = 190000;
 // A byte of EEPROM takes 3.3 ms to write (ATmega328P, table 8-1).
 constexpr Nanoseconds EEPROM_READ = 1000, EEPROM_WRITE = 3300000;
 // A byte on the bus of Wire, with its acknowledge, at 100 and at 400 kHz.
 constexpr Nanoseconds I2C_BYTE = 95000, I2C_FAST_BYTE = 22500;
+// FreeRTOS. A switch saves 34 registers and loads 34 others, of two cycles each: 9 us, and looks for the next task. The
+// tick does so too, and counts.
+constexpr Cost TASK_SWITCH = 15000, TICK = 15000;
+// A call, with its critical sections and the copy of an item; a new task, whose stack is filled.
+constexpr Cost TASK_CALL = 20000, TASK_CREATE = 100000;
 }  // namespace cost
 
 extern Nanoseconds now;
@@ -52,9 +68,9 @@ extern Nanoseconds boot;       // the time of the last reset: millis() counts fr
 extern Nanoseconds waited;     // time spent in delay()
 extern Nanoseconds next_stop;  // the earliest time at which something is due
 
-// A call in which the sketch waits: delay(), pulseIn(), a read with a timeout, or a stepper's movement. Calls within it
-// do not count.
-enum class Waits : uint8_t { Not = 0, InDelay = 1, InPulse = 2, InRead = 3, InSteps = 4 };
+// A call in which the sketch waits: delay(), pulseIn(), a read with a timeout, a stepper's movement, or vTaskDelay().
+// Calls within it do not count.
+enum class Waits : uint8_t { Not = 0, InDelay = 1, InPulse = 2, InRead = 3, InSteps = 4, InTask = 5 };
 struct Wait {
   Waits kind = Waits::Not;
   uint32_t place = 0;  // address of the call, or of the basic block that has it
@@ -75,6 +91,13 @@ class WaitScope {
  private:
   bool is_outermost_;
 };
+
+// While both cores of an ESP32 work, each does its own in a time of half as much (see tasks.h): 1, else 0.
+#if defined(SIMMER_ESP32)
+extern unsigned int halving;
+#else
+constexpr unsigned int halving = 0;
+#endif
 
 // An interrupt of the core takes time from the sketch, as soon as what is due now has been applied.
 void take_time(Nanoseconds duration);

@@ -39,7 +39,7 @@ size_t Display::write(uint8_t value) {
 
 void Display::clear() {
   command(0x01);
-  pass(CLEARING);
+  pass_until(now + CLEARING);
   line_ = column_ = shift_ = 0;
   in_glyphs_ = false;
   step_ = 1;
@@ -48,7 +48,7 @@ void Display::clear() {
 
 void Display::home() {
   command(0x02);
-  pass(CLEARING);
+  pass_until(now + CLEARING);
   line_ = column_ = 0;
   in_glyphs_ = false;
   shift(-shift_);

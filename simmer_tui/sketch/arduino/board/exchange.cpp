@@ -14,6 +14,7 @@
 
 #include "pins.h"
 #include "port.h"
+#include "tasks.h"
 
 namespace board {
 
@@ -113,6 +114,8 @@ void open_channel() {
 
 void send_told(Reason reason, Query query, int pin) {
   const size_t count = told_count;
+  const Wait& wait = shown_wait();
+  const uint32_t tasks = static_cast<uint32_t>(running_task().number << 16 | waiting_task() << 8);
   told.request = {now,
                   static_cast<uint8_t>(reason),
                   static_cast<uint8_t>(query),
@@ -120,9 +123,9 @@ void send_told(Reason reason, Query query, int pin) {
                   pin,
                   static_cast<uint32_t>(waited / MILLISECOND),
                   place,
-                  waiting.begin,
-                  waiting.place,
-                  static_cast<uint32_t>(waiting.kind)};
+                  wait.begin,
+                  wait.place,
+                  static_cast<uint32_t>(wait.kind) | tasks};
   told_count = 0;
   send(&told, sizeof(Request) + count * sizeof(Record));
 }
@@ -156,7 +159,7 @@ double exchange(Reason reason, Query query, int pin) {
 }
 
 void tell(Told kind, int pin, int value, Nanoseconds time) {
-  told.records[told_count] = {time, static_cast<uint8_t>(kind), static_cast<uint8_t>(pin), 0, value};
+  told.records[told_count] = {time, static_cast<uint8_t>(kind), static_cast<uint8_t>(pin), running_task().number, value};
   if (++told_count >= MOST_TOLD) exchange(Reason::Full);
 }
 

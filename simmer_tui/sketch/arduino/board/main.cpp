@@ -15,19 +15,24 @@
 #include "exchange.h"
 #include "i2c.h"
 #include "pins.h"
+#include "tasks.h"
 
 __attribute__((weak)) void serialEvent();
-#if defined(SIMMER_MEGA)
+#if defined(SIMMER_MEGA) || defined(SIMMER_ESP32)
 __attribute__((weak)) void serialEvent1();
 __attribute__((weak)) void serialEvent2();
+#endif
+#if defined(SIMMER_MEGA)
 __attribute__((weak)) void serialEvent3();
 #endif
 
 void serialEventRun() {
   if (serialEvent && Serial.available()) serialEvent();
-#if defined(SIMMER_MEGA)
+#if defined(SIMMER_MEGA) || defined(SIMMER_ESP32)
   if (serialEvent1 && Serial1.available()) serialEvent1();
   if (serialEvent2 && Serial2.available()) serialEvent2();
+#endif
+#if defined(SIMMER_MEGA)
   if (serialEvent3 && Serial3.available()) serialEvent3();
 #endif
 }
@@ -37,7 +42,7 @@ extern "C" void __sanitizer_cov_trace_pc() {
   using namespace board;
   place = CALLED_AT;
   if (now + cost::BLOCK < next_stop)
-    now += cost::BLOCK;
+    now += cost::BLOCK >> halving;
   else if (next_stop != NEVER)
     pass(cost::BLOCK);
 }
@@ -93,6 +98,21 @@ void listen_for_death(int number) { std::signal(number, died); }
 // A sketch that calls exit(): the board has no system to go back to.
 void left() { report_death(0, 0); }
 
+constexpr int TASK_RETURNED = 200;  // beyond the signals of all systems
+
+void run_loop() {
+  if (sketch_start.loop) sketch_start.loop();
+  board::pass(board::cost::LOOP);
+  serialEventRun();
+}
+
+#if defined(SIMMER_ESP32)
+void run_sketch(void*) {
+  sketch_start.setup();
+  for (;;) run_loop();
+}
+#endif
+
 // "--drives 5,6,7": the pins of a list, each passed to a function.
 void for_pins(const char* list, void (*mark)(int)) {
   for (const char* at = list; *at;) {
@@ -102,6 +122,9 @@ void for_pins(const char* list, void (*mark)(int)) {
   }
 }
 }  // namespace
+
+void board::report_return() { report_death(TASK_RETURNED, 0); }
+void board::start_scheduler() { start_tasks(run_loop); }
 
 int main(int count, char** arguments) {
   for (int number : {SIGSEGV, SIGFPE, SIGILL, SIGABRT}) listen_for_death(number);
@@ -127,10 +150,12 @@ int main(int count, char** arguments) {
     noInterrupts();
     for (;;) board::pass(board::MILLISECOND);
   }
+#if defined(SIMMER_ESP32)
+  board::create_task(run_sketch, "", nullptr, 1, 1);
+  board::start_tasks(board::wait_for_tick);
+#endif
   sketch_start.setup();
-  for (;;) {
-    sketch_start.loop();
-    board::pass(board::cost::LOOP);
-    serialEventRun();
-  }
+  // A sketch with FreeRTOS has its loop() in the idle task.
+  if (board::uses_tasks()) board::start_tasks(run_loop);
+  for (;;) run_loop();
 }

@@ -4,16 +4,22 @@
 #include "exchange.h"
 #include "i2c.h"
 #include "interrupts.h"
+#include "tasks.h"
 
 namespace board {
 
 namespace {
 struct Pin {
   uint8_t mode, level;  // `level` is the output's
-  int16_t duty;         // 1 to 254, or 0 without PWM
+  int32_t duty;         // 1 up to the most, or 0 without PWM
   int8_t outside;       // the world's level; -1 where nothing is connected
   bool drives, triggers, asked, steps;
 };
+#if defined(SIMMER_ESP32)
+constexpr Told DUTY = Told::FineDuty;
+#else
+constexpr Told DUTY = Told::Duty;
+#endif
 Pin pins[PINS];
 bool prepared = false;
 
@@ -30,14 +36,14 @@ bool set_output(int number, Pin& pin, int level, int duty) {
   if (pin.level == level && pin.duty == duty) return false;
   const bool falls = pin.level == 1 && level == 0 && pin.duty == 0;
   pin.level = static_cast<uint8_t>(level);
-  pin.duty = static_cast<int16_t>(duty);
+  pin.duty = duty;
   if (pin.mode != OUTPUT) return false;  // the pull-up of an input drives nothing
   parts_see_pin(number, level || duty);
   if (pin.steps && !duty) {
     if (!level) return true;  // the fall of a step does nothing
     tell(Told::Step, number, static_cast<int>(place));
   } else if (duty)
-    tell(Told::Duty, number, duty);
+    tell(DUTY, number, duty);
   else
     tell(Told::Level, number, level);
   if (pin.triggers && falls)
@@ -76,6 +82,9 @@ void pinMode(int number, int mode) {
   pass(cost::PIN_MODE);
   Pin* pin = pin_of(number);
   // As the core: what is neither of the inputs is an output, such as the 7 of pinMode(OUTPUT, 7).
+#if defined(SIMMER_ESP32)
+  if (mode == INPUT_PULLDOWN || !digitalPinCanOutput(number)) mode = INPUT;
+#endif
   if (mode != INPUT && mode != INPUT_PULLUP) mode = OUTPUT;
   if (!pin || pin->mode == mode) return;
   pin->mode = static_cast<uint8_t>(mode);
@@ -104,7 +113,9 @@ int digitalRead(int number) {
   return pin->mode == OUTPUT ? pin->level : input_level(number);
 }
 
-void analogWrite(int number, int value) {
+namespace {
+// A duty at a pin, of 8 bits or of more.
+void write_duty(int number, int value, int most) {
   pass(cost::ANALOG_WRITE);
   Pin* pin = pin_of(number);
   if (!pin) return;
@@ -117,24 +128,121 @@ void analogWrite(int number, int value) {
     parts_see_pin(number, pin->level);
   }
   // The compare register has 8 bits: 256 is 0, -1 is 255.
-  const int duty = value & 255;
+  const int duty = value & most;
   bool told = false;
   if (value == 0)
     told = set_output(number, *pin, 0, 0);
-  else if (value == 255)
+  else if (value == most)
     told = set_output(number, *pin, 1, 0);
   else if (digitalPinHasPWM(number))
-    told = set_output(number, *pin, duty == 255, duty == 255 ? 0 : duty);
+    told = set_output(number, *pin, duty == most, duty == most ? 0 : duty);
   else
-    told = set_output(number, *pin, value >= 128, 0);  // no timer: the core writes a level
+    told = set_output(number, *pin, value > most / 2, 0);  // no timer: the core writes a level
   if (was_input && !told && pin->drives) exchange(Reason::Output);
 }
+}  // namespace
+
+#if !defined(SIMMER_ESP32)
+void analogWrite(int number, int value) { write_duty(number, value, 255); }
+#else
+namespace {
+constexpr int CHANNELS = 16, MOST_BITS = 16, FINEST = 65535;
+struct Channel {
+  int bits = 8;
+  unsigned int duty = 0;
+};
+Channel channels[CHANNELS];
+Channel own_channels[DIGITAL_PINS];  // of pins that have no number of a channel
+int8_t channel_of_pin[DIGITAL_PINS]; // 1 up; 0 without one
+bool is_attached[DIGITAL_PINS];      // by ledcAttach() or analogWrite()
+int analog_bits = 8;
+
+bool is_pin(int pin) { return pin >= 0 && pin < DIGITAL_PINS; }
+
+// The duty as a share of 65,535. All ones are HIGH, as in the core.
+void write_channel(int pin, const Channel& channel) {
+  if (!digitalPinCanOutput(pin)) return;
+  const unsigned int most = (1u << channel.bits) - 1;
+  const unsigned int duty = channel.duty < most ? channel.duty : most;
+  write_duty(pin, static_cast<int>(static_cast<uint64_t>(duty) * FINEST / most), FINEST);
+}
+}  // namespace
+
+double ledcSetup(int channel, unsigned int frequency, int bits) {
+  pass(cost::PIN_MODE);
+  if (channel < 0 || channel >= CHANNELS) return 0;
+  channels[channel].bits = constrain(bits, 1, MOST_BITS);
+  return frequency;
+}
+void ledcAttachPin(int pin, int channel) {
+  if (!is_pin(pin) || channel < 0 || channel >= CHANNELS) return;
+  channel_of_pin[pin] = static_cast<int8_t>(channel + 1);
+  write_channel(pin, channels[channel]);
+}
+void ledcDetachPin(int pin) {
+  if (!is_pin(pin)) return;
+  channel_of_pin[pin] = 0;
+  is_attached[pin] = false;
+  write_duty(pin, 0, FINEST);
+}
+bool ledcAttach(int pin, unsigned int, int bits) {
+  if (!is_pin(pin)) return false;
+  is_attached[pin] = true;
+  own_channels[pin].bits = constrain(bits, 1, MOST_BITS);
+  own_channels[pin].duty = 0;
+  write_channel(pin, own_channels[pin]);
+  return true;
+}
+bool ledcAttachChannel(int pin, unsigned int frequency, int bits, int) { return ledcAttach(pin, frequency, bits); }
+bool ledcDetach(int pin) {
+  ledcDetachPin(pin);
+  return is_pin(pin);
+}
+bool ledcWrite(int number, unsigned int duty) {
+  if (is_pin(number) && is_attached[number]) {
+    own_channels[number].duty = duty;
+    write_channel(number, own_channels[number]);
+    return true;
+  }
+  if (number < 0 || number >= CHANNELS) return false;
+  channels[number].duty = duty;
+  for (int pin = 0; pin < DIGITAL_PINS; ++pin)
+    if (channel_of_pin[pin] == number + 1) write_channel(pin, channels[number]);
+  return true;
+}
+unsigned int ledcRead(int number) {
+  if (is_pin(number) && is_attached[number]) return own_channels[number].duty;
+  return number >= 0 && number < CHANNELS ? channels[number].duty : 0;
+}
+void analogWriteResolution(int bits) { analog_bits = constrain(bits, 1, MOST_BITS); }
+void analogWriteResolution(int pin, int bits) {
+  if (is_pin(pin)) own_channels[pin].bits = constrain(bits, 1, MOST_BITS);
+}
+void analogWriteFrequency(unsigned int) {}
+void analogWriteFrequency(int, unsigned int) {}
+void analogWrite(int pin, int value) {
+  if (!is_pin(pin)) return;
+  if (!is_attached[pin]) ledcAttach(pin, 1000, analog_bits);
+  ledcWrite(pin, value < 0 ? 0 : static_cast<unsigned int>(value));
+}
+#endif
+
+#if defined(SIMMER_ESP32)
+namespace {
+int read_bits = 12;
+}
+void analogReadResolution(int bits) { read_bits = constrain(bits, 1, 12); }
+#endif
 
 int analogRead(int number) {
   const int pin = number < FIRST_ANALOG ? number + FIRST_ANALOG : number;
   const double value = exchange(Reason::Query, Query::Analog, pin);
   pass(cost::ANALOG_READ);
+#if defined(SIMMER_ESP32)
+  return static_cast<int>(value) >> (12 - read_bits);
+#else
   return static_cast<int>(value);
+#endif
 }
 
 void analogReference(int) {}
@@ -161,7 +269,7 @@ void attachInterrupt(int number, void (*function)(), int mode) { attach(interrup
 void detachInterrupt(int number) { attach(interrupt_pin(number), nullptr, 0); }
 void interrupts() {
   set_interrupts(true);
-  if (interrupt_waits()) service();
+  if (interrupt_waits() || next_task_stop() <= now) service();
 }
 void noInterrupts() { set_interrupts(false); }
 void sei() { interrupts(); }

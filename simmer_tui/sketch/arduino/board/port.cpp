@@ -6,7 +6,6 @@
 namespace board {
 
 namespace {
-constexpr unsigned int QUEUE = 64;   // SERIAL_RX_BUFFER_SIZE; one place stays free
 constexpr unsigned int FASTEST = 2000000;  // the clock's 16 MHz by 8 (ATmega328P, 19.3.1)
 constexpr int MOST_PORTS = 16;
 constexpr unsigned int BITS = 10;    // start, eight, stop
@@ -130,7 +129,11 @@ void HardwareSerial::flush() {
   if (free_ > now) pass_until(free_);
 }
 
+#if defined(SIMMER_ESP32)
+HardwareSerial Serial(3, 1), Serial1(9, 10), Serial2(16, 17);
+#else
 HardwareSerial Serial(0, 1);
+#endif
 #if defined(SIMMER_MEGA)
 HardwareSerial Serial1(19, 18), Serial2(17, 16), Serial3(15, 14);
 #endif

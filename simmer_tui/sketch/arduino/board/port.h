@@ -5,6 +5,13 @@
 
 namespace board {
 
+// SERIAL_RX_BUFFER_SIZE; one place stays free.
+#if defined(SIMMER_ESP32)
+constexpr unsigned int QUEUE = 256;
+#else
+constexpr unsigned int QUEUE = 64;
+#endif
+
 class Port : public Stream {
  public:
   Port(int rx, int tx);
@@ -43,7 +50,7 @@ class Port : public Stream {
     Nanoseconds time;
   };
   void note_late(const Received& byte);
-  Received queue_[64];
+  Received queue_[QUEUE];
   Nanoseconds told_late_ = 0;
   unsigned int head_ = 0, tail_ = 0;
 };

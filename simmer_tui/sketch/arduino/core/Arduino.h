@@ -59,6 +59,32 @@ void tone(int pin, unsigned int frequency, unsigned int duration = 0);
 void noTone(int pin);
 // Does nothing, unless the sketch has its own.
 void yield();
+#if defined(SIMMER_ESP32)
+// Where code and data are makes no difference.
+#define IRAM_ATTR
+#define ICACHE_RAM_ATTR
+#define DRAM_ATTR
+#define RTC_DATA_ATTR
+#define CONFIG_BT_ENABLED 1
+#define CONFIG_BLUEDROID_ENABLED 1
+#define CONFIG_BT_SPP_ENABLED 1
+// PWM on any output, with 1 to 16 bits: by a channel (core 2), or by its pin (core 3).
+double ledcSetup(int channel, unsigned int frequency, int bits);
+void ledcAttachPin(int pin, int channel);
+void ledcDetachPin(int pin);
+bool ledcAttach(int pin, unsigned int frequency, int bits);
+bool ledcAttachChannel(int pin, unsigned int frequency, int bits, int channel);
+bool ledcDetach(int pin);
+bool ledcWrite(int channel_or_pin, unsigned int duty);
+unsigned int ledcRead(int channel_or_pin);
+void analogWriteResolution(int bits);
+void analogWriteResolution(int pin, int bits);
+void analogWriteFrequency(unsigned int frequency);
+void analogWriteFrequency(int pin, unsigned int frequency);
+void analogReadResolution(int bits);
+int64_t esp_timer_get_time();
+uint32_t esp_random();
+#endif
 
 // -- interrupts --------------------------------------------------------------------------------------
 
@@ -98,7 +124,11 @@ inline double square(double value) { return value * value; }
 #define lowByte(w) ((uint8_t)((w) & 0xff))
 #define highByte(w) ((uint8_t)((w) >> 8))
 
+#if defined(SIMMER_ESP32)
+#define F_CPU 240000000UL
+#else
 #define F_CPU 16000000UL
+#endif
 #define clockCyclesPerMicrosecond() (F_CPU / 1000000L)
 
 #include "Characters.h"
@@ -134,3 +164,8 @@ struct SketchStart {
   int16_t (*main)();
 };
 extern const SketchStart sketch_start;
+#if defined(SIMMER_ESP32)
+#include "../libraries/freertos/FreeRTOS.h"
+#include "../libraries/freertos/event_groups.h"
+#include "../libraries/freertos/semphr.h"
+#endif

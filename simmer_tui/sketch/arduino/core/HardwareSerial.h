@@ -6,7 +6,15 @@
 class HardwareSerial : public board::Port {
  public:
   HardwareSerial(int rx, int tx) : Port(rx, tx) {}
+#if defined(SIMMER_ESP32)
+  void begin(unsigned int baud, unsigned int = 0x06, int rx = -1, int tx = -1) {
+    set_pins(rx < 0 ? rx_ : rx, tx < 0 ? tx_ : tx);
+    open(baud);
+  }
+  bool setRxBufferSize(size_t) { return true; }
+#else
   void begin(unsigned int baud, unsigned char = 0x06) { open(baud); }
+#endif
   void end() { shut(); }
   int availableForWrite() override;
   void flush() override;
@@ -21,6 +29,8 @@ class HardwareSerial : public board::Port {
 extern HardwareSerial Serial;
 #if defined(SIMMER_MEGA)
 extern HardwareSerial Serial1, Serial2, Serial3;
+#elif defined(SIMMER_ESP32)
+extern HardwareSerial Serial1, Serial2;
 #endif
 // Calls serialEvent() of each port with bytes: after each loop(), and in a sketch that waits itself.
 void serialEventRun();

@@ -1,6 +1,7 @@
 #include "Print.h"
 
 #include <cmath>
+#include <cstdarg>
 #include <cstdio>
 #include <cstring>
 
@@ -42,23 +43,29 @@ size_t Print::print(unsigned int value, int base) {
 size_t Print::print(long value, int base) { return print(static_cast<int>(value), base); }
 size_t Print::print(unsigned long value, int base) { return print(static_cast<unsigned int>(value), base); }
 
+#if defined(SIMMER_ESP32)
+using Real = double;
+#else
+using Real = float;
+#endif
+
 size_t Print::print(double given, int digits) {
-  // The limits, and the rounding in 4 bytes, are those of the core's printFloat.
+  // The limits, and the rounding in 4 bytes of an AVR, are those of the core's printFloat.
   if (std::isnan(given)) return write("nan");
   if (std::isinf(given)) return write("inf");
   if (given > 4294967040.0 || given < -4294967040.0) return write("ovf");
   board::pass(board::cost::PRINT_FLOAT);
-  float number = static_cast<float>(given);
+  Real number = static_cast<Real>(given);
   size_t sent = 0;
   if (number < 0.0f) {
     sent += write(static_cast<uint8_t>('-'));
     number = -number;
   }
-  float rounding = 0.5f;
+  Real rounding = 0.5f;
   for (int digit = 0; digit < digits; ++digit) rounding /= 10.0f;
   number += rounding;
   const uint32_t whole = static_cast<uint32_t>(number);
-  float rest = number - static_cast<float>(whole);
+  Real rest = number - static_cast<Real>(whole);
   sent += print_natural(*this, whole, 10);
   if (digits > 0) sent += write(static_cast<uint8_t>('.'));
   while (digits-- > 0) {
@@ -66,9 +73,20 @@ size_t Print::print(double given, int digits) {
     rest *= 10.0f;
     const unsigned int digit = static_cast<unsigned int>(rest);
     sent += print_natural(*this, digit, 10);
-    rest -= static_cast<float>(digit);
+    rest -= static_cast<Real>(digit);
   }
   return sent;
 }
 
 size_t Print::println() { return write("\r\n"); }
+
+#if defined(SIMMER_ESP32)
+size_t Print::printf(const char* format, ...) {
+  char text[512];
+  va_list values;
+  va_start(values, format);
+  avr_vsnprintf(text, sizeof text, format, values);
+  va_end(values);
+  return write(text);
+}
+#endif

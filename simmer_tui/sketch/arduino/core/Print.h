@@ -53,6 +53,10 @@ class Print {
     return size + println();
   }
 
+#if defined(SIMMER_ESP32)
+  size_t printf(const char* format, ...);
+#endif
+
   int getWriteError() const { return error_; }
   void clearWriteError() { error_ = 0; }
 

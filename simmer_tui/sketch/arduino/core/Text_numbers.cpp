@@ -37,6 +37,17 @@ char* dtostrf(double value, signed char width, unsigned char digits, char* text)
   return text;
 }
 
+namespace {
+// The width of an int.
+#if defined(SIMMER_ESP32)
+int narrowed(int value) { return value; }
+unsigned narrowed(unsigned value) { return value; }
+#else
+int narrowed(int value) { return static_cast<int16_t>(value); }
+unsigned narrowed(unsigned value) { return static_cast<uint16_t>(value); }
+#endif
+}  // namespace
+
 int avr_vsnprintf(char* text, size_t size, const char* format, va_list values) {
   size_t length = 0;
   const auto put = [&](const char* piece) {
@@ -70,11 +81,11 @@ int avr_vsnprintf(char* text, size_t size, const char* format, va_list values) {
       put("%");
     } else if (std::strchr("di", kind) && kind) {
       const int value = va_arg(values, int);
-      std::snprintf(piece, sizeof piece, directive, longs ? value : static_cast<int16_t>(value));
+      std::snprintf(piece, sizeof piece, directive, longs ? value : narrowed(value));
       put(piece);
     } else if (std::strchr("uxXo", kind) && kind) {
       const unsigned value = va_arg(values, unsigned);
-      std::snprintf(piece, sizeof piece, directive, longs ? value : static_cast<uint16_t>(value));
+      std::snprintf(piece, sizeof piece, directive, longs ? value : narrowed(value));
       put(piece);
     } else if (kind == 'c') {
       std::snprintf(piece, sizeof piece, directive, va_arg(values, int));
@@ -92,8 +103,14 @@ int avr_vsnprintf(char* text, size_t size, const char* format, va_list values) {
       std::snprintf(piece, sizeof piece, "%p", va_arg(values, void*));
       put(piece);
     } else if (std::strchr("eEfFgG", kind) && kind) {
-      (void)va_arg(values, double);
-      put("?");
+      const double value = va_arg(values, double);
+#if defined(SIMMER_ESP32)
+      std::snprintf(piece, sizeof piece, directive, value);
+      put(piece);
+#else
+      (void)value;
+      put("?");  // as avr-libc's usual printf
+#endif
     }
   }
   if (size) text[length < size ? length : size - 1] = 0;

@@ -1,6 +1,9 @@
 // Pins of each board: analog names, PWM, interrupts, and the pins of its serial ports.
 #pragma once
 
+#if defined(SIMMER_ESP32)
+#include "esp32_pins.h"
+#else
 #if defined(SIMMER_MEGA)
 constexpr int FIRST_ANALOG = 54, ANALOG_PINS = 16, DIGITAL_PINS = 70, EEPROM_SIZE = 4096;
 constexpr int INTERRUPT_PINS[] = {2, 3, 21, 20, 19, 18};
@@ -44,3 +47,4 @@ inline int interrupt_pin(int number) {
   constexpr int COUNT = sizeof INTERRUPT_PINS / sizeof INTERRUPT_PINS[0];
   return number >= 0 && number < COUNT ? INTERRUPT_PINS[number] : -1;
 }
+#endif

@@ -7,6 +7,9 @@
 #define INPUT 0x0
 #define OUTPUT 0x1
 #define INPUT_PULLUP 0x2
+#if defined(SIMMER_ESP32)
+#define INPUT_PULLDOWN 0x9
+#endif
 
 #define CHANGE 1
 #define FALLING 2

@@ -1,5 +1,7 @@
 // Time and waits, and what is left of the core.
 #include "../board/clock.h"
+#include "../board/interrupts.h"
+#include "../board/tasks.h"
 #include "Arduino.h"
 
 using namespace board;
@@ -11,16 +13,39 @@ unsigned int millis() {
 
 unsigned int micros() {
   pass(cost::MICROS);
+#if defined(SIMMER_ESP32)
+  return static_cast<unsigned int>((now - boot) / MICROSECOND);
+#else
   return static_cast<unsigned int>((now - boot) / (4 * MICROSECOND) * 4);  // timer 0 counts every 4 us
+#endif
 }
 
 void delay(unsigned int milliseconds) {
   const WaitScope scope(Waits::InDelay, CALLED_AT);
   const Nanoseconds begin = now;
+#if defined(SIMMER_ESP32)
+  // vTaskDelay(): other tasks run.
+  if (interrupts_on() && !is_idle()) {
+    if (milliseconds)
+      block(nullptr, tick_count() + milliseconds);
+    else
+      yield_task();
+    return;
+  }
+#endif
   pass_until(begin + milliseconds * MILLISECOND);
   waited += now - begin;
 }
+#if defined(SIMMER_ESP32)
+void delayMicroseconds(unsigned int microseconds) { pass_until(now + microseconds * MICROSECOND); }
+int64_t esp_timer_get_time() {
+  pass(cost::MICROS);
+  return static_cast<int64_t>((now - boot) / MICROSECOND);
+}
+uint32_t esp_random() { return static_cast<uint32_t>(random(1 << 16)) << 16 | static_cast<uint32_t>(random(1 << 16)); }
+#else
 void delayMicroseconds(unsigned int microseconds) { pass(microseconds * MICROSECOND); }
+#endif
 
 void tone(int, unsigned int, unsigned int) { pass(cost::TONE); }
 void noTone(int) { pass(cost::TONE); }

@@ -3,6 +3,9 @@
 
 class Servo {
  public:
+#if defined(SIMMER_ESP32)
+  void setPeriodHertz(int) {}
+#endif
   unsigned char attach(int pin, int shortest = 544, int longest = 2400);
   void detach();
   void write(int value);               // degrees, or microseconds from 544 on

@@ -9,6 +9,13 @@
 class TwoWire : public Stream {
  public:
   void begin();
+#if defined(SIMMER_ESP32)
+  bool begin(int, int, uint32_t hertz = 0) {  // its pins are any two: the parts of the wiring are at them
+    begin();
+    if (hertz) setClock(hertz);
+    return true;
+  }
+#endif
   void end();
   void setClock(uint32_t hertz);
 

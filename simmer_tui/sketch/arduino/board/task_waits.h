@@ -1,0 +1,32 @@
+// Waits of a task for something that others give, with a limit in ticks.
+#pragma once
+#include "interrupts.h"
+#include "tasks.h"
+#include "../libraries/freertos/FreeRTOS.h"
+
+namespace board {
+
+inline uint64_t wake_tick(TickType_t ticks) { return ticks == portMAX_DELAY ? NEVER : tick_count() + ticks; }
+
+// Attempt something until it is done. In an interrupt's function, nobody can wait.
+template <class Attempt>
+bool wait_for(const void* key, TickType_t ticks, Attempt attempt) {
+  const uint64_t end = wake_tick(ticks);
+  for (;;) {
+    if (attempt()) return true;
+    if (tick_count() >= end || !interrupts_on()) return false;
+    block(key, end);
+  }
+}
+
+// Something was given, by a task: one that waits for it runs at once, if it is more urgent.
+inline void pass_on(const void* key) {
+  if (wake_first(key)) ask_for_switch();
+}
+
+// The same by an interrupt's function: it says itself when a task shall run, or the next tick does.
+inline void pass_on_from_isr(const void* key, BaseType_t* is_woken) {
+  if (wake_first(key) && is_woken) *is_woken = pdTRUE;
+}
+
+}  // namespace board

@@ -1,0 +1,306 @@
+// FreeRTOS: queues, semaphores, mutexes, and groups of events.
+#include <algorithm>
+#include <cstring>
+#include <vector>
+
+#include "../../board/clock.h"
+#include "../../board/tasks.h"
+#include "event_groups.h"
+#include "semphr.h"
+#include "../../board/task_waits.h"
+
+namespace board {
+
+struct Queue {
+  unsigned int length, item_size, count = 0, first = 0;
+  std::vector<uint8_t> items;
+  bool is_mutex = false;
+  Task* holder = nullptr;    // of a mutex
+  unsigned int depth = 0;    // of a recursive one
+  char senders = 0, receivers = 0;  // their addresses are what tasks wait for
+
+  Queue(unsigned int places, unsigned int size) : length(places), item_size(size), items(places * size) {}
+
+  bool put(const void* item, bool in_front) {
+    if (count >= length) return false;
+    if (in_front) first = (first + length - 1) % length;
+    write(item, in_front ? 0 : count);
+    ++count;
+    return true;
+  }
+  bool take(void* item, bool keep) {
+    if (count == 0) return false;
+    if (item && item_size) std::memcpy(item, &items[first * item_size], item_size);
+    if (!keep) {
+      first = (first + 1) % length;
+      --count;
+    }
+    return true;
+  }
+  void write(const void* item, unsigned int at) {
+    if (item && item_size) std::memcpy(&items[(first + at) % length * item_size], item, item_size);
+  }
+};
+
+struct EventGroup {
+  // A task that waits, until its bits have come.
+  struct Waiter {
+    Task* task;
+    EventBits_t bits;
+    bool all, clear, has_come;
+    EventBits_t found;
+
+    bool fits(EventBits_t set) const { return all ? (set & bits) == bits : (set & bits) != 0; }
+  };
+  EventBits_t bits = 0;
+  std::vector<Waiter*> waiters;
+
+  // Returns true if a task that now goes on is more urgent than the running one.
+  bool set(EventBits_t more) {
+    bits |= more;
+    EventBits_t cleared = 0;
+    bool wakes_urgent = false;
+    for (Waiter* each : waiters) {
+      if (each->has_come || !each->fits(bits)) continue;
+      each->has_come = true;
+      each->found = bits;
+      if (each->clear) cleared |= each->bits;
+      if (each->task->state == TaskState::Blocked) make_ready(*each->task);
+      wakes_urgent |= is_urgent(*each->task);
+    }
+    bits &= static_cast<EventBits_t>(~cleared);
+    return wakes_urgent;
+  }
+};
+
+}  // namespace board
+
+using namespace board;
+
+// -- queues ------------------------------------------------------------------------------------------
+
+namespace {
+BaseType_t send(QueueHandle_t queue, const void* item, TickType_t ticks, bool in_front) {
+  pass(cost::TASK_CALL);
+  if (!queue || !wait_for(&queue->senders, ticks, [&] { return queue->put(item, in_front); })) return errQUEUE_FULL;
+  pass_on(&queue->receivers);
+  return pdTRUE;
+}
+
+BaseType_t send_from_isr(QueueHandle_t queue, const void* item, BaseType_t* is_woken, bool in_front) {
+  pass(cost::TASK_CALL);
+  if (!queue || !queue->put(item, in_front)) return errQUEUE_FULL;
+  pass_on_from_isr(&queue->receivers, is_woken);
+  return pdTRUE;
+}
+
+BaseType_t receive(QueueHandle_t queue, void* item, TickType_t ticks, bool keep) {
+  pass(cost::TASK_CALL);
+  if (!queue || !wait_for(&queue->receivers, ticks, [&] { return queue->take(item, keep); })) return errQUEUE_EMPTY;
+  pass_on(keep ? &queue->receivers : &queue->senders);
+  return pdTRUE;
+}
+
+// A queue of one item: the new one takes its place.
+bool replace(QueueHandle_t queue, const void* item) {
+  pass(cost::TASK_CALL);
+  if (!queue) return false;
+  if (queue->count)
+    queue->write(item, 0);
+  else
+    queue->put(item, false);
+  return true;
+}
+}  // namespace
+
+QueueHandle_t xQueueCreate(unsigned int length, unsigned int item_size) {
+  pass(cost::TASK_CREATE);
+  return length ? new Queue(length, item_size) : nullptr;
+}
+void vQueueDelete(QueueHandle_t queue) { delete queue; }
+BaseType_t xQueueSend(QueueHandle_t queue, const void* item, TickType_t ticks) { return send(queue, item, ticks, false); }
+BaseType_t xQueueSendToBack(QueueHandle_t queue, const void* item, TickType_t ticks) {
+  return send(queue, item, ticks, false);
+}
+BaseType_t xQueueSendToFront(QueueHandle_t queue, const void* item, TickType_t ticks) {
+  return send(queue, item, ticks, true);
+}
+BaseType_t xQueueOverwrite(QueueHandle_t queue, const void* item) {
+  if (!replace(queue, item)) return pdFALSE;
+  pass_on(&queue->receivers);
+  return pdTRUE;
+}
+BaseType_t xQueueReceive(QueueHandle_t queue, void* item, TickType_t ticks) { return receive(queue, item, ticks, false); }
+BaseType_t xQueuePeek(QueueHandle_t queue, void* item, TickType_t ticks) { return receive(queue, item, ticks, true); }
+BaseType_t xQueueReset(QueueHandle_t queue) {
+  pass(cost::TASK_CALL);
+  queue->count = 0;
+  pass_on(&queue->senders);
+  return pdPASS;
+}
+UBaseType_t uxQueueMessagesWaiting(QueueHandle_t queue) {
+  pass(cost::MILLIS);
+  return static_cast<UBaseType_t>(queue->count);
+}
+UBaseType_t uxQueueSpacesAvailable(QueueHandle_t queue) {
+  pass(cost::MILLIS);
+  return static_cast<UBaseType_t>(queue->length - queue->count);
+}
+
+BaseType_t xQueueSendFromISR(QueueHandle_t queue, const void* item, BaseType_t* is_woken) {
+  return send_from_isr(queue, item, is_woken, false);
+}
+BaseType_t xQueueSendToBackFromISR(QueueHandle_t queue, const void* item, BaseType_t* is_woken) {
+  return send_from_isr(queue, item, is_woken, false);
+}
+BaseType_t xQueueSendToFrontFromISR(QueueHandle_t queue, const void* item, BaseType_t* is_woken) {
+  return send_from_isr(queue, item, is_woken, true);
+}
+BaseType_t xQueueOverwriteFromISR(QueueHandle_t queue, const void* item, BaseType_t* is_woken) {
+  if (!replace(queue, item)) return pdFALSE;
+  pass_on_from_isr(&queue->receivers, is_woken);
+  return pdTRUE;
+}
+BaseType_t xQueueReceiveFromISR(QueueHandle_t queue, void* item, BaseType_t* is_woken) {
+  pass(cost::TASK_CALL);
+  if (!queue || !queue->take(item, false)) return errQUEUE_EMPTY;
+  pass_on_from_isr(&queue->senders, is_woken);
+  return pdTRUE;
+}
+UBaseType_t uxQueueMessagesWaitingFromISR(QueueHandle_t queue) { return uxQueueMessagesWaiting(queue); }
+BaseType_t xQueueIsQueueEmptyFromISR(QueueHandle_t queue) { return queue->count == 0; }
+BaseType_t xQueueIsQueueFullFromISR(QueueHandle_t queue) { return queue->count == queue->length; }
+
+// -- semaphores and mutexes --------------------------------------------------------------------------
+
+namespace {
+SemaphoreHandle_t make_semaphore(unsigned int most, unsigned int first, bool is_mutex) {
+  pass(cost::TASK_CREATE);
+  Queue* made = new Queue(most, 0);
+  made->count = first;
+  made->is_mutex = is_mutex;
+  return made;
+}
+
+// The holder of a mutex is as urgent as those that wait for it.
+void lend_priority(Queue& mutex) {
+  if (mutex.is_mutex && mutex.holder && mutex.holder->priority < running_task().priority)
+    mutex.holder->priority = running_task().priority;
+}
+}  // namespace
+
+SemaphoreHandle_t xSemaphoreCreateBinary() { return make_semaphore(1, 0, false); }
+SemaphoreHandle_t xSemaphoreCreateCounting(unsigned int most, unsigned int first) {
+  return most && first <= most ? make_semaphore(most, first, false) : nullptr;
+}
+SemaphoreHandle_t xSemaphoreCreateMutex() { return make_semaphore(1, 1, true); }
+SemaphoreHandle_t xSemaphoreCreateRecursiveMutex() { return make_semaphore(1, 1, true); }
+void vSemaphoreDelete(SemaphoreHandle_t semaphore) { delete semaphore; }
+
+BaseType_t xSemaphoreTake(SemaphoreHandle_t semaphore, TickType_t ticks) {
+  pass(cost::TASK_CALL);
+  if (!semaphore) return pdFALSE;
+  const bool taken = wait_for(&semaphore->receivers, ticks, [&] {
+    if (semaphore->take(nullptr, false)) return true;
+    if (ticks) lend_priority(*semaphore);
+    return false;
+  });
+  if (taken && semaphore->is_mutex) {
+    semaphore->holder = &running_task();
+    ++running_task().mutexes;
+  }
+  return taken;
+}
+
+BaseType_t xSemaphoreGive(SemaphoreHandle_t semaphore) {
+  pass(cost::TASK_CALL);
+  if (!semaphore || (semaphore->is_mutex && semaphore->holder && semaphore->holder != &running_task())) return pdFALSE;
+  if (!semaphore->put(nullptr, false)) return pdFALSE;
+  const bool returns_priority = semaphore->is_mutex && semaphore->holder;
+  semaphore->holder = nullptr;
+  pass_on(&semaphore->receivers);
+  if (!returns_priority) return pdTRUE;
+  Task& task = running_task();
+  if (task.mutexes && --task.mutexes == 0 && task.priority != task.own_priority) set_priority(task, task.own_priority);
+  return pdTRUE;
+}
+
+BaseType_t xSemaphoreTakeRecursive(SemaphoreHandle_t semaphore, TickType_t ticks) {
+  if (!semaphore) return pdFALSE;
+  if (semaphore->holder == &running_task()) {
+    pass(cost::TASK_CALL);
+    ++semaphore->depth;
+    return pdTRUE;
+  }
+  const BaseType_t taken = xSemaphoreTake(semaphore, ticks);
+  if (taken) semaphore->depth = 1;
+  return taken;
+}
+
+BaseType_t xSemaphoreGiveRecursive(SemaphoreHandle_t semaphore) {
+  if (!semaphore || semaphore->holder != &running_task()) return pdFALSE;
+  if (--semaphore->depth == 0) return xSemaphoreGive(semaphore);
+  pass(cost::TASK_CALL);
+  return pdTRUE;
+}
+
+BaseType_t xSemaphoreTakeFromISR(SemaphoreHandle_t semaphore, BaseType_t* is_woken) {
+  return xQueueReceiveFromISR(semaphore, nullptr, is_woken);
+}
+BaseType_t xSemaphoreGiveFromISR(SemaphoreHandle_t semaphore, BaseType_t* is_woken) {
+  return send_from_isr(semaphore, nullptr, is_woken, false);
+}
+UBaseType_t uxSemaphoreGetCount(SemaphoreHandle_t semaphore) { return uxQueueMessagesWaiting(semaphore); }
+TaskHandle_t xSemaphoreGetMutexHolder(SemaphoreHandle_t semaphore) { return semaphore ? semaphore->holder : nullptr; }
+
+// -- groups of events --------------------------------------------------------------------------------
+
+EventGroupHandle_t xEventGroupCreate() {
+  pass(cost::TASK_CREATE);
+  return new EventGroup;
+}
+void vEventGroupDelete(EventGroupHandle_t group) { delete group; }
+
+EventBits_t xEventGroupSetBits(EventGroupHandle_t group, EventBits_t bits) {
+  pass(cost::TASK_CALL);
+  if (group->set(bits)) ask_for_switch();
+  return group->bits;
+}
+EventBits_t xEventGroupClearBits(EventGroupHandle_t group, EventBits_t bits) {
+  pass(cost::TASK_CALL);
+  const EventBits_t before = group->bits;
+  group->bits &= static_cast<EventBits_t>(~bits);
+  return before;
+}
+EventBits_t xEventGroupGetBits(EventGroupHandle_t group) {
+  pass(cost::MILLIS);
+  return group->bits;
+}
+EventBits_t xEventGroupWaitBits(EventGroupHandle_t group, EventBits_t bits, BaseType_t clear, BaseType_t all,
+                                TickType_t ticks) {
+  pass(cost::TASK_CALL);
+  EventGroup::Waiter waiter = {&running_task(), bits, all != 0, clear != 0, false, group->bits};
+  if (waiter.fits(group->bits)) {
+    if (clear) group->bits &= static_cast<EventBits_t>(~bits);
+    return waiter.found;
+  }
+  group->waiters.push_back(&waiter);
+  wait_for(group, ticks, [&] { return waiter.has_come; });
+  group->waiters.erase(std::find(group->waiters.begin(), group->waiters.end(), &waiter));
+  return waiter.has_come ? waiter.found : group->bits;
+}
+EventBits_t xEventGroupSync(EventGroupHandle_t group, EventBits_t set, EventBits_t bits, TickType_t ticks) {
+  // The last one that comes is as free to go on as the others: its own bits count before they are cleared.
+  pass(cost::TASK_CALL);
+  const EventBits_t found = static_cast<EventBits_t>(group->bits | set);
+  if (group->set(set)) ask_for_switch();
+  if ((found & bits) != bits) return xEventGroupWaitBits(group, bits, pdTRUE, pdTRUE, ticks);
+  group->bits &= static_cast<EventBits_t>(~bits);
+  return found;
+}
+BaseType_t xEventGroupSetBitsFromISR(EventGroupHandle_t group, EventBits_t bits, BaseType_t* is_woken) {
+  pass(cost::TASK_CALL);
+  if (group->set(bits) && is_woken) *is_woken = pdTRUE;
+  return pdPASS;
+}
+EventBits_t xEventGroupGetBitsFromISR(EventGroupHandle_t group) { return xEventGroupGetBits(group); }

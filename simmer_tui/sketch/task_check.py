@@ -1,0 +1,47 @@
+"""Mistakes with the tasks of FreeRTOS that can be read off a sketch."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from simmer_tui.errors import Problem
+from simmer_tui.sketch.sketch_scan import SketchCall, SketchFacts
+
+TASK_HEADERS = ("Arduino_FreeRTOS.h", "FreeRTOS.h")
+"""Headers by which a sketch for an AVR board has tasks."""
+_DELAYS = {"vTaskDelay": 0, "vTaskDelayUntil": 1, "xTaskDelayUntil": 1}
+"""Calls that wait for a number of ticks, and the place of that among their arguments."""
+_PERIODS = ("portTICK_PERIOD_MS", "portTICK_RATE_MS")
+
+
+def task_problems(facts: SketchFacts) -> Iterator[Problem]:
+    """Waits of no tick, and waits in loop(), which the idle task calls."""
+    if not any(name in TASK_HEADERS for name, _ in facts.includes):
+        return
+    tick = facts.kind.tick
+    for call in facts.named(*_DELAYS):
+        milliseconds = _milliseconds(facts, call, _DELAYS[call.name])
+        if milliseconds is not None and 0 < milliseconds < tick:
+            what = f"{call.name} of {milliseconds} ms does not wait: a tick of the {facts.kind.title} has"
+            yield Problem(call.token.spot, f"{what} {tick} ms, and this is less than one")
+        if call.function in ("setup", "loop"):
+            yield Problem(call.token.spot, f"{call.name} in {call.function}(): {_WHY[call.function]}")
+
+
+_WHY = {
+    "loop": "the idle task calls it, which may not wait; put this into a task of its own",
+    "setup": "the scheduler starts after it; use delay() here, or wait in a task",
+}
+
+
+def _milliseconds(facts: SketchFacts, call: SketchCall, place: int) -> int | None:
+    """The milliseconds of a wait, if its ticks are computed from them; None if they are not known."""
+    argument = call.arguments[place] if place < len(call.arguments) else ()
+    marks = [token.text for token in argument]
+    if len(marks) > 2 and marks[-2] == "/" and marks[-1] in _PERIODS:
+        found = facts.values(argument[:-2], call.function)
+    elif len(marks) > 3 and marks[0] == "pdMS_TO_TICKS" and marks[1] == "(" and marks[-1] == ")":
+        found = facts.values(argument[2:-1], call.function)
+    else:
+        return None
+    return max(found) if found else None

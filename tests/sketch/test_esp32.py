@@ -1,0 +1,287 @@
+"""An ESP32: its costs, numbers, pins, PWM, cores and Bluetooth, and what its wiring refuses."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from simmer_tui.errors import ConfigurationError, Problem
+from simmer_tui.sim.specs import WheelLayout, WheelsSpec
+from simmer_tui.sketch.boards import ESP32, UNO
+from simmer_tui.sketch.build import build_sketch
+from simmer_tui.sketch.compiler import find_compiler
+from simmer_tui.sketch.sketch_check import sketch_problems
+from simmer_tui.sketch.sketch_scan import SketchFacts
+from simmer_tui.sketch.wiring import Wiring, WiringParts, read_wiring
+from simmer_tui.sketch.wiring_draft import draft
+from tests.sketch.rovers import Boards, made_set
+from tests.sketch.running import FORMS, run_boards, set_of
+from tests.sketch.test_forms import SENT
+
+no_compiler = pytest.mark.skipif(find_compiler() is None, reason="there is no C++ compiler")
+BOARD = '[boards.rover]\nsketch = "rover.ino"\nboard = "esp32"\n[laptop]\nboard = "rover"\n'
+LOOP = "void loop() {}\n"
+
+
+def lines(folder: Path, sketch: str, seconds: float = 1.0) -> list[str]:
+    done = run_boards(made_set(folder / "set", BOARD, {"rover.ino": sketch}), seconds)
+    assert done.failed == ""
+    return done.text.splitlines()
+
+
+@pytest.mark.slow
+@no_compiler
+def test_numbers_are_wide_and_calls_cost_a_tenth(tmp_path: Path) -> None:
+    sketch = """
+#include <limits.h>
+unsigned char small = 255;
+unsigned short half = 65535;
+void setup() {
+  Serial.begin(115200);
+  int wide = 30000 + 10000;
+  long area = 70000;
+  Serial.println(wide);
+  Serial.println(sizeof(int) * 1000 + sizeof(long) * 100 + sizeof(double) * 10 + sizeof(short));
+  Serial.println(INT_MAX == LONG_MAX && small == 255 && half == 65535);
+  Serial.println(1.0 / 3, 10);
+  Serial.printf("%d %ld %5.2f %s\\n", wide, area, 2.5, "text");
+  Serial.flush();
+  unsigned long begun = micros();
+  for (int i = 0; i < 100; i++) digitalWrite(4, i & 1);
+  Serial.println((micros() - begun) / 10);
+  int64_t at = esp_timer_get_time();
+  delayMicroseconds(1500);
+  Serial.println((int)((esp_timer_get_time() - at) / 100));
+}
+"""
+    told = lines(tmp_path, sketch + LOOP)
+    assert told[:5] == ["40000", "4482", "1", "0.3333333333", "40000 70000  2.50 text"]
+    assert 4 <= int(told[5]) <= 6
+    assert told[6] == "15"
+
+
+@pytest.mark.slow
+@no_compiler
+@pytest.mark.parametrize(
+    "writes",
+    [
+        "ledcSetup(3, 5000, 12); ledcAttachPin(25, 3); ledcWrite(3, 1024);",
+        "ledcAttach(25, 5000, 12); ledcWrite(25, 1024);",
+        "analogWriteResolution(12); analogWrite(25, 1024);",
+    ],
+)
+def test_a_duty_has_its_bits_by_every_call(writes: str, tmp_path: Path) -> None:
+    sketch = f"void setup() {{ {writes} pinMode(2, OUTPUT); digitalWrite(2, HIGH); }}\n"
+    boards = Boards(made_set(tmp_path / "set", BOARD, {"rover.ino": sketch + LOOP}))
+    try:
+        boards.run_to(0.1)
+        (board,) = boards.robot.boards.values()
+        assert board.level(25) == pytest.approx(1024 / 4095, abs=2e-5)
+        assert boards.robot.views()[0].led
+    finally:
+        boards.close()
+
+
+@pytest.mark.slow
+@no_compiler
+def test_both_cores_go_on_as_fast_as_one_alone(tmp_path: Path) -> None:
+    sketch = """
+volatile unsigned long counts[2];
+volatile bool works;
+void other(void*) { for (;;) if (works) counts[0]++; else vTaskDelay(1); }
+unsigned long counted() {
+  counts[1] = 0;
+  unsigned long begun = millis();
+  while (millis() - begun < 50) counts[1]++;
+  return counts[1];
+}
+void setup() {
+  Serial.begin(115200);
+  xTaskCreatePinnedToCore(other, "other", 2000, NULL, 5, NULL, CORE);
+  delay(5);
+  unsigned long alone = counted();
+  works = true;
+  unsigned long together = counted();
+  works = false;
+  Serial.println(together * 100 / alone);
+  Serial.println(counts[0] > alone);
+}
+"""
+    parallel = lines(tmp_path / "two", sketch.replace("CORE", "0") + LOOP)
+    assert 95 <= int(parallel[0]) <= 101
+    assert parallel[1] == "1"
+    # A task of the same core that is more urgent takes all of its time.
+    assert lines(tmp_path / "one", sketch.replace("CORE", "1") + LOOP) == []
+
+
+@pytest.mark.slow
+@no_compiler
+def test_a_delay_lets_other_tasks_run(tmp_path: Path) -> None:
+    sketch = """
+int passes;
+void other(void*) { for (;;) { passes++; delay(10); } }
+void setup() {
+  Serial.begin(115200);
+  xTaskCreate(other, "other", 2000, NULL, 1, NULL);
+  delay(105);
+  Serial.println(passes);
+  vTaskDelay(pdMS_TO_TICKS(100));
+  Serial.println(xTaskGetTickCount() / 10);
+}
+"""
+    assert lines(tmp_path, sketch + LOOP) == ["11", "20"]
+
+
+@pytest.mark.slow
+@no_compiler
+@pytest.mark.parametrize("name", ["esp32_bluetooth", "esp32_encoders"])
+def test_slices_of_any_length_give_the_same_run_of_two_cores(name: str, tmp_path: Path) -> None:
+    configuration = set_of(FORMS / name, tmp_path / "set")
+    runs = []
+    for slice_length in (100_000, 1_000_000, 5_000_000, 20_000_000):
+        boards = Boards(configuration, slice_length=slice_length)
+        boards.run_to(0.25)
+        for at, data in SENT.get(name, ()):
+            boards.robot.receive(round(at * 1e9), data[0], 115200)
+        boards.run_to(2.0)
+        boards.close()
+        runs.append((repr(boards.events), boards.robot.lockstep.sent, boards.simulator.pose))
+    assert runs[1:] == runs[:1] * 3
+
+
+@pytest.mark.slow
+@no_compiler
+def test_the_busy_share_is_that_of_both_cores_without_their_waits(tmp_path: Path) -> None:
+    sketch = "void setup() {}\nvoid loop() { delay(10); delayMicroseconds(10000); }\n"
+    boards = Boards(made_set(tmp_path / "set", BOARD, {"rover.ino": sketch}))
+    try:
+        boards.run_to(2.0)
+        boards.robot.views()
+        boards.run_to(4.0)
+        assert boards.robot.views()[0].busy == pytest.approx(0.5, abs=0.05)
+    finally:
+        boards.close()
+
+
+@pytest.mark.slow
+@no_compiler
+def test_a_task_of_the_other_core_ends_when_it_is_deleted(tmp_path: Path) -> None:
+    sketch = """
+volatile unsigned long count;
+TaskHandle_t handle;
+void other(void*) { for (;;) count++; }
+void setup() {
+  Serial.begin(115200);
+  xTaskCreatePinnedToCore(other, "other", 2000, NULL, 1, &handle, 0);
+  delayMicroseconds(500);
+  vTaskSuspend(handle);
+  unsigned long before = count;
+  delayMicroseconds(500);
+  Serial.println(before > 0 && count == before);
+  vTaskResume(handle);
+  delayMicroseconds(500);
+  Serial.println(count > before);
+  vTaskDelete(handle);
+  before = count;
+  delay(5);
+  Serial.println(count == before);
+}
+"""
+    assert lines(tmp_path, sketch + LOOP) == ["1", "1", "1"]
+
+
+REFUSED = {
+    "#include <WiFi.h>": "WiFi.h: WiFi is not simulated; use Bluetooth or the USB port",
+    "#include <Servo.h>": "Servo.h is no library of the ESP32; there are .*ESP32Servo.h",
+    "hw_timer_t *timer;": "hw_timer_t is not simulated; the calls of an ESP32 are in",
+    "void f() { touchRead(4); }": "touchRead is not simulated",
+}
+
+
+@pytest.mark.slow
+@no_compiler
+@pytest.mark.parametrize("line", REFUSED)
+def test_what_an_esp32_lacks_here_is_refused_by_name(line: str, tmp_path: Path) -> None:
+    sketch = tmp_path / "rover.ino"
+    sketch.write_text(f"{line}\nvoid setup() {{}}\n{LOOP}", "utf-8")
+    with pytest.raises(ConfigurationError, match=rf"rover\.ino:1: {REFUSED[line]}"):
+        build_sketch(sketch, ESP32)
+    sketch.write_text(f"#include <BluetoothSerial.h>\nvoid setup() {{}}\n{LOOP}", "utf-8")
+    with pytest.raises(ConfigurationError, match=r"BluetoothSerial\.h is no library of the Uno"):
+        build_sketch(sketch, UNO)
+
+
+PARTS = WiringParts((), WheelsSpec(layout=WheelLayout.DIFF))
+
+
+def wiring(text: str) -> tuple[Wiring, list[str]]:
+    problems: list[Problem] = []
+    found = read_wiring(text, PARTS, problems)
+    assert found is not None
+    return found, [str(each) for each in problems]
+
+
+def test_the_wiring_of_an_esp32() -> None:
+    found, problems = wiring(BOARD)
+    assert problems == []
+    assert found.laptop is not None
+    assert (found.laptop.rx, found.laptop.tx) == (3, 1)
+    found, problems = wiring(f"{BOARD}bluetooth = true\n")
+    assert problems == []
+    _, problems = wiring(f"{BOARD}bluetooth = true\nbaud = 9600\n")
+    assert problems == ["wiring.toml:7:laptop.baud: goes with a serial port; bluetooth has none"]
+    _, problems = wiring(f"{BOARD.replace('esp32', 'uno')}bluetooth = true\n")
+    assert problems == [
+        "wiring.toml:6:laptop.bluetooth: the Uno has no Bluetooth of its own; give the pins of its module, "
+        "rx and tx"
+    ]
+    motor = (
+        '[[motors]]\nboard = "rover"\ndriver = "pwm2"\nin1 = 34\nin2 = 25\nwheel = "left"\ntop_speed = 12\n'
+    )
+    _, problems = wiring(BOARD + motor)
+    assert problems == [
+        "wiring.toml:9:motors.1.in1: pin 34 of the ESP32 is an input alone, as are 34, 35, 36, 37, 38, 39"
+    ]
+    _, problems = wiring(BOARD + motor.replace("34", "7"))
+    assert problems == [
+        "wiring.toml:9:motors.1.in1: the ESP32 has no pin 7; it has 0 to 39 without 6, 7, 8, 9, 10, 11, 20, "
+        "24, 28, 29, 30, 31"
+    ]
+
+
+def test_a_draft_of_an_esp32_has_its_channels_and_its_bluetooth(tmp_path: Path) -> None:
+    made = draft([FORMS / "esp32_bluetooth" / "esp32_bluetooth.ino"], tmp_path, ["u1"], [])
+    assert 'board = "esp32"\n' in made
+    assert '[laptop]\nboard = "esp32_bluetooth"  # ?\nbluetooth = true  # ?\n# or Serial of' in made
+    assert "in1 = 27\nin2 = 26\nen = 14\n" in made
+    assert "in1 = 25\nin2 = 33\nen = 32\n" in made
+    assert "trig = 5\necho = 18\n" in made
+    assert "pin = 13\ngripper = { open = 20, closed = 95 }" in made
+    assert "pin = 34\n" in made
+    made = draft([FORMS / "esp32_encoders" / "esp32_encoders.ino"], tmp_path, [], [])
+    assert "in1 = 26\nin2 = 27\nen = 25\n" in made
+    assert "a = 34\nb = 35\n" in made
+
+
+def test_check_compares_the_ports_and_duties_of_an_esp32() -> None:
+    text = """
+void setup() {
+  Serial2.begin(9600, SERIAL_8N1, 18, 19);
+  ledcAttach(25, 5000, 8);
+  pinMode(26, OUTPUT);
+}
+void loop() { ledcWrite(25, Serial2.read()); digitalWrite(26, HIGH); }
+"""
+    facts = {"rover": SketchFacts({"rover.ino": text}, ESP32)}
+    row = '[[motors]]\nboard = "rover"\ndriver = "pwm2"\nin1 = 25\nin2 = 26\nwheel = "left"\ntop_speed = 12\n'
+    found, _ = wiring(f"{BOARD}rx = 18\ntx = 19\n{row}")
+    assert [str(each) for each in sketch_problems(found, facts, PARTS.wheels)] == []
+    found, _ = wiring(f"{BOARD}rx = 16\ntx = 17\n{row.replace('25', '27')}")
+    assert [str(each) for each in sketch_problems(found, facts, PARTS.wheels)] == [
+        "wiring.toml:11:motors.1.in1: the sketch never writes pin 27 (rover.ino); look at its pin numbers",
+        "wiring.toml:8:motors.1: no analogWrite of the sketch is on a pin of this motor: it has full speed "
+        "or none (rover.ino)",
+        "wiring.toml:4:laptop: the sketch has no serial port with rx 16 and tx 17; it has Serial2 with rx 18 "
+        "and tx 19 (rover.ino)",
+    ]
