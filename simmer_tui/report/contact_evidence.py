@@ -417,7 +417,7 @@ class ContactEvidence:
         met = self.met
         if not self.is_saved_by_drives:
             return None
-        if self.saved_by(Change.EXACT) and not (self.lost is not None and self.saved_by(Change.BELIEVED)):
+        if self.saved_by(Change.EXACT) and self.lost is None:
             return DriveErrors((met.ended.command.code,), 1, certain=True, large=self._goes_astray)
         # A program that sends beliefs has taken earlier errors into account, rightly or wrongly.
         if self.belief is not None and not self.belief.unsure:
