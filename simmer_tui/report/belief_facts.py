@@ -87,9 +87,9 @@ class BeliefFacts:
 
     @cached_property
     def constant(self) -> ConstantOffset | None:
-        """The one error that most sure beliefs have; None where they are right, or differ."""
+        """The one error that most sure beliefs have; None where they are right, differ, or are few."""
         rows = self.sure
-        if not self.has_truth or len(rows) < FEWEST["set"]:
+        if not self.has_truth or len(rows) < FEWEST["set"] or 2 * len(rows) < len(self.rows):
             return None
         x, y = rows["x"] - rows["true_x"], rows["y"] - rows["true_y"]
         cos, sin = cos_sin_array(-rows["true_heading"])
@@ -113,7 +113,7 @@ class BeliefFacts:
         cells = np.array((across, up)) / CELL_SIZE
         is_map = bool((np.abs(cells - np.round(cells)) * CELL_SIZE <= _ON_GRID).all())
         if is_map and "frame" not in where:
-            text += ", as with a map or a start that is whole cells off"
+            text += ", as with a map or a start that is whole cells off, or a place that looks alike"
         return ConstantOffset(text, share)
 
     def _turned(self) -> ConstantOffset | None:

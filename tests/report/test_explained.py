@@ -79,6 +79,16 @@ def test_a_wrong_map_stands_before_the_contact_it_led_to() -> None:
     assert cause.text.index("as with a map") < cause.text.index("Then w1-9 was sent")
 
 
+def test_few_sure_beliefs_say_nothing_of_the_map() -> None:
+    mission = begin()
+    placed_wrong(mission)
+    for _ in range(40):
+        mission.give("u1", "d1-0.1")
+        mission.believe(ahead=12.0, spread=20.0)
+    mission.give("u2", "w1-9")
+    assert "as with a map" not in mission.why().text
+
+
 @pytest.mark.parametrize("rounds", [12, 3])
 def test_a_wrong_map_stands_before_the_silence_it_led_to(rounds: int) -> None:
     mission = begin()
