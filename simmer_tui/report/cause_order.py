@@ -874,7 +874,10 @@ def _goals(run: RunEvidence) -> str:
     if seen.task is None or (seen.taken and not seen.holding) or seen.is_silent:
         return ""
     if not seen.holding:
-        never = not run.goals and cells_of(seen.spec.maze, BLOCK)
+        loading, block = cells_of(seen.spec.maze, BLOCK), seen.history.blocks.items[-1].block
+        if loading and not any(cell.holds(block.x, block.y) for cell in loading):
+            return f"The block lay at {place_text(block.x, block.y)}, outside the loading zone."
+        never = not run.goals and loading
         return "It never entered the loading zone." if never else "The robot had not taken the block yet."
     if zone is None:
         return "The robot held the block."

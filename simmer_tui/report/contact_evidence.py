@@ -229,9 +229,10 @@ class ContactEvidence:
         looks = self.looks
         if looks is None or self.met.contact.held_block or not self.looks_at(looks.codes[0]):
             return ""
-        words = [] if looks.last is None else [looks.last]
-        since = self.never_read if looks.last is None else f"not read since {looks.last.time:.1f} s"
-        return f"{looks.codes[0]} looks there and was {since}" if self._since(words) > 1.0 else ""
+        if looks.last is None:
+            return f"{looks.codes[0]} looks there and was {self.never_read}"
+        since = f"not read since {looks.last.time:.1f} s"
+        return f"{looks.last.code} looks there and was {since}" if self._since([looks.last]) > 1.0 else ""
 
     @cached_property
     def outline_text(self) -> str:

@@ -15,6 +15,7 @@ from simmer_tui.report.causes import Cause, MomentKind
 from simmer_tui.report.run_evidence import RunEvidence
 from simmer_tui.report.why import looks_there, shown_range
 from simmer_tui.run.events import NoticeKind, Result
+from simmer_tui.run.facts import ALIKE
 from simmer_tui.run.history_rows import NoticeRow
 from simmer_tui.run.phrases import board_place, grip_ending, place_text, pose_text, program_end_text
 from simmer_tui.sim.command import WORD, counted, cut
@@ -205,13 +206,18 @@ def _deciding(run: RunEvidence) -> Iterator[Moment]:
             if last is not None:
                 at, off = last.time, abs(last.value - last.true) > 1.0
                 true = f"; the true distance was {shown_range(last.true)}" if off else ""
-                text = f"{who} read {shown_range(last.value)}{true}"
+                # It looked elsewhere when it was read.
+                then = "; then the robot turned" if row.turned_before - last.turned > ALIKE else ""
+                text = f"{who} read {shown_range(last.value)}{true}{then}"
         yield Moment(MomentKind.SIGHT, at, text, code=sight)
     grip = run.last_grip
     if grip is not None:
         block = (grip.grip.block.x, grip.grip.block.y)
         let_go = f"it set the block down at {place_text(*block)}"
         text = let_go if grip.had and not grip.grip.closed else f"it {grip_ending(grip.grip)}"
+        closed = run.closed_before(grip)
+        if closed is not None and grip.grip.closed:
+            text = f"it closed the gripper, which had been closed since {closed.elapsed:.1f} s"
         gripper = seen.spec.gripper
         kind = MomentKind.GOAL if run.has_contact else MomentKind.COMMAND
         code = gripper.code if gripper else ""

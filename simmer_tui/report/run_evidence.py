@@ -469,7 +469,7 @@ class RunEvidence:
     def movements_by_code(self, since: float) -> str:
         """The movements from a moment on by their codes, with their usual size: `r1 375 times by 0.1`."""
         names, moves = self.seen.history.code_names, self.seen.within(self.seen.history.movements)
-        moves = moves[(moves["elapsed"] >= since) & np.isfinite(moves["asked"]) & ~moves["grips"]]
+        moves = moves[(moves["elapsed"] > since) & np.isfinite(moves["asked"]) & ~moves["grips"]]
         numbers, counts = np.unique(moves["code"], return_counts=True)
         told = []
         for place in np.argsort(-counts)[:_CODES]:

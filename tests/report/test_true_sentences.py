@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from simmer_tui.config.loader import find_set, load
 from simmer_tui.report.cause_order import advice_on, cause_of
-from simmer_tui.report.causes import Kind
+from simmer_tui.report.causes import Kind, MomentKind
 from simmer_tui.report.fact_tables import fact_tables
 from simmer_tui.report.finding import Basis, DeviceUnderTest, Finding, FindingKind, kept
 from simmer_tui.report.moments import moments_of
@@ -158,6 +158,27 @@ def test_jaws_that_were_closed_before_are_named_with_the_command_that_closed_the
     assert cause.advice == "Send p1-0 before you drive to the block."
 
 
+def test_a_sensor_that_looked_elsewhere_when_it_was_read_is_not_said_to_have_seen_the_wall() -> None:
+    mission = begin((66.0, 42.0, 90.0))
+    mission.give("u1", "u2", "u3", "r1--90", "d1-60")
+    (sight,) = [each for each in moments_of(mission.evidence()) if each.kind is MomentKind.SIGHT]
+    assert sight.code == "u1"
+    assert sight.text.endswith("; then the robot turned")
+
+
+def test_the_time_of_a_reading_is_that_of_the_sensor_that_is_named() -> None:
+    # u1 and u5 look at the wall; u5 was read last.
+    mission = begin((66.0, 42.0, 0.0))
+    mission.give("u1", "w1-2", "s1-2", "u5", *("w1-2", "s1-2") * 2, "d1-60")
+    evidence = mission.evidence()
+    met = evidence.contact
+    assert met is not None
+    assert met.looks is not None
+    assert met.looks.last is not None
+    assert met.looks.last.code == "u5"
+    assert met.not_read.startswith("u5 looks there and was not read since")
+
+
 def test_the_way_of_a_velocity_is_compared_with_no_distance() -> None:
     mission = begin((9.0, 42.0, 0.0))
     mission.give("u2", "u4", "vx-5")
@@ -215,6 +236,14 @@ def test_a_belief_that_was_unsure_in_between_was_lost_all_the_while() -> None:
     first = mission.history.beliefs[1]
     cause = mission.why()
     assert (cause.kind, cause.elapsed) == (Kind.LOST, first.elapsed)
+
+
+def test_a_block_outside_the_loading_zone_is_told_where_it_was_not_found() -> None:
+    for place, told in (((20.0, 42.0), False), ((42.0, 6.0), True)):
+        mission = begin(block=place)
+        mission.give("u1", "d1-2")
+        text = "The block lay at (42.0, 6.0), outside the loading zone."
+        assert (text in mission.why(1).text) is told
 
 
 def test_who_was_sent_no_movement_is_not_told_to_compare_movements() -> None:
