@@ -641,7 +641,9 @@ def _then(run: RunEvidence) -> str:
     if run.stopped:
         return ""
     out_of_time = run.seen.out_of_time or run.cut_off
-    return "Then its time was up." if out_of_time else "Then the program ended by itself."
+    end = "its time was up" if out_of_time else "the program ended by itself"
+    stood = "" if len(run.seen.within(run.seen.history.movements)) else ", and no movement had come"
+    return f"Then {end}{stood}."
 
 
 def _too_close(run: RunEvidence) -> Fact | None:

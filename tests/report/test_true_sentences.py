@@ -246,6 +246,16 @@ def test_a_block_outside_the_loading_zone_is_told_where_it_was_not_found() -> No
         assert (text in mission.why(1).text) is told
 
 
+def test_who_was_lost_and_sent_no_movement_is_told_so() -> None:
+    mission = begin()
+    for _ in range(5):
+        mission.give("u1", "u2")
+        mission.believe(ahead=24.0)
+    cause = mission.why(1)
+    assert cause.kind is Kind.LOST
+    assert "Then the program ended by itself, and no movement had come." in cause.text
+
+
 def test_who_was_sent_no_movement_is_not_told_to_compare_movements() -> None:
     mission = begin()
     mission.believe(ahead=30.0)
