@@ -12,18 +12,26 @@ TASK_HEADERS = ("Arduino_FreeRTOS.h", "FreeRTOS.h")
 _DELAYS = {"vTaskDelay": 0, "vTaskDelayUntil": 1, "xTaskDelayUntil": 1}
 """Calls that wait for a number of ticks, and the place of that among their arguments."""
 _PERIODS = ("portTICK_PERIOD_MS", "portTICK_RATE_MS")
+_TICK_RATE = 62
+"""Ticks of an AVR in a second, without their fraction: pdMS_TO_TICKS multiplies by it."""
 
 
 def task_problems(facts: SketchFacts) -> Iterator[Problem]:
-    """Waits of no tick, and waits in loop(), which the idle task calls."""
-    if not any(name in TASK_HEADERS for name, _ in facts.includes):
+    """Waits of no tick, and waits in loop(), which the idle task of an AVR calls."""
+    # An ESP32 has a tick of 1 ms, and its loop() is a task like others.
+    if facts.kind.int_bits == 32 or not any(name in TASK_HEADERS for name, _ in facts.includes):
         return
     tick = facts.kind.tick
     for call in facts.named(*_DELAYS):
-        milliseconds = _milliseconds(facts, call, _DELAYS[call.name])
-        if milliseconds is not None and 0 < milliseconds < tick:
+        milliseconds, is_macro = _milliseconds(facts, call, _DELAYS[call.name])
+        ticks = milliseconds * _TICK_RATE // 1000 if is_macro else milliseconds // tick
+        if milliseconds > 0 and ticks == 0:
             what = f"{call.name} of {milliseconds} ms does not wait: a tick of the {facts.kind.title} has"
-            yield Problem(call.token.spot, f"{what} {tick} ms, and this is less than one")
+            why = f"{what} {tick} ms, and this is less than one"
+            if milliseconds >= tick:
+                what = f"{call.name} of {milliseconds} ms does not wait: pdMS_TO_TICKS counts {_TICK_RATE}"
+                why = f"{what} ticks a second, so this is less than one; {tick + 1} ms are one"
+            yield Problem(call.token.spot, why)
         if call.function in ("setup", "loop"):
             yield Problem(call.token.spot, f"{call.name} in {call.function}(): {_WHY[call.function]}")
 
@@ -34,14 +42,15 @@ _WHY = {
 }
 
 
-def _milliseconds(facts: SketchFacts, call: SketchCall, place: int) -> int | None:
-    """The milliseconds of a wait, if its ticks are computed from them; None if they are not known."""
+def _milliseconds(facts: SketchFacts, call: SketchCall, place: int) -> tuple[int, bool]:
+    """The milliseconds of a wait, if its ticks are computed from them, and true if pdMS_TO_TICKS does it;
+    0 if they are not known."""
     argument = call.arguments[place] if place < len(call.arguments) else ()
     marks = [token.text for token in argument]
     if len(marks) > 2 and marks[-2] == "/" and marks[-1] in _PERIODS:
-        found = facts.values(argument[:-2], call.function)
+        found, is_macro = facts.values(argument[:-2], call.function), False
     elif len(marks) > 3 and marks[0] == "pdMS_TO_TICKS" and marks[1] == "(" and marks[-1] == ")":
-        found = facts.values(argument[2:-1], call.function)
+        found, is_macro = facts.values(argument[2:-1], call.function), True
     else:
-        return None
-    return max(found) if found else None
+        return 0, False
+    return max(found, default=0), is_macro

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from simmer_tui.sketch.boards import UNO
+from simmer_tui.sketch.boards import ESP32, UNO
 from simmer_tui.sketch.compiler import find_compiler
 from simmer_tui.sketch.sketch_scan import SketchFacts
 from simmer_tui.sketch.task_check import task_problems
@@ -291,7 +291,7 @@ def test_a_board_that_dies_names_its_task(body: str, told: str, tmp_path: Path) 
     )
     done = run(tmp_path, HEAD + sketch + LOOP)
     assert done.failed.startswith("board rover died at rover.ino:")
-    assert " in task Eyes after 0.0" in done.failed
+    assert re.search(r" in task Eyes after 0\.0\d{1,3} s: ", done.failed)
     assert re.search(told, done.failed)
 
 
@@ -345,3 +345,21 @@ def test_check_finds_waits_of_no_tick_and_waits_of_the_idle_task() -> None:
         f"rover.ino:5: {idle}",
     ]
     assert not list(task_problems(SketchFacts({"rover.ino": text.partition("\n")[2]}, UNO)))
+
+
+def test_check_counts_the_ticks_that_the_macro_gives_and_knows_that_loop_is_a_task_of_an_esp32() -> None:
+    text = (
+        "#include <FreeRTOS.h>\n"
+        "void eyes(void*) { vTaskDelay(pdMS_TO_TICKS(16)); vTaskDelay(pdMS_TO_TICKS(17)); }\n"
+        "void hands(void*) { vTaskDelay(16 / portTICK_PERIOD_MS); }\n"
+        "void setup() {}\n"
+        "void loop() { vTaskDelay(9); vTaskDelay(pdMS_TO_TICKS(5)); }\n"
+    )
+    told = [str(each) for each in task_problems(SketchFacts({"rover.ino": text}, UNO))]
+    assert told[0] == (
+        "rover.ino:2: vTaskDelay of 16 ms does not wait: pdMS_TO_TICKS counts 62 ticks a second, so this is "
+        "less than one; 17 ms are one"
+    )
+    assert all(each.startswith("rover.ino:5: ") for each in told[1:])
+    assert len(told) == 4
+    assert not list(task_problems(SketchFacts({"rover.ino": text}, ESP32)))
