@@ -38,6 +38,7 @@ _CAUSES: dict[int, str] = {
     signal.SIGFPE: "it divided by zero",
     signal.SIGABRT: "it gave up",
     200: "the function of a task returned; end it with vTaskDelete(NULL)",
+    201: "its sketch called ESP.restart(), which no simulated board does",
 }
 """Causes of a board's death by its signal; 0 is none."""
 if sys.platform != "win32" and platform_has.POSIX:
@@ -294,7 +295,7 @@ class BoardProcess:
         where = f" at {at}" if at else ""
         name = self.task_name(self.task)
         where += f" in task {name}" if name else ""
-        clock = f"after {self.now / 1e9:.6g} s"
+        clock = f"after {round(self.now / 1e9, 4):.10g} s"
         if self._is_hung:
             return (
                 f"board {self.name} hangs{where} {clock}: it has done nothing for {SILENT:g} s of real time"

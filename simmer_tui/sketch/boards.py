@@ -46,7 +46,9 @@ class BoardKind(Struct, frozen=True, kw_only=True):
     """The pin of its LED."""
     bluetooth: tuple[int, int] | None = None
     """Numbers that stand for the two directions of its Bluetooth line."""
-    lacks: frozenset[str] = frozenset(("BluetoothSerial.h", "ESP32Servo.h"))
+    lacks: frozenset[str] = frozenset(
+        ("BluetoothSerial.h", "ESP32Servo.h", "soc/soc.h", "soc/rtc_cntl_reg.h")
+    )
     """Libraries of the simulator that are for other boards."""
     tick: int = 16
     """Milliseconds of a tick of FreeRTOS. On an AVR the watchdog makes it."""

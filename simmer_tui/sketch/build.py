@@ -79,7 +79,7 @@ _NO_REASONS = ("Please ", "See ", "compilation terminated")
 """Beginnings of lines of gcc that follow the reason."""
 # Names of the data sheets of ATmega328P and ATmega2560.
 _REGISTER = re.compile(
-    r"(?:PORT|DDR|PIN)[A-L][0-7]?|P[A-L][0-7]|(?:TCCR|TCNT|OCR|ICR|TIMSK|TIFR|ADC|ADMUX|PCICR|PCMSK|PCIFR|EIMSK|EICR"
+    r"(?:PORT|DDR|PIN)[A-L][0-7]?|P[A-L][0-7]|(?:TCCR|TCNT|OCR|ICR|TIMSK|TIFR|ADC(?!_)|ADMUX|PCICR|PCMSK|PCIFR|EIMSK|EICR"
     r"|EIFR|SPCR|SPSR|SPDR|UCSR|UBRR|UDR|TW[BSACD]|GTCCR|ASSR|SMCR|PRR|MCUSR|WDTCSR)\w*"
     r"|(?:WGM|COM|CS|OCIE|TOIE|TOV|OCF)[0-5]\w*|AD(?:EN|SC|ATE|IF|IE|PS[0-2]|LAR)|PCI(?:E|NT)[0-9]+"
 )
@@ -87,7 +87,7 @@ _REGISTER = re.compile(
 _OTHER_BOARD = re.compile(
     r"ledc\w+|xTaskCreatePinnedToCore|xPortGetCoreID|esp_\w+|analogWrite(?:Resolution|Frequency)|touchRead"
     r"|dacWrite|hallRead|timer(?:Begin|Attach|Alarm|Write|Read|Start|Stop)\w*|hw_timer_t|ESP|portMUX_TYPE"
-    r"|analogReadResolution|analogSet\w+|attachInterruptArg"
+    r"|analogReadResolution|analogSet\w+|ADC_\w+|WRITE_PERI_REG|attachInterruptArg"
 )
 """Calls of the ESP32 and of 32-bit boards."""
 _OF_TASKS = re.compile(

@@ -53,4 +53,4 @@ def _milliseconds(facts: SketchFacts, call: SketchCall, place: int) -> tuple[int
         found, is_macro = facts.values(argument[2:-1], call.function), True
     else:
         return 0, False
-    return max(found, default=0), is_macro
+    return max(found or (0,)), is_macro

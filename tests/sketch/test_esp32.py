@@ -191,6 +191,41 @@ void setup() {
     assert lines(tmp_path, sketch + LOOP) == ["1", "1", "1"]
 
 
+@pytest.mark.slow
+@no_compiler
+def test_what_sketches_of_an_esp32_have_without_an_include(tmp_path: Path) -> None:
+    sketch = """
+#include "soc/soc.h"
+#include "soc/rtc_cntl_reg.h"
+HardwareSerial laptop(0);
+HardwareSerial other(2);
+int fired;
+void ARDUINO_ISR_ATTR edge() {}
+void fires(TimerHandle_t) { fired++; }
+void setup() {
+  WRITE_PERI_REG(RTC_CNTL_BROWN_OUT_REG, 0);
+  laptop.begin(115200, SERIAL_8N1, 3, 1);
+  other.begin(9600, SERIAL_8N1, 18, 19);
+  attachInterrupt(4, edge, RISING);
+  analogSetAttenuation(ADC_11db);
+  analogSetPinAttenuation(34, ADC_0db);
+  analogReadResolution(12);
+  xTimerStart(xTimerCreate("t", pdMS_TO_TICKS(10), pdTRUE, NULL, fires), 0);
+  delay(55);
+  esp_err_t error = ESP_OK;
+  laptop.println(fired);
+  laptop.println(error == ESP_OK && ESP.getFreeHeap() > 100000);
+  laptop.flush();
+  ESP.restart();
+}
+"""
+    done = run_boards(made_set(tmp_path / "set", BOARD, {"rover.ino": sketch + LOOP}), 1.0)
+    assert done.text.splitlines() == ["5", "1"]
+    assert done.failed.startswith(
+        "board rover died at rover.ino:23 after 0.0555 s: its sketch called ESP.restart()"
+    )
+
+
 REFUSED = {
     "#include <WiFi.h>": "WiFi.h: WiFi is not simulated; use Bluetooth or the USB port",
     "#include <Servo.h>": "Servo.h is no library of the ESP32; there are .*ESP32Servo.h",

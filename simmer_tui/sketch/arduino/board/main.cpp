@@ -98,7 +98,7 @@ void listen_for_death(int number) { std::signal(number, died); }
 // A sketch that calls exit(): the board has no system to go back to.
 void left() { report_death(0, 0); }
 
-constexpr int TASK_RETURNED = 200;  // beyond the signals of all systems
+constexpr int TASK_RETURNED = 200, RESTARTED = 201;  // beyond the signals of all systems
 
 void run_loop() {
   if (sketch_start.loop) sketch_start.loop();
@@ -123,6 +123,13 @@ void for_pins(const char* list, void (*mark)(int)) {
 }
 }  // namespace
 
+#if defined(SIMMER_ESP32)
+EspClass ESP;
+void EspClass::restart() {
+  report_death(RESTARTED, CALLED_AT - 1);
+  for (;;) {}
+}
+#endif
 void board::report_return() { report_death(TASK_RETURNED, 0); }
 void board::start_scheduler() { start_tasks(run_loop); }
 

@@ -230,8 +230,17 @@ void analogWrite(int pin, int value) {
 #if defined(SIMMER_ESP32)
 namespace {
 int read_bits = 12;
+// Millivolts that give all ones, by the attenuation.
+constexpr double FULL_SCALES[] = {1100, 1500, 2200, 3300};
+double full_scales[DIGITAL_PINS];  // 0 is 3.3 V
+}  // namespace
+void analogReadResolution(int bits) { read_bits = constrain(bits, 1, 16); }
+void analogSetAttenuation(adc_attenuation_t attenuation) {
+  for (double& each : full_scales) each = FULL_SCALES[attenuation];
 }
-void analogReadResolution(int bits) { read_bits = constrain(bits, 1, 12); }
+void analogSetPinAttenuation(int pin, adc_attenuation_t attenuation) {
+  if (is_pin(pin)) full_scales[pin] = FULL_SCALES[attenuation];
+}
 #endif
 
 int analogRead(int number) {
@@ -239,7 +248,9 @@ int analogRead(int number) {
   const double value = exchange(Reason::Query, Query::Analog, pin);
   pass(cost::ANALOG_READ);
 #if defined(SIMMER_ESP32)
-  return static_cast<int>(value) >> (12 - read_bits);
+  const double scale = is_pin(pin) && full_scales[pin] > 0 ? FULL_SCALES[ADC_11db] / full_scales[pin] : 1;
+  const int counts = value * scale > 4095 ? 4095 : static_cast<int>(value * scale);
+  return read_bits > 12 ? counts << (read_bits - 12) : counts >> (12 - read_bits);
 #else
   return static_cast<int>(value);
 #endif

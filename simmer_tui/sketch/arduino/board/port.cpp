@@ -130,7 +130,14 @@ void HardwareSerial::flush() {
 }
 
 #if defined(SIMMER_ESP32)
-HardwareSerial Serial(3, 1), Serial1(9, 10), Serial2(16, 17);
+namespace {
+constexpr int NO_PIN = -1;
+// The pins (rx, tx) of each port, before begin() gives it others.
+constexpr int PORT_PINS[][2] = {{3, 1}, {9, 10}, {16, 17}};
+int port_pin(int number, int which) { return number >= 0 && number < 3 ? PORT_PINS[number][which] : NO_PIN; }
+}  // namespace
+HardwareSerial::HardwareSerial(int number) : Port(port_pin(number, 0), port_pin(number, 1)) {}
+HardwareSerial Serial(0), Serial1(1), Serial2(2);
 #else
 HardwareSerial Serial(0, 1);
 #endif

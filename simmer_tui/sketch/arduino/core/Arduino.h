@@ -62,6 +62,7 @@ void yield();
 #if defined(SIMMER_ESP32)
 // Where code and data are makes no difference.
 #define IRAM_ATTR
+#define ARDUINO_ISR_ATTR
 #define ICACHE_RAM_ATTR
 #define DRAM_ATTR
 #define RTC_DATA_ATTR
@@ -82,6 +83,18 @@ void analogWriteResolution(int pin, int bits);
 void analogWriteFrequency(unsigned int frequency);
 void analogWriteFrequency(int pin, unsigned int frequency);
 void analogReadResolution(int bits);
+// What of the voltage at a pin is all ones.
+enum adc_attenuation_t { ADC_0db, ADC_2_5db, ADC_6db, ADC_11db };
+void analogSetAttenuation(adc_attenuation_t attenuation);
+void analogSetPinAttenuation(int pin, adc_attenuation_t attenuation);
+typedef int esp_err_t;
+#define ESP_OK 0
+#define ESP_FAIL (-1)
+struct EspClass {
+  [[noreturn]] void restart();
+  uint32_t getFreeHeap() { return 290000; }  // about what a sketch without a radio has: it stays the same
+};
+extern EspClass ESP;
 int64_t esp_timer_get_time();
 uint32_t esp_random();
 #endif
@@ -168,4 +181,5 @@ extern const SketchStart sketch_start;
 #include "../libraries/freertos/FreeRTOS.h"
 #include "../libraries/freertos/event_groups.h"
 #include "../libraries/freertos/semphr.h"
+#include "../libraries/freertos/timers.h"
 #endif

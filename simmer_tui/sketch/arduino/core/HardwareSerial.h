@@ -7,7 +7,10 @@ class HardwareSerial : public board::Port {
  public:
   HardwareSerial(int rx, int tx) : Port(rx, tx) {}
 #if defined(SIMMER_ESP32)
+  // By its number: 0 is the USB port.
+  explicit HardwareSerial(int number);
   void begin(unsigned int baud, unsigned int = 0x06, int rx = -1, int tx = -1) {
+    if (rx_ < 0) return;  // there is no port of its number
     set_pins(rx < 0 ? rx_ : rx, tx < 0 ? tx_ : tx);
     open(baud);
   }
