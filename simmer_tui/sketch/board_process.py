@@ -39,6 +39,7 @@ _CAUSES: dict[int, str] = {
     signal.SIGABRT: "it gave up",
     200: "the function of a task returned; end it with vTaskDelete(NULL)",
     201: "its sketch called ESP.restart(), which no simulated board does",
+    202: "it used a queue, semaphore, timer or event group that is not there (NULL): create it first",
 }
 """Causes of a board's death by its signal; 0 is none."""
 if sys.platform != "win32" and platform_has.POSIX:

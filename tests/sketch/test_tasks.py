@@ -275,22 +275,54 @@ def test_a_board_that_waits_in_all_tasks_is_not_busy(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @no_compiler
+def test_what_others_do_in_a_delay_is_work(tmp_path: Path) -> None:
+    """Half of the time one task works, while a less urgent one is in its delay."""
+    sketch = (
+        HEAD
+        + """
+void works(void*) {
+  for (;;) { delayMicroseconds(16000); delayMicroseconds(16000); vTaskDelay(2); }
+}
+void waits(void*) { for (;;) delay(1000); }
+void setup() {
+  Serial.begin(9600);
+  xTaskCreate(works, "works", 100, NULL, 2, NULL);
+  xTaskCreate(waits, "waits", 100, NULL, 1, NULL);
+}
+"""
+    )
+    boards = Boards(made_set(tmp_path / "set", ROVER + MOTORS, {"rover.ino": sketch + LOOP}))
+    try:
+        boards.run_to(2.0)
+        boards.robot.views()
+        boards.run_to(6.0)
+        assert 0.4 < boards.robot.views()[0].busy < 0.8
+    finally:
+        boards.close()
+
+
+@pytest.mark.slow
+@no_compiler
 @pytest.mark.parametrize(
     ("body", "told"),
     [
         ("int* none = (int*)8; *none = 1;", "it used memory that is not its own"),
         ("return;", r"the function of a task returned; end it with vTaskDelete\(NULL\)"),
         ("deep(1);", "or its stack is full"),
+        ("int item; xQueueReceive(queue, &item, 5);", "it used a queue, .* that is not there"),
+        ("xSemaphoreTake(lock, portMAX_DELAY);", "a .*semaphore, .* that is not there"),
+        ("xTimerStart(timer, 0);", "a .*timer .* that is not there"),
     ],
 )
 def test_a_board_that_dies_names_its_task(body: str, told: str, tmp_path: Path) -> None:
     sketch = (
         "int deep(int n) { volatile char room[9000]; room[0] = n; return room[0] + deep(n + 1); }\n"
-        f"void fails(void*) {{ vTaskDelay(3); {body} }}\n"
+        "QueueHandle_t queue; SemaphoreHandle_t lock; TimerHandle_t timer;\n"
+        f"void fails(void*) {{ vTaskDelay(3);\n{body} }}\n"
         'void setup() { Serial.begin(9600); xTaskCreate(fails, "Eyes", 100, NULL, 1, NULL); }\n'
     )
     done = run(tmp_path, HEAD + sketch + LOOP)
-    assert done.failed.startswith("board rover died at rover.ino:")
+    assert done.failed.startswith(f"board rover died at rover.ino:{'8 in' if 'there' in told else ''}")
     assert re.search(r" in task Eyes after 0\.0\d{1,3} s: ", done.failed)
     assert re.search(told, done.failed)
 

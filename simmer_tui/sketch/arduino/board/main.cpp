@@ -98,7 +98,7 @@ void listen_for_death(int number) { std::signal(number, died); }
 // A sketch that calls exit(): the board has no system to go back to.
 void left() { report_death(0, 0); }
 
-constexpr int TASK_RETURNED = 200, RESTARTED = 201;  // beyond the signals of all systems
+constexpr int TASK_RETURNED = 200, RESTARTED = 201, ABSENT = 202;  // beyond the signals of all systems
 
 void run_loop() {
   if (sketch_start.loop) sketch_start.loop();
@@ -131,6 +131,7 @@ void EspClass::restart() {
 }
 #endif
 void board::report_return() { report_death(TASK_RETURNED, 0); }
+void board::report_absent(uint32_t at) { report_death(ABSENT, at); }
 void board::start_scheduler() { start_tasks(run_loop); }
 
 int main(int count, char** arguments) {

@@ -8,6 +8,14 @@ namespace board {
 
 inline uint64_t wake_tick(TickType_t ticks) { return ticks == portMAX_DELAY ? NEVER : tick_count() + ticks; }
 
+// A queue, semaphore, timer or group that a call is about. A real ESP32 ends where there is none; an AVR goes on with
+// what its memory has at 0. Inline, as all that calls it: the address is that of the sketch's call.
+template <class Kind>
+[[gnu::always_inline]] inline Kind& there(Kind* made) {
+  if (!made) report_absent(CALLED_AT - 1);
+  return *made;
+}
+
 // Attempt something until it is done. In an interrupt's function, nobody can wait.
 template <class Attempt>
 bool wait_for(const void* key, TickType_t ticks, Attempt attempt) {

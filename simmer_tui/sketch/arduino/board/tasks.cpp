@@ -94,6 +94,8 @@ void go_to(Task& next) {
   if (!is_chosen(before)) before.turn = ++turns;
   if (!IDLE_IS_A_TASK && &before == &idle_task) waited += now - idle_since;
   if (&next == &idle_task) idle_since = now;
+  before.left = now;
+  next.away += now - next.left;
   running = &next;
   waiting = next.waiting;
   last_wait = next.last_wait;
@@ -229,6 +231,8 @@ Task* create_task(void (*function)(void*), const char* name, void* argument, uns
   task->place = 0;
   task->interrupts_on = true;
   task->critical_depth = 0;
+  task->away = 0;
+  task->left = now;
   task->context.prepare(begin_task);
   tell_name(*task);
   return task;

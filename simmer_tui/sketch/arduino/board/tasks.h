@@ -46,6 +46,8 @@ struct Task {
   uint32_t place = 0;
   bool interrupts_on = true, saved_interrupts = true;
   unsigned int critical_depth = 0;
+  Nanoseconds away = 0;  // time that others had
+  Nanoseconds left = 0;
 };
 
 bool use_tasks();                // called before setup() by sketches with FreeRTOS
@@ -54,6 +56,7 @@ bool tasks_run();                // true after the scheduler's start
 [[noreturn]] void start_tasks(void (*idle)());  // `idle` is called again and again while all others wait
 [[noreturn]] void start_scheduler();            // with loop() as the idle task
 void report_return();                           // a task's function has returned: the board's end
+void report_absent(uint32_t at);                // a queue or its kind is not there: the board's end
 uint64_t tick_count();
 Task& running_task();
 bool is_idle();                  // true in loop(), and before the start of the scheduler

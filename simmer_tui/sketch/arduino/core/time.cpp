@@ -22,7 +22,7 @@ unsigned int micros() {
 
 void delay(unsigned int milliseconds) {
   const WaitScope scope(Waits::InDelay, CALLED_AT);
-  const Nanoseconds begin = now;
+  const Nanoseconds begin = now, away = running_task().away;
 #if defined(SIMMER_ESP32)
   // vTaskDelay(): other tasks run.
   if (interrupts_on() && !is_idle()) {
@@ -34,7 +34,8 @@ void delay(unsigned int milliseconds) {
   }
 #endif
   pass_until(begin + milliseconds * MILLISECOND);
-  waited += now - begin;
+  // Others may work meanwhile.
+  waited += now - begin - (running_task().away - away);
 }
 #if defined(SIMMER_ESP32)
 void delayMicroseconds(unsigned int microseconds) { pass_until(now + microseconds * MICROSECOND); }

@@ -80,36 +80,34 @@ using namespace board;
 // -- queues ------------------------------------------------------------------------------------------
 
 namespace {
-BaseType_t send(QueueHandle_t queue, const void* item, TickType_t ticks, bool in_front) {
+[[gnu::always_inline]] inline BaseType_t send(QueueHandle_t queue, const void* item, TickType_t ticks, bool in_front) {
   pass(cost::TASK_CALL);
-  if (!queue || !wait_for(&queue->senders, ticks, [&] { return queue->put(item, in_front); })) return errQUEUE_FULL;
+  if (!wait_for(&there(queue).senders, ticks, [&] { return queue->put(item, in_front); })) return errQUEUE_FULL;
   pass_on(&queue->receivers);
   return pdTRUE;
 }
 
-BaseType_t send_from_isr(QueueHandle_t queue, const void* item, BaseType_t* is_woken, bool in_front) {
+[[gnu::always_inline]] inline BaseType_t send_from_isr(QueueHandle_t queue, const void* item, BaseType_t* is_woken, bool in_front) {
   pass(cost::TASK_CALL);
-  if (!queue || !queue->put(item, in_front)) return errQUEUE_FULL;
+  if (!there(queue).put(item, in_front)) return errQUEUE_FULL;
   pass_on_from_isr(&queue->receivers, is_woken);
   return pdTRUE;
 }
 
-BaseType_t receive(QueueHandle_t queue, void* item, TickType_t ticks, bool keep) {
+[[gnu::always_inline]] inline BaseType_t receive(QueueHandle_t queue, void* item, TickType_t ticks, bool keep) {
   pass(cost::TASK_CALL);
-  if (!queue || !wait_for(&queue->receivers, ticks, [&] { return queue->take(item, keep); })) return errQUEUE_EMPTY;
+  if (!wait_for(&there(queue).receivers, ticks, [&] { return queue->take(item, keep); })) return errQUEUE_EMPTY;
   pass_on(keep ? &queue->receivers : &queue->senders);
   return pdTRUE;
 }
 
 // A queue of one item: the new one takes its place.
-bool replace(QueueHandle_t queue, const void* item) {
+[[gnu::always_inline]] inline void replace(QueueHandle_t queue, const void* item) {
   pass(cost::TASK_CALL);
-  if (!queue) return false;
-  if (queue->count)
+  if (there(queue).count)
     queue->write(item, 0);
   else
     queue->put(item, false);
-  return true;
 }
 }  // namespace
 
@@ -126,7 +124,7 @@ BaseType_t xQueueSendToFront(QueueHandle_t queue, const void* item, TickType_t t
   return send(queue, item, ticks, true);
 }
 BaseType_t xQueueOverwrite(QueueHandle_t queue, const void* item) {
-  if (!replace(queue, item)) return pdFALSE;
+  replace(queue, item);
   pass_on(&queue->receivers);
   return pdTRUE;
 }
@@ -134,17 +132,17 @@ BaseType_t xQueueReceive(QueueHandle_t queue, void* item, TickType_t ticks) { re
 BaseType_t xQueuePeek(QueueHandle_t queue, void* item, TickType_t ticks) { return receive(queue, item, ticks, true); }
 BaseType_t xQueueReset(QueueHandle_t queue) {
   pass(cost::TASK_CALL);
-  queue->count = 0;
+  there(queue).count = 0;
   pass_on(&queue->senders);
   return pdPASS;
 }
 UBaseType_t uxQueueMessagesWaiting(QueueHandle_t queue) {
   pass(cost::MILLIS);
-  return static_cast<UBaseType_t>(queue->count);
+  return static_cast<UBaseType_t>(there(queue).count);
 }
 UBaseType_t uxQueueSpacesAvailable(QueueHandle_t queue) {
   pass(cost::MILLIS);
-  return static_cast<UBaseType_t>(queue->length - queue->count);
+  return static_cast<UBaseType_t>(there(queue).length - queue->count);
 }
 
 BaseType_t xQueueSendFromISR(QueueHandle_t queue, const void* item, BaseType_t* is_woken) {
@@ -157,19 +155,19 @@ BaseType_t xQueueSendToFrontFromISR(QueueHandle_t queue, const void* item, BaseT
   return send_from_isr(queue, item, is_woken, true);
 }
 BaseType_t xQueueOverwriteFromISR(QueueHandle_t queue, const void* item, BaseType_t* is_woken) {
-  if (!replace(queue, item)) return pdFALSE;
+  replace(queue, item);
   pass_on_from_isr(&queue->receivers, is_woken);
   return pdTRUE;
 }
 BaseType_t xQueueReceiveFromISR(QueueHandle_t queue, void* item, BaseType_t* is_woken) {
   pass(cost::TASK_CALL);
-  if (!queue || !queue->take(item, false)) return errQUEUE_EMPTY;
+  if (!there(queue).take(item, false)) return errQUEUE_EMPTY;
   pass_on_from_isr(&queue->senders, is_woken);
   return pdTRUE;
 }
 UBaseType_t uxQueueMessagesWaitingFromISR(QueueHandle_t queue) { return uxQueueMessagesWaiting(queue); }
-BaseType_t xQueueIsQueueEmptyFromISR(QueueHandle_t queue) { return queue->count == 0; }
-BaseType_t xQueueIsQueueFullFromISR(QueueHandle_t queue) { return queue->count == queue->length; }
+BaseType_t xQueueIsQueueEmptyFromISR(QueueHandle_t queue) { return there(queue).count == 0; }
+BaseType_t xQueueIsQueueFullFromISR(QueueHandle_t queue) { return there(queue).count == queue->length; }
 
 // -- semaphores and mutexes --------------------------------------------------------------------------
 
@@ -199,8 +197,7 @@ void vSemaphoreDelete(SemaphoreHandle_t semaphore) { delete semaphore; }
 
 BaseType_t xSemaphoreTake(SemaphoreHandle_t semaphore, TickType_t ticks) {
   pass(cost::TASK_CALL);
-  if (!semaphore) return pdFALSE;
-  const bool taken = wait_for(&semaphore->receivers, ticks, [&] {
+  const bool taken = wait_for(&there(semaphore).receivers, ticks, [&] {
     if (semaphore->take(nullptr, false)) return true;
     if (ticks) lend_priority(*semaphore);
     return false;
@@ -214,7 +211,7 @@ BaseType_t xSemaphoreTake(SemaphoreHandle_t semaphore, TickType_t ticks) {
 
 BaseType_t xSemaphoreGive(SemaphoreHandle_t semaphore) {
   pass(cost::TASK_CALL);
-  if (!semaphore || (semaphore->is_mutex && semaphore->holder && semaphore->holder != &running_task())) return pdFALSE;
+  if (there(semaphore).is_mutex && semaphore->holder && semaphore->holder != &running_task()) return pdFALSE;
   if (!semaphore->put(nullptr, false)) return pdFALSE;
   const bool returns_priority = semaphore->is_mutex && semaphore->holder;
   semaphore->holder = nullptr;
@@ -226,8 +223,7 @@ BaseType_t xSemaphoreGive(SemaphoreHandle_t semaphore) {
 }
 
 BaseType_t xSemaphoreTakeRecursive(SemaphoreHandle_t semaphore, TickType_t ticks) {
-  if (!semaphore) return pdFALSE;
-  if (semaphore->holder == &running_task()) {
+  if (there(semaphore).holder == &running_task()) {
     pass(cost::TASK_CALL);
     ++semaphore->depth;
     return pdTRUE;
@@ -238,7 +234,7 @@ BaseType_t xSemaphoreTakeRecursive(SemaphoreHandle_t semaphore, TickType_t ticks
 }
 
 BaseType_t xSemaphoreGiveRecursive(SemaphoreHandle_t semaphore) {
-  if (!semaphore || semaphore->holder != &running_task()) return pdFALSE;
+  if (there(semaphore).holder != &running_task()) return pdFALSE;
   if (--semaphore->depth == 0) return xSemaphoreGive(semaphore);
   pass(cost::TASK_CALL);
   return pdTRUE;
@@ -263,23 +259,23 @@ void vEventGroupDelete(EventGroupHandle_t group) { delete group; }
 
 EventBits_t xEventGroupSetBits(EventGroupHandle_t group, EventBits_t bits) {
   pass(cost::TASK_CALL);
-  if (group->set(bits)) ask_for_switch();
+  if (there(group).set(bits)) ask_for_switch();
   return group->bits;
 }
 EventBits_t xEventGroupClearBits(EventGroupHandle_t group, EventBits_t bits) {
   pass(cost::TASK_CALL);
-  const EventBits_t before = group->bits;
+  const EventBits_t before = there(group).bits;
   group->bits &= static_cast<EventBits_t>(~bits);
   return before;
 }
 EventBits_t xEventGroupGetBits(EventGroupHandle_t group) {
   pass(cost::MILLIS);
-  return group->bits;
+  return there(group).bits;
 }
 EventBits_t xEventGroupWaitBits(EventGroupHandle_t group, EventBits_t bits, BaseType_t clear, BaseType_t all,
                                 TickType_t ticks) {
   pass(cost::TASK_CALL);
-  EventGroup::Waiter waiter = {&running_task(), bits, all != 0, clear != 0, false, group->bits};
+  EventGroup::Waiter waiter = {&running_task(), bits, all != 0, clear != 0, false, there(group).bits};
   if (waiter.fits(group->bits)) {
     if (clear) group->bits &= static_cast<EventBits_t>(~bits);
     return waiter.found;
@@ -292,7 +288,7 @@ EventBits_t xEventGroupWaitBits(EventGroupHandle_t group, EventBits_t bits, Base
 EventBits_t xEventGroupSync(EventGroupHandle_t group, EventBits_t set, EventBits_t bits, TickType_t ticks) {
   // The last one that comes is as free to go on as the others: its own bits count before they are cleared.
   pass(cost::TASK_CALL);
-  const EventBits_t found = static_cast<EventBits_t>(group->bits | set);
+  const EventBits_t found = static_cast<EventBits_t>(there(group).bits | set);
   if (group->set(set)) ask_for_switch();
   if ((found & bits) != bits) return xEventGroupWaitBits(group, bits, pdTRUE, pdTRUE, ticks);
   group->bits &= static_cast<EventBits_t>(~bits);
@@ -300,7 +296,7 @@ EventBits_t xEventGroupSync(EventGroupHandle_t group, EventBits_t set, EventBits
 }
 BaseType_t xEventGroupSetBitsFromISR(EventGroupHandle_t group, EventBits_t bits, BaseType_t* is_woken) {
   pass(cost::TASK_CALL);
-  if (group->set(bits) && is_woken) *is_woken = pdTRUE;
+  if (there(group).set(bits) && is_woken) *is_woken = pdTRUE;
   return pdPASS;
 }
 EventBits_t xEventGroupGetBitsFromISR(EventGroupHandle_t group) { return xEventGroupGetBits(group); }

@@ -47,26 +47,26 @@ void run_timers(void*) {
 }
 
 // A command of a timer; its task looks again for the one that is due first.
-BaseType_t set_due(TimerHandle_t timer, uint64_t due) {
+[[gnu::always_inline]] inline BaseType_t set_due(TimerHandle_t timer, uint64_t due) {
   pass(cost::TASK_CALL);
-  if (!timer || timer->is_deleted) return pdFAIL;
+  if (there(timer).is_deleted) return pdFAIL;
   timer->due = due;
   return pdPASS;
 }
-BaseType_t command(TimerHandle_t timer, uint64_t due) {
+[[gnu::always_inline]] inline BaseType_t command(TimerHandle_t timer, uint64_t due) {
   const BaseType_t done = set_due(timer, due);
   pass_on(&commands);
   return done;
 }
-BaseType_t command_from_isr(TimerHandle_t timer, uint64_t due, BaseType_t* is_woken) {
+[[gnu::always_inline]] inline BaseType_t command_from_isr(TimerHandle_t timer, uint64_t due, BaseType_t* is_woken) {
   const BaseType_t done = set_due(timer, due);
   pass_on_from_isr(&commands, is_woken);
   return done;
 }
-uint64_t next_due(TimerHandle_t timer) { return timer ? tick_count() + timer->period : NEVER; }
-bool change(TimerHandle_t timer, TickType_t period) {
-  if (!timer || !period) return false;
-  timer->period = period;
+[[gnu::always_inline]] inline uint64_t next_due(TimerHandle_t timer) { return tick_count() + there(timer).period; }
+[[gnu::always_inline]] inline bool change(TimerHandle_t timer, TickType_t period) {
+  if (!period) return false;
+  there(timer).period = period;
   return true;
 }
 }  // namespace
@@ -88,7 +88,7 @@ BaseType_t xTimerChangePeriod(TimerHandle_t timer, TickType_t period, TickType_t
 }
 BaseType_t xTimerDelete(TimerHandle_t timer, TickType_t) {
   const BaseType_t done = command(timer, NEVER);
-  if (timer) timer->is_deleted = true;
+  timer->is_deleted = true;
   return done;
 }
 BaseType_t xTimerStartFromISR(TimerHandle_t timer, BaseType_t* is_woken) {
@@ -104,10 +104,10 @@ BaseType_t xTimerChangePeriodFromISR(TimerHandle_t timer, TickType_t period, Bas
   return change(timer, period) ? command_from_isr(timer, next_due(timer), is_woken) : pdFAIL;
 }
 
-BaseType_t xTimerIsTimerActive(TimerHandle_t timer) { return timer && timer->due != NEVER; }
-void* pvTimerGetTimerID(TimerHandle_t timer) { return timer->id; }
+BaseType_t xTimerIsTimerActive(TimerHandle_t timer) { return there(timer).due != NEVER; }
+void* pvTimerGetTimerID(TimerHandle_t timer) { return there(timer).id; }
 void vTimerSetTimerID(TimerHandle_t timer, void* id) { timer->id = id; }
-const char* pcTimerGetName(TimerHandle_t timer) { return timer->name; }
-TickType_t xTimerGetPeriod(TimerHandle_t timer) { return timer->period; }
-TickType_t xTimerGetExpiryTime(TimerHandle_t timer) { return static_cast<TickType_t>(timer->due); }
+const char* pcTimerGetName(TimerHandle_t timer) { return there(timer).name; }
+TickType_t xTimerGetPeriod(TimerHandle_t timer) { return there(timer).period; }
+TickType_t xTimerGetExpiryTime(TimerHandle_t timer) { return static_cast<TickType_t>(there(timer).due); }
 void vTimerSetReloadMode(TimerHandle_t timer, BaseType_t repeats) { timer->repeats = repeats != 0; }
