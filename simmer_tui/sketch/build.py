@@ -51,6 +51,46 @@ _STANDARD = frozenset(
     )
 )
 """Headers of the C library that avr-libc has too."""
+CPP_STANDARD = frozenset(
+    (
+        *(
+            "algorithm",
+            "array",
+            "bitset",
+            "cassert",
+            "cctype",
+            "cfloat",
+            "chrono",
+            "cinttypes",
+            "climits",
+            "cmath",
+        ),
+        *("complex", "cstdarg", "cstddef", "cstdint", "cstdio", "cstdlib", "cstring", "deque", "exception"),
+        *(
+            "forward_list",
+            "functional",
+            "initializer_list",
+            "iterator",
+            "limits",
+            "list",
+            "map",
+            "memory",
+            "new",
+        ),
+        *("numeric", "optional", "queue", "random", "set", "sstream", "stack", "stdexcept", "string"),
+        *(
+            "string_view",
+            "tuple",
+            "type_traits",
+            "unordered_map",
+            "unordered_set",
+            "utility",
+            "variant",
+            "vector",
+        ),
+    )
+)
+"""Headers of C++ that an ESP32's compiler has. That of an AVR has none."""
 # The files of Windows and macOS have no case: sketches from there include such names.
 _OTHER_NAMES = {
     "arduino.h": "Arduino.h",
@@ -135,7 +175,7 @@ def is_provided(header: str, own: Collection[str]) -> bool:
     """True if a header is the runtime's, the C library's, or one of a sketch's `own` files."""
     name = header.lower()
     core = {each.name.lower() for each in (RUNTIME / "core").glob("*.h")}
-    known = core | _provided() | _STANDARD | set(_OTHER_NAMES) | {each.lower() for each in own}
+    known = core | _provided() | _STANDARD | CPP_STANDARD | set(_OTHER_NAMES) | {each.lower() for each in own}
     return name in known or name.rpartition("/")[2] in known
 
 
@@ -256,6 +296,8 @@ def _known_headers(sources: Sequence[_Source], kind: BoardKind) -> set[str]:
     own = {Path(each.name).name.lower() for each in sources}
     core = {each.name.lower() for each in (RUNTIME / "core").glob("*.h")}
     known = core | _provided() | _STANDARD | set(_OTHER_NAMES)
+    if kind.int_bits == 32:
+        known |= CPP_STANDARD
     # The sketches of an ESP32 have FreeRTOS without a header, or by those of its folder.
     lacks = {each.lower() for each in kind.lacks}
     return (known - ({"wire.h"} - _provided()) - lacks) | own
@@ -272,6 +314,8 @@ def _missing_header(output: str, files: Sequence[Path], board: BoardKind | None)
             lacks = frozenset[str]() if board is None else board.lacks
             listed = ", ".join(each for each in libraries() if each not in lacks)
             what = f"there is no library with {name}"
+            if name in CPP_STANDARD:
+                what = f"{name} is a header of C++, which an AVR board has not"
             if board is not None and name in lacks:
                 what = f"{name} is no library of the {board.title}"
             return Problem(

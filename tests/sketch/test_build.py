@@ -134,6 +134,7 @@ REFUSED = {
     "void f() { vTaskDelay(1); }": "vTaskDelay is of FreeRTOS, .*: add #include <Arduino_FreeRTOS.h>",
     "int a() { return ADC_11db; }": "ADC_11db is a call of another board; give it in wiring.toml",
     "#include <soc/soc.h>": "soc/soc.h is no library of the Uno",
+    "#include <vector>": "vector is a header of C\\+\\+, which an AVR board has not",
     "QueueHandle_t q;": "QueueHandle_t is of FreeRTOS",
     "#include <Arduino_FreeRTOS.h>\nvoid f() { xQueueReset(0); }": "xQueueReset .*#include <queue.h>",
     "#include <Arduino_FreeRTOS.h>\nvoid f() { vTaskList(0); }": "the simulator's FreeRTOS has no vTaskList",

@@ -9,7 +9,7 @@ import pytest
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim.specs import WheelLayout, WheelsSpec
 from simmer_tui.sketch.boards import ESP32, UNO
-from simmer_tui.sketch.build import build_sketch
+from simmer_tui.sketch.build import CPP_STANDARD, build_sketch
 from simmer_tui.sketch.compiler import find_compiler
 from simmer_tui.sketch.sketch_check import sketch_problems
 from simmer_tui.sketch.sketch_scan import SketchFacts
@@ -189,6 +189,33 @@ void setup() {
 }
 """
     assert lines(tmp_path, sketch + LOOP) == ["1", "1", "1"]
+
+
+@pytest.mark.slow
+@no_compiler
+def test_an_esp32_has_the_headers_of_cpp(tmp_path: Path) -> None:
+    names = sorted(CPP_STANDARD)
+    sketch = (
+        "".join(f"#include <{name}>\n" for name in names)
+        + """
+std::vector<int> readings = {30, 10, 20};
+std::map<std::string, int> pins = {{"left", 4}};
+std::array<float, 2> shares = {0.25f, 0.5f};
+std::function<int(int)> twice = [](int n) { return 2 * n; };
+unsigned long late = 7;
+float speed = -2.5;
+void setup() {
+  Serial.begin(115200);
+  std::sort(readings.begin(), readings.end());
+  Serial.println(readings[0] + pins["left"]);
+  Serial.println(std::max(readings[1], 5) + max(late, 3) + min(2.5, 1) + twice(4));
+  Serial.println(abs(speed) + std::abs(-1) + std::sqrt(shares[0]));
+  Serial.println((int)round(2.6) + constrain(9, 1, 4));
+  Serial.println(std::to_string(42).c_str());
+}
+"""
+    )
+    assert lines(tmp_path, sketch + LOOP) == ["14", "36.00", "4.00", "7", "42"]
 
 
 @pytest.mark.slow

@@ -9,6 +9,12 @@
 #include <cstring>
 #include <strings.h>
 #include <type_traits>
+#if defined(SIMMER_ESP32)
+// Before the macros, of which these headers have some of the names.
+#include <algorithm>
+#include <functional>
+#include <string>
+#endif
 using std::isinf;
 using std::isnan;
 
@@ -152,12 +158,28 @@ inline double square(double value) { return value * value; }
 #include "Stream.h"
 #include "HardwareSerial.h"
 
+#if defined(SIMMER_ESP32)
+// Functions, so that a sketch may include headers of C++ and call std::max() too. Those of two types take what differs
+// in this machine's widths alone.
+using std::abs;
+using std::max;
+using std::min;
+template <class One, class Other>
+constexpr auto min(One a, Other b) {
+  return a < b ? a : b;
+}
+template <class One, class Other>
+constexpr auto max(One a, Other b) {
+  return a > b ? a : b;
+}
+#else
 // Macros, as in Arduino's core: their type is that of the expression. No header comes after them.
 #define min(a, b) ((a) < (b) ? (a) : (b))
 #define max(a, b) ((a) > (b) ? (a) : (b))
 #define abs(x) ((x) > 0 ? (x) : -(x))
-#define constrain(x, low, high) ((x) < (low) ? (low) : ((x) > (high) ? (high) : (x)))
 #define round(x) ((x) >= 0 ? (int32_t)((x) + 0.5) : (int32_t)((x) - 0.5))
+#endif
+#define constrain(x, low, high) ((x) < (low) ? (low) : ((x) > (high) ? (high) : (x)))
 #define radians(degrees) ((degrees) * DEG_TO_RAD)
 #define degrees(radians) ((radians) * RAD_TO_DEG)
 #define sq(x) ((x) * (x))
