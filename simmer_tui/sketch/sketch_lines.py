@@ -55,7 +55,8 @@ class SketchLines:
 
 
 def _own_line(told: str) -> str:
-    # A function of the runtime that was inlined comes before the line that calls it.
+    # A function of the runtime or of C++ that was inlined comes before the line that calls it.
     own = [each for each in told.splitlines() if RUNTIME_NAME not in each and "?" not in each]
+    own = [each for each in own if "/include/c++/" not in each] or own
     found = re.match(r"(?:.*/)?([^/:]+?)(?:(?<=\.ino)\.cpp)?:(\d{1,7})\b", own[0]) if own else None
     return f"{cut(found[1], _LONGEST_NAME)}:{found[2]}" if found else ""

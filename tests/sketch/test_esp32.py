@@ -220,6 +220,18 @@ void setup() {
 
 @pytest.mark.slow
 @no_compiler
+def test_a_board_that_dies_in_a_header_of_cpp_has_the_line_of_its_sketch(tmp_path: Path) -> None:
+    sketch = """#include <algorithm>
+int *volatile readings;
+void setup() { delay(10); }
+void loop() { if (millis() > 50) std::reverse(readings, readings + 3); }
+"""
+    done = run_boards(made_set(tmp_path / "set", BOARD, {"rover.ino": sketch}), 1.0)
+    assert done.failed.startswith("board rover died at rover.ino:4 ")
+
+
+@pytest.mark.slow
+@no_compiler
 def test_what_sketches_of_an_esp32_have_without_an_include(tmp_path: Path) -> None:
     sketch = """
 #include "soc/soc.h"
