@@ -25,13 +25,15 @@ def task_problems(facts: SketchFacts) -> Iterator[Problem]:
     for call in facts.named(*_DELAYS):
         milliseconds, is_macro = _milliseconds(facts, call, _DELAYS[call.name])
         ticks = milliseconds * _TICK_RATE // 1000 if is_macro else milliseconds // tick
-        if milliseconds > 0 and ticks == 0:
+        is_none = milliseconds > 0 and ticks == 0
+        if is_none and milliseconds < tick:
             what = f"{call.name} of {milliseconds} ms does not wait: a tick of the {facts.kind.title} has"
-            why = f"{what} {tick} ms, and this is less than one"
-            if milliseconds >= tick:
-                what = f"{call.name} of {milliseconds} ms does not wait: pdMS_TO_TICKS counts {_TICK_RATE}"
-                why = f"{what} ticks a second, so this is less than one; {tick + 1} ms are one"
-            yield Problem(call.token.spot, why)
+            yield Problem(call.token.spot, f"{what} {tick} ms, and this is less than one")
+        elif is_none:
+            what = f"{call.name} of {milliseconds} ms does not wait: pdMS_TO_TICKS counts {_TICK_RATE}"
+            yield Problem(
+                call.token.spot, f"{what} ticks a second, so this is less than one; {tick + 1} ms are one"
+            )
         if call.function in ("setup", "loop"):
             yield Problem(call.token.spot, f"{call.name} in {call.function}(): {_WHY[call.function]}")
 
