@@ -30,9 +30,9 @@ def task_problems(facts: SketchFacts) -> Iterator[Problem]:
             what = f"{call.name} of {milliseconds} ms does not wait: a tick of the {facts.kind.title} has"
             yield Problem(call.token.spot, f"{what} {tick} ms, and this is less than one")
         elif is_none:
-            what = f"{call.name} of {milliseconds} ms does not wait: pdMS_TO_TICKS counts {_TICK_RATE}"
+            macro = f"{call.name} of {milliseconds} ms does not wait: pdMS_TO_TICKS counts {_TICK_RATE}"
             yield Problem(
-                call.token.spot, f"{what} ticks a second, so this is less than one; {tick + 1} ms are one"
+                call.token.spot, f"{macro} ticks a second, so this is less than one; {tick + 1} ms are one"
             )
         if call.function in ("setup", "loop"):
             yield Problem(call.token.spot, f"{call.name} in {call.function}(): {_WHY[call.function]}")
