@@ -189,7 +189,7 @@ def test_the_runtime_has_the_pins_of_an_esp32() -> None:
     assert numbers["DIGITAL_PINS"] == ESP32.pins
     assert f"#define LED_BUILTIN {ESP32.led}\n" in text
     found = re.search(
-        r"Serial\((\d+), (\d+)\), Serial1\((\d+), (\d+)\), Serial2\((\d+), (\d+)\);",
+        r"PORT_PINS\[\]\[2\] = \{\{(\d+), (\d+)\}, \{(\d+), (\d+)\}, \{(\d+), (\d+)\}\};",
         (RUNTIME / "board" / "port.cpp").read_text("utf-8"),
     )
     assert found
