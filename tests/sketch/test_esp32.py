@@ -193,6 +193,41 @@ void setup() {
 
 @pytest.mark.slow
 @no_compiler
+def test_an_attenuation_and_a_resolution_scale_what_analog_read_gives(tmp_path: Path) -> None:
+    form = tmp_path / "form"
+    form.mkdir()
+    text = (FORMS / "esp32_bluetooth" / "wiring.toml").read_text("utf-8")
+    (form / "wiring.toml").write_text(
+        text.replace("[[0, 3300], [1, 400]]", "[[0, 1001], [1, 1000]]"), "utf-8"
+    )
+    (form / "esp32_bluetooth.ino").write_text(
+        """
+#include <BluetoothSerial.h>
+BluetoothSerial laptop;
+void tell() { laptop.println(analogRead(34)); }
+void setup() {
+  laptop.begin("rover");
+  tell();
+  analogReadResolution(10); tell();
+  analogReadResolution(13); tell();
+  analogReadResolution(12);
+  analogSetAttenuation(ADC_6db); tell();
+  analogSetPinAttenuation(34, ADC_0db); tell();
+  analogSetAttenuation(ADC_11db); tell();
+}
+"""
+        + LOOP,
+        "utf-8",
+    )
+    done = run_boards(set_of(form, tmp_path / "set"), 0.2)
+    whole, small, large, six, least, again = map(int, done.text.split())
+    assert {whole, again} <= {1000, 1001}
+    assert (small, large) == (250, pytest.approx(2001, abs=1))
+    assert (six, least) == (pytest.approx(1501, abs=1), pytest.approx(3001, abs=2))
+
+
+@pytest.mark.slow
+@no_compiler
 def test_an_esp32_has_the_headers_of_cpp(tmp_path: Path) -> None:
     names = sorted(CPP_STANDARD)
     sketch = (
