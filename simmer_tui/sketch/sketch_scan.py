@@ -481,7 +481,7 @@ class SketchFacts:
         bound: Bindings,
         names: Mapping[str, tuple[Token, ...]],
     ) -> tuple[Token, ...]:
-        """How an argument is written where its value is given: in an array, or by a caller."""
+        """The argument as it is written where its value is given: in an array, or by a caller."""
         if len(argument) == 1:
             return names.get(argument[0].text, argument)
         if len(argument) > 3 and argument[1].text == "[" and argument[-1].text == "]":
