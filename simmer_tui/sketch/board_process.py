@@ -294,7 +294,7 @@ class BoardProcess:
         where = f" at {at}" if at else ""
         name = self.task_name(self.task)
         where += f" in task {name}" if name else ""
-        clock = f"after {self.now / 1e9:.6g} s"
+        clock = f"after {round(self.now / 1e9, 4):g} s"
         if self._is_hung:
             return (
                 f"board {self.name} hangs{where} {clock}: it has done nothing for {SILENT:g} s of real time"

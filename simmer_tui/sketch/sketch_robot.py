@@ -615,7 +615,15 @@ class SketchRobot(LockstepWorld):
         led = board.level(kind.led) > 0.0
         displays = tuple(each.rows for _, each in sorted(board.displays.items()))
         return BoardView(
-            name, board.now / SECOND, max(busy, 0.0), led, said.strip(), pins, self.failed, displays
+            name,
+            board.now / SECOND,
+            max(busy, 0.0),
+            led,
+            said.strip(),
+            pins,
+            self.failed,
+            displays,
+            kind.pin_name(kind.led),
         )
 
     # -- commands of others ----------------------------------------------------------------------------

@@ -80,6 +80,7 @@ def test_a_duty_has_its_bits_by_every_call(writes: str, tmp_path: Path) -> None:
         (board,) = boards.robot.boards.values()
         assert board.level(25) == pytest.approx(1024 / 4095, abs=2e-5)
         assert boards.robot.views()[0].led
+        assert boards.robot.views()[0].led_pin == "2"
     finally:
         boards.close()
 
