@@ -560,6 +560,39 @@ class SketchFacts:
                 yield from walk(method, self.bindings(call, None), 0, call.name)
                 yield None
 
+    def pulses(self) -> Iterator[tuple[int, int]]:
+        """The pins of pulses, each after that of the write before it, in loops over arrays as well."""
+        by_function: dict[str, list[SketchCall]] = {}
+        for call in self.calls:
+            by_function.setdefault(call.function, []).append(call)
+        objects = {call.name: call for call in self.calls if call.type in self.functions}
+        left = [_MOST_CALLS]
+        written: list[int] = []
+
+        def walk(function: str, bound: Bindings, depth: int) -> Iterator[tuple[int, int]]:
+            body = by_function.get(function, ())
+            pulse = next((call for call in body if call.name in PULSES), None)
+            for given in [bound] if pulse is None else self._rounds(pulse, bound):
+                for call in body:
+                    left[0] -= 1
+                    if left[0] < 0:
+                        return
+                    if call.name in ("digitalWrite", *PULSES) and call.arguments:
+                        pins = self.values(call.arguments[0], function, 0, given) or Pins()
+                        if call.name == "digitalWrite":
+                            written[:] = pins
+                        elif len(pins) == len(written) == 1 and not pins.issuperset(written):
+                            yield written[0], next(iter(pins))
+                    elif call.name in self.functions and not call.type and depth < _DEEPEST:
+                        made = objects.get(call.object)
+                        own = {} if made is None else self.bindings(made, None)
+                        for each in self._rounds(call, given):
+                            yield from walk(call.name, {**own, **self.bindings(call, each)}, depth + 1)
+
+        for function in by_function:
+            written.clear()
+            yield from walk(function, {}, 0)
+
     def _rows_of_motors(self) -> dict[str, tuple[str, int]]:
         """Functions that write a duty to the pin in a row of an array, `analogWrite(pins[i][0], duty)`: the
         name of the row's number, and the number of rows."""
