@@ -208,7 +208,7 @@ class RunLife:
         server.engine.watch(_Connection(self._connected.set).handle)
         if front.judges:
             server.engine.watch(MissionEnd(lambda: front.finish(0)).handle)
-            server.boards_ended = lambda: front.finish(ExitCode.NO)
+            server.boards_ended = self._boards_over
         server.start(None, client_left, probe_left=lambda: None)
         if self.page is not None:
             self.page.start()
@@ -217,6 +217,13 @@ class RunLife:
         else:
             front.set_example(self._run_example)
         front.set_restart(self._again)
+
+    def _boards_over(self) -> None:
+        """End the run, as a board has died or hangs. A program's time stands still until it is ended: so the
+        log ends the same every time."""
+        if self.server.clock is not None:
+            self.server.clock.frozen = True
+        self.front.finish(ExitCode.NO)
 
     def _run_program(self, command: str) -> None:
         """Start a program beside the run. Raises ProgramError."""

@@ -17,10 +17,11 @@ class BoardView(Struct, frozen=True):
         name: its name in wiring.toml.
         time: its clock, simulated seconds.
         busy: the share of the last second in which its sketch did not wait in delay().
-        led: True if the LED at pin 13 is on.
+        led: True if its own LED is on.
         line: the last line that it has sent to the laptop; empty if it has none.
         pins: the pins that its sketch has used.
         displays: the rows of text on each of its displays.
+        led_pin: the pin of its own LED.
         failed: why it has ended; empty while it runs.
     """
 
@@ -32,3 +33,4 @@ class BoardView(Struct, frozen=True):
     pins: tuple[PinView, ...] = ()
     failed: str = ""
     displays: tuple[tuple[str, ...], ...] = ()
+    led_pin: str = "13"

@@ -88,7 +88,7 @@ class CheckedBoard(BoardProcess):
             # What was told last may be no address at all.
             line = self.line_of(self.place) or self.line_of(place)
             where = f" at {line}" if line else ""
-            after = f"after {self.now / 1e9:.6g} s"
+            after = f"after {round(self.now / 1e9, 4):g} s"
             what = f"{wrong}; only the runtime may use the channel of the board, and set its clock"
             raise BoardError(f"board {self.name} was ended{where} {after}: {what}")
         return records

@@ -175,7 +175,9 @@ def _without_duties(steps: Sequence[SketchStep], used: set[int]) -> Iterator[Dra
 
 def _paired(group: Sequence[int], names: Mapping[int, str]) -> list[tuple[int, int]]:
     """Pins in the pairs that their names tell: `AIN1` and `AIN2`, `leftForward` and `leftBack`. None if a pin
-    is alone."""
+    is alone, has a number for a name, or shares its name, as a member of a class does."""
+    if any(names[pin].isdecimal() for pin in group) or len({names[pin] for pin in group}) < len({*group}):
+        return []
     sides: dict[tuple[str, int], list[int]] = {}
     for pin in group:
         name = _WAYS.sub("", names[pin])

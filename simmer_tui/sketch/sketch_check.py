@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
@@ -27,6 +28,8 @@ from simmer_tui.sketch.wiring import (
 _READERS = ("digitalRead", "analogRead", *PULSES)
 _MODES = ("pinMode", "digitalPinToInterrupt", "attachInterrupt", "detachInterrupt")
 """Calls that neither write nor read a pin; interrupts are found by their own list."""
+_NO_PIN = re.compile(r"(ledc(?!Attach)|delay|pdMS|[xuv](Task|Queue|Semaphore|Timer|EventGroup))\w*")
+"""Calls whose numbers are no pins: channels, times, priorities."""
 _LINES = ("rx", "tx", "from", "to", "sda", "scl")
 """Names of the uses of pins by serial lines and the bus, which have messages of their own."""
 _DUTY_PINS: Mapping[MotorDriver, tuple[str, ...]] = {
@@ -100,8 +103,15 @@ def _touched(facts: SketchFacts, *, writes: bool) -> Pins | None:
     for call in facts.calls:
         if call.name in _MODES or call.name in others:
             continue
-        if call.name in facts.functions and not call.object:
-            continue  # its own calls are in the list
+        if not call.object and not call.type and (call.name in facts.functions or _NO_PIN.match(call.name)):
+            continue  # the sketch's own calls are in the list
+        if call.name.startswith("ledcAttach"):
+            # Its other numbers are a channel, a frequency and bits.
+            pins = facts.pins(call)
+            if pins is None:
+                return None
+            found |= pins
+            continue
         if call.name in direct:
             pins = facts.pins(call)
             if pins is None:

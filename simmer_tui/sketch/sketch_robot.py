@@ -354,7 +354,7 @@ class SketchRobot(LockstepWorld):
     def catch_up(self, present: float) -> bool:
         """Bring the boards to a simulated time, seconds. False if that takes too long."""
         reached = self.run_to(present)
-        if reached >= present:
+        if reached >= present or self.failed:
             return True
         self._late += present - reached
         if self._late > _MOST_LATE and not self._has_told_late:
@@ -377,7 +377,7 @@ class SketchRobot(LockstepWorld):
             reached = self.lockstep.run(target)
         except BoardError as error:
             self._fail(str(error))
-            return until
+            return min(until, self.lockstep.reached / SECOND)
         finally:
             self._running = False
         self.on_sent()
@@ -615,7 +615,15 @@ class SketchRobot(LockstepWorld):
         led = board.level(kind.led) > 0.0
         displays = tuple(each.rows for _, each in sorted(board.displays.items()))
         return BoardView(
-            name, board.now / SECOND, max(busy, 0.0), led, said.strip(), pins, self.failed, displays
+            name,
+            board.now / SECOND,
+            max(busy, 0.0),
+            led,
+            said.strip(),
+            pins,
+            self.failed,
+            displays,
+            kind.pin_name(kind.led),
         )
 
     # -- commands of others ----------------------------------------------------------------------------

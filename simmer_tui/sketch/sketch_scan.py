@@ -73,6 +73,10 @@ _LONGEST_CALL = 500
 _MOST_STEPS = 200_000
 """Most values that are looked up in a sketch; later ones are unknown."""
 
+_CHANNEL = "ledc channel"
+"""The name of the pins of an ESP32's PWM by channel, `ledc channel[0]`: no sketch can have this name."""
+_MOST_CHANNELS = 16
+"""Channels of its PWM."""
 _MOST_LOOPED = 8
 """Most rows of an array that a loop over a function is followed for: a robot has no more motors."""
 
@@ -174,6 +178,8 @@ class SketchFacts:
         """The end of the last definition of an object, and its class."""
         self.calls: list[SketchCall] = []
         """Calls and definitions of objects, in the order of the text."""
+        self._channels: dict[int, dict[int, tuple[Token, ...]]] = {}
+        """The pins of each channel of an ESP32's PWM, with how they are written."""
         tokens: list[Token] = []
         for name, text in sources.items():
             found, directives = tokens_of(text, name)
@@ -231,6 +237,8 @@ class SketchFacts:
         marks = [token.text for token in tokens]
         if marks[1:-1] == ["::"]:
             return self._value_of(tokens[2], "", depth, None)
+        if first.text == _CHANNEL:
+            return self._pins_of_channel(self.values(tokens[2:-1], function, depth + 1, bound))
         if "?" in marks and ":" in marks:
             half, end = marks.index("?"), marks.index(":")
             one = self.values(tokens[half + 1 : end], function, depth + 1, bound)
@@ -384,25 +392,114 @@ class SketchFacts:
         return next(iter(pins)) if pins is not None and len(pins) == 1 else None
 
     def _follow_channels(self) -> None:
-        """Take ledcWrite of an ESP32 for analogWrite: it has a pin, or a channel that ledcAttachPin gives to
-        one."""
+        """Take ledcWrite of an ESP32 for analogWrite: it has a pin, or the number of a channel that
+        ledcAttachPin or ledcSetup has made. A channel is never taken for a pin."""
         if self.kind.int_bits == 16:
             return
-        attached: dict[int, list[tuple[Token, ...]]] = defaultdict(list)
-        for call in self.named("ledcAttachPin"):
-            channel = self._whole(call, 1)
-            if channel is not None and call.arguments:
-                attached[channel].append(call.arguments[0])
-        for at, call in enumerate(self.calls):
+        has_channels = any(self.named("ledcAttachPin", "ledcSetup"))
+        if has_channels:
+            for channel, pin, spelling in self._attached():
+                self._channels.setdefault(channel, {}).setdefault(pin, spelling)
+        made: list[SketchCall] = []
+        for call in self.calls:
             if call.name != "ledcWrite" or len(call.arguments) < 2:
+                made.append(call)
                 continue
-            pins: list[tuple[Token, ...]] = [call.arguments[0]]
-            if attached:
-                channel = self._whole(call, 0)
-                pins = attached[channel] if channel is not None else []
-            if len(pins) == 1:
-                arguments = (pins[0], *call.arguments[1:])
-                self.calls[at] = replace(call, name="analogWrite", arguments=arguments)
+            argument, *rest = call.arguments
+            found: list[tuple[Token, ...]] = [argument]
+            if has_channels:
+                whole = self._whole(call, 0)
+                found = []
+                for pin, spelling in self._channels.get(-1 if whole is None else whole, {}).items():
+                    is_known = self.values(spelling, call.function) == Pins({pin})
+                    number = replace(call.token, kind=TokenKind.NUMBER, text=str(pin))
+                    found.append(spelling if is_known else (number,))
+                if not found:
+                    marks = (replace(call.token, kind=TokenKind.MARK, text=mark) for mark in "[]")
+                    opened, closed = marks
+                    found = [(replace(call.token, text=_CHANNEL), opened, *argument, closed)]
+            made += [replace(call, name="analogWrite", arguments=(each, *rest)) for each in found]
+        self.calls = made
+
+    def _attached(self) -> Iterator[tuple[int, int, tuple[Token, ...]]]:
+        """The channels that ledcAttachPin gives to a pin, in loops over arrays, helpers and methods as well:
+        channel, pin, and how the pin is written. Those that are unknown are missing."""
+        by_function: dict[str, list[SketchCall]] = {}
+        for call in self.calls:
+            by_function.setdefault(call.function, []).append(call)
+        objects = {call.name: call for call in self.calls if call.type in self.functions}
+        left = [_MOST_CALLS]
+
+        def walk(
+            function: str, bound: Bindings, names: Mapping[str, tuple[Token, ...]], depth: int
+        ) -> Iterator[tuple[int, int, tuple[Token, ...]]]:
+            for call in by_function.get(function, ()):
+                for given in self._rounds(call, bound):
+                    left[0] -= 1
+                    if left[0] < 0:
+                        return
+                    called = call.type or call.name
+                    if call.name == "ledcAttachPin" and len(call.arguments) > 1:
+                        pin, channel = (self.values(each, function, 0, given) for each in call.arguments[:2])
+                        if pin is not None and channel is not None and len(pin) == len(channel) == 1:
+                            spelling = self._spelling(call.arguments[0], function, given, names)
+                            yield next(iter(channel)), next(iter(pin)), spelling
+                    elif called in self.functions and depth < _DEEPEST:
+                        made = objects.get(call.object)
+                        own = {} if made is None else self.bindings(made, None)
+                        passed = {
+                            name: self._spelling(argument, function, given, names)
+                            for name, argument in zip(self._parameters[called], call.arguments, strict=False)
+                        }
+                        yield from walk(called, {**own, **self.bindings(call, given)}, passed, depth + 1)
+
+        for function in by_function:
+            yield from walk(function, {}, {}, 0)
+        # The methods of an object without a name of its own, as those in an array.
+        for call in self.calls:
+            if not call.type and not call.object and call.name in self._methods[call.name]:
+                for method in dict.fromkeys(self._methods[call.name]):
+                    yield from walk(method, self.bindings(call, None), {}, 0)
+
+    def _rounds(self, call: SketchCall, bound: Bindings) -> Iterator[Bindings]:
+        """The values at each round of a loop whose number picks the elements of an array that are passed."""
+        for argument in call.arguments:
+            marks = [token.text for token in argument[:4]]
+            if len(marks) < 4 or marks[1] != "[" or marks[3] != "]" or not argument[2].is_name:
+                continue
+            arrays = self._arrays_of(marks[0], call.function, bound)
+            if arrays and self.values(argument[2:3], call.function, 0, bound) is None:
+                for at in range(min(len(arrays[0]), _MOST_CHANNELS)):
+                    yield {**bound, marks[2]: Pins({at})}
+                return
+        yield bound
+
+    def _spelling(
+        self,
+        argument: tuple[Token, ...],
+        function: str,
+        bound: Bindings,
+        names: Mapping[str, tuple[Token, ...]],
+    ) -> tuple[Token, ...]:
+        """The argument as it is written where its value is given: in an array, or by a caller."""
+        if len(argument) == 1:
+            return names.get(argument[0].text, argument)
+        if len(argument) > 3 and argument[1].text == "[" and argument[-1].text == "]":
+            rows = [
+                row
+                for each in self._arrays_of(argument[0].text, function, bound)
+                for row in self._picked(each, argument[2:-1], function, 0, bound)
+            ]
+            if len(rows) == 1 and len(rows[0]) == 1:
+                return rows[0][0]
+        return argument
+
+    def _pins_of_channel(self, channel: Pins | None) -> Pins | None:
+        """The pins of a channel that is one of these, or unknown: one that is not found can be any pin that
+        is attached."""
+        if channel is not None and all(each in self._channels for each in channel):
+            return Pins(pin for each in channel for pin in self._channels[each])
+        return _union(self.pins(call) for call in self.named("ledcAttachPin"))
 
     def steps(self) -> Iterator[SketchStep | None]:
         """The writes and pulses of a sketch, of each function in its order, None after each. A call of one of
@@ -434,6 +531,9 @@ class SketchFacts:
                     if call.name in WRITES and len(call.arguments) > 1:
                         value = self.values(call.arguments[1], function, 0, bound)
                     pin, name = next(iter(pins)), self.spelled(call)
+                    if name.startswith(_CHANNEL):
+                        written = [each[pin] for each in self._channels.values() if pin in each]
+                        name = "".join(token.text for token in written[0]) if written else str(pin)
                     yield SketchStep(call.name, pin, name, value, root, call.token.spot)
                 elif call.name in self.functions and not call.type and depth < _DEEPEST:
                     # A method has the values of its object.
@@ -460,6 +560,39 @@ class SketchFacts:
                 yield from walk(method, self.bindings(call, None), 0, call.name)
                 yield None
 
+    def pulses(self) -> Iterator[tuple[int, int]]:
+        """The pins of pulses, each after that of the write before it, in loops over arrays as well."""
+        by_function: dict[str, list[SketchCall]] = {}
+        for call in self.calls:
+            by_function.setdefault(call.function, []).append(call)
+        objects = {call.name: call for call in self.calls if call.type in self.functions}
+        left = [_MOST_CALLS]
+        written: list[int] = []
+
+        def walk(function: str, bound: Bindings, depth: int) -> Iterator[tuple[int, int]]:
+            body = by_function.get(function, ())
+            pulse = next((call for call in body if call.name in PULSES), None)
+            for given in [bound] if pulse is None else self._rounds(pulse, bound):
+                for call in body:
+                    left[0] -= 1
+                    if left[0] < 0:
+                        return
+                    if call.name in ("digitalWrite", *PULSES) and call.arguments:
+                        pins = self.values(call.arguments[0], function, 0, given) or Pins()
+                        if call.name == "digitalWrite":
+                            written[:] = pins
+                        elif len(pins) == len(written) == 1 and not pins.issuperset(written):
+                            yield written[0], next(iter(pins))
+                    elif call.name in self.functions and not call.type and depth < _DEEPEST:
+                        made = objects.get(call.object)
+                        own = {} if made is None else self.bindings(made, None)
+                        for each in self._rounds(call, given):
+                            yield from walk(call.name, {**own, **self.bindings(call, each)}, depth + 1)
+
+        for function in by_function:
+            written.clear()
+            yield from walk(function, {}, 0)
+
     def _rows_of_motors(self) -> dict[str, tuple[str, int]]:
         """Functions that write a duty to the pin in a row of an array, `analogWrite(pins[i][0], duty)`: the
         name of the row's number, and the number of rows."""
@@ -467,7 +600,8 @@ class SketchFacts:
         for call in self.named("analogWrite"):
             marks = [token.text for token in call.arguments[0][:4]] if call.arguments else []
             if len(marks) == 4 and marks[1] == "[" and marks[3] == "]":
-                found.setdefault(call.function, (marks[2], len(self._arrays.get(marks[0], ()))))
+                count = max(self._channels, default=-1) + 1 if marks[0] == _CHANNEL else 0
+                found.setdefault(call.function, (marks[2], count or len(self._arrays.get(marks[0], ()))))
         return found
 
     def objects(self, kind: str) -> Iterator[SketchCall]:
@@ -702,6 +836,9 @@ class SketchFacts:
         arguments = tuple(_split(tokens[at + 2 : close]))
         if is_definition and any(_is_parameter(each) for each in arguments):
             return  # the prototype of a function
+        has_members = close + 1 < len(tokens) and tokens[close + 1].text == ":"
+        if has_members and arguments and all(_is_parameter(each) for each in arguments):
+            return  # the head of a constructor with values of members
         call = SketchCall(
             name=tokens[at].text,
             object=_object_before(tokens, at, partners),

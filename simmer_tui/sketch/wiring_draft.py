@@ -84,6 +84,10 @@ class BoardDraft:
         self.name, self.sketch, self.facts = name, sketch, facts
         steps = [END if step is None else step for step in facts.steps()]
         self.sonars = list(_sonars(facts, steps))
+        echoes = {each.echo for each in self.sonars}
+        pulsed = [facts.pins(call) for call in facts.named(*PULSES)]
+        self.has_lost_pulses = any(not self.sonars if pins is None else pins - echoes for pins in pulsed)
+        """True if it waits for pulses at pins that are no sonar's as far as was found."""
         self.servos = sorted({pin for call in attached_servos(facts) for pin in facts.pins(call) or ()})
         self.ports = facts.ports()
         taken = {pin for each in self.sonars for pin in (each.trig, each.echo)} | {*self.servos}
@@ -184,6 +188,8 @@ def _sonars(facts: SketchFacts, steps: Sequence[SketchStep]) -> Iterator[DraftSo
             written = step.pin
         elif step.call in PULSES and written >= 0 and written != step.pin:
             found.setdefault(step.pin, DraftSonar(written, step.pin))
+    for written, pulsed in facts.pulses():
+        found.setdefault(pulsed, DraftSonar(written, pulsed))
     yield from found.values()
     # An echo by interrupt or by digitalRead has no call that tells its trigger: the names do.
     trigs = [step.pin for step in steps if step.call == "digitalWrite" and _TRIGGER.search(step.name)]
@@ -393,6 +399,9 @@ def _sensor_tables(board: BoardDraft, ranges: _Codes, others: _Codes) -> Iterato
     for sonar in board.sonars:
         trig, echo = _pin(board, sonar.trig), _pin(board, sonar.echo)
         yield row("hc-sr04", ranges.line(), f"trig = {trig}", f"echo = {echo}")
+    if board.has_lost_pulses:
+        what = "has pulseIn on pins that were not found: add the sonar's [[sensors]] by hand"
+        yield f"# ? {board.name} {what}\n"
     for encoder in board.encoders:
         keys = [f"a = {_pin(board, encoder.a)}"]
         keys += [] if encoder.b is None else [f"b = {_pin(board, encoder.b)}"]

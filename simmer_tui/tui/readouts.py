@@ -270,12 +270,10 @@ def board_lines(snapshot: Snapshot, room: Room) -> list[StyledLine]:
     lines = [heading("boards", "busy: not in delay()", room.width, plain=room.plain)]
     for board in snapshot.boards:
         led = "on" if board.led else "off"
-        lines.append(
-            (
-                (f"{board.name}  ", "value"),
-                (f"{board.time:.2f} s  busy {board.busy:4.0%}  LED 13 {led}", "plain"),
-            )
-        )
+        state = f"  {board.time:.2f} s  busy {board.busy:4.0%}  LED {board.led_pin} {led}"
+        # Where room is short, what the name loses is less than the LED's state.
+        name = shortened(((board.name, "value"),), max(room.width - len(state), 1))
+        lines.append((*name, (state, "plain")))
         if board.failed:
             lines.append(((f"  {board.failed}", "danger"),))
         elif board.line:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -79,6 +80,7 @@ def test_a_duty_has_its_bits_by_every_call(writes: str, tmp_path: Path) -> None:
         (board,) = boards.robot.boards.values()
         assert board.level(25) == pytest.approx(1024 / 4095, abs=2e-5)
         assert boards.robot.views()[0].led
+        assert boards.robot.views()[0].led_pin == "2"
     finally:
         boards.close()
 
@@ -394,3 +396,66 @@ void loop() { ledcWrite(25, Serial2.read()); digitalWrite(26, HIGH); }
         "wiring.toml:4:laptop: the sketch has no serial port with rx 16 and tx 17; it has Serial2 with rx 18 "
         "and tx 19 (rover.ino)",
     ]
+
+
+CHANNELS = {
+    "a loop over an array": (
+        "const int p[4] = {25, 26, 32, 33};\nvoid setup() { for (int i = 0; i < 4; i++) {"
+        " ledcSetup(i, 5000, 8); ledcAttachPin(p[i], i); } }\n"
+        "void forward(int s) { ledcWrite(0, s); ledcWrite(1, 0); ledcWrite(2, s); ledcWrite(3, 0); }",
+        [{"in1": 25, "in2": 26}, {"in1": 32, "in2": 33}],
+    ),
+    "a helper": (
+        "#define PWMA 27\n#define CH_B 1\nvoid init(int pin, int ch) { ledcSetup(ch, 5000, 8);"
+        " ledcAttachPin(pin, ch); }\nvoid setup() { init(PWMA, 0); init(14, CH_B); }\n"
+        "void one(int in1, int in2, int ch, int v) { digitalWrite(in1, v > 0); digitalWrite(in2, v < 0);"
+        " ledcWrite(ch, v); }\nvoid loop() { one(25, 26, 0, 200); one(32, 33, CH_B, 200); }",
+        [{"in1": 25, "in2": 26, "en": 27}, {"in1": 32, "in2": 33, "en": 14}],
+    ),
+    "a class": (
+        "class Motor { public: Motor(int a, int b, int c, int d) : _a(a), _b(b), _ca(c), _cb(d) {}\n"
+        "void begin() { ledcAttachPin(_a, _ca); ledcAttachPin(_b, _cb); }\n"
+        "void drive(int v) { ledcWrite(_ca, v); ledcWrite(_cb, 0); } int _a, _b, _ca, _cb; };\n"
+        "Motor left(25, 26, 0, 1);\nMotor right(27, 14, 2, 3);\n"
+        "void setup() { left.begin(); right.begin(); }\nvoid loop() { left.drive(9); right.drive(9); }",
+        [{"in1": 25, "in2": 26}, {"in1": 27, "in2": 14}],
+    ),
+    "a helper in a loop over two arrays": (
+        "int p[] = {27, 14}, c[] = {4, 5};\nvoid init(int pin, int ch) { ledcAttachPin(pin, ch); }\n"
+        "void setup() { for (int i = 0; i < 2; i++) init(p[i], c[i]); }\n"
+        "void loop() { digitalWrite(18, 1); ledcWrite(4, 9); digitalWrite(19, 1); ledcWrite(5, 9); }",
+        [{"dir": 18, "pwm": 27}, {"dir": 19, "pwm": 14}],
+    ),
+    "channels that are computed": (
+        "int p[] = {25, 26};\nvoid setup() { for (int i = 0; i < 2; i++) ledcAttachPin(p[i], i * 2 + 1); }\n"
+        "void loop() { ledcWrite(1, 9); ledcWrite(3, 0); }",
+        [],
+    ),
+}
+
+
+@pytest.mark.parametrize("case", CHANNELS)
+def test_a_channel_is_never_drafted_as_a_pin(case: str, tmp_path: Path) -> None:
+    text, motors = CHANNELS[case]
+    sketch = tmp_path / "rover.ino"
+    sketch.write_text(text, "utf-8")
+    made = draft([sketch], tmp_path, [], [])
+    names = ("in1", "in2", "en", "dir", "pwm")
+    found = [
+        {name: row[name] for name in names if name in row} for row in tomllib.loads(made).get("motors", [])
+    ]
+    assert found == motors
+    if not motors:
+        assert "# ? rover has analogWrite on pins that were not found" in made
+
+
+@pytest.mark.parametrize("case", CHANNELS)
+def test_check_tells_a_motor_pin_that_an_esp32_never_writes(case: str) -> None:
+    text, _ = CHANNELS[case]
+    row = '[[motors]]\nboard = "rover"\ndriver = "pwm2"\nin1 = 4\nin2 = 5\nwheel = "left"\ntop_speed = 12\n'
+    made, _ = wiring(f"{BOARD}{row}")
+    assert made is not None
+    found = [
+        str(each) for each in sketch_problems(made, {"rover": SketchFacts({"rover.ino": text}, ESP32)}, None)
+    ]
+    assert sum("the sketch never writes pin" in each for each in found) == 2

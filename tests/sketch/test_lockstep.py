@@ -163,8 +163,8 @@ def test_edges_are_lost_while_an_interrupt_writes(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("body", "said"),
     [
-        ("int zero = 0; Serial.println(10 / zero);", "died at rover.ino:3 after 0.5"),
-        ("volatile int *place = 0; *place = 1;", "died at rover.ino:3 after 0.5"),
+        ("int zero = 0; Serial.println(10 / zero);", "died at rover.ino:3 after 0.5 s"),
+        ("volatile int *place = 0; *place = 1;", "died at rover.ino:3 after 0.5 s"),
         ('asm volatile("1: jmp 1b");', "hangs at rover.ino:3 after 0.5"),
         ("}\nint *nothing = 0;\nint first = *nothing;\nvoid more() {", "died after 0 s"),
     ],

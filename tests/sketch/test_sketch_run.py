@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import queue
+import re
 import signal
 import socket
 import struct
@@ -134,6 +135,22 @@ def test_a_board_that_dies_fails_the_mission(tmp_path: Path) -> None:
     assert done.returncode == 1, done.stderr
     assert "mission: failed" in done.stderr
     assert "board rover died at rover.ino:4" in done.stderr
+
+
+def test_by_the_programs_clock_time_stops_at_the_death_of_a_board(tmp_path: Path) -> None:
+    folder = tmp_path / "set"
+    text = "void setup() {}\nvoid loop() {\n  delay(100);\n  volatile int *place = 0; *place = 1;\n}\n"
+    made_set(folder, ROVER + MOTORS, {"rover.ino": text})
+    program, log = tmp_path / "laptop.py", tmp_path / "run.jsonl"
+    # A program that ends only when it is killed.
+    program.write_text(
+        "import signal, time\nsignal.signal(signal.SIGTERM, signal.SIG_IGN)\n"
+        "while True:\n    time.sleep(0.01)\n"
+    )
+    done = run(folder, log, "--mission", "--clock", "program", "--run", f"{sys.executable} {program}")
+    assert done.returncode == 1, done.stderr
+    times = [float(each) for each in re.findall(r'"t": ?([0-9.]+)', log.read_text("utf-8"))]
+    assert max(times) < 0.101
 
 
 def test_a_set_without_boards_is_refused(tmp_path: Path) -> None:

@@ -543,3 +543,37 @@ def test_motors_whose_pins_are_not_found_are_to_be_added_by_hand(tmp_path: Path)
     assert "# ? rover has analogWrite on pins that were not found: add [[motors]] by hand" in draft(
         [sketch], tmp_path, ["u1"], []
     )
+
+
+_PING = "digitalWrite(T, LOW); digitalWrite(T, HIGH); digitalWrite(T, LOW); pulseIn(E, HIGH);"
+_PING_AT = _PING.replace("(T", "(trigs[i]").replace("(E", "(echoes[i]")
+_LOOP = "for (int i = 0; i < 3; i++)"
+ARRAYS_OF_SONARS = {
+    "a loop": f"void loop() {{ {_LOOP} {{ {_PING_AT} }} }}",
+    "a helper with the number": f"long read(int i) {{ {_PING_AT} }}\nvoid loop() {{ {_LOOP} read(i); }}",
+    "numbers": f"long read(int i) {{ {_PING_AT} }}\nvoid loop() {{ read(0); read(1); read(2); }}",
+    "a helper with pins": f"long read(int T, int E) {{ {_PING} }}\n"
+    f"void loop() {{ {_LOOP} read(trigs[i], echoes[i]); }}",
+}
+
+
+@pytest.mark.parametrize("case", ARRAYS_OF_SONARS)
+def test_sonars_whose_pins_are_in_arrays(case: str, tmp_path: Path) -> None:
+    text = f"const int trigs[] = {{5, 4, 7}};\nconst int echoes[] = {{8, 9, 10}};\n{ARRAYS_OF_SONARS[case]}"
+    sketch = tmp_path / "rover.ino"
+    sketch.write_text(text, "utf-8")
+    made = draft([sketch], tmp_path, [], [])
+    assert [pins(row) for row in tomllib.loads(made)["sensors"]] == [(5, 8), (4, 9), (7, 10)]
+    assert "pulseIn" not in made
+
+
+def test_sonars_that_are_not_found_are_told(tmp_path: Path) -> None:
+    sketch = tmp_path / "rover.ino"
+    sketch.write_text(
+        "const int p[] = {5, 8, 4, 9};\nvoid loop() { for (int i = 0; i < 2; i++) {"
+        " digitalWrite(13, HIGH); digitalWrite(p[i * 2], HIGH); pulseIn(p[i * 2 + 1], HIGH); } }",
+        "utf-8",
+    )
+    made = draft([sketch], tmp_path, [], [])
+    assert "sensors" not in tomllib.loads(made)
+    assert "# ? rover has pulseIn on pins that were not found: add the sonar's [[sensors]] by hand" in made

@@ -54,6 +54,13 @@ def test_the_panel_and_the_pins_have_the_text_on_displays() -> None:
     ]
 
 
+def test_the_name_of_a_board_is_cut_before_the_state_of_its_led() -> None:
+    made = BoardView("esp32_bluetooth_rover", 12.5, 0.25, True, "", led_pin="2")
+    shown = dataclasses.replace(snapshot(), boards=(made,))
+    (_, line) = board_lines(shown, Room(40, 5, False))
+    assert text_of(line) == "esp32_blu…  12.50 s  busy  25%  LED 2 on"
+
+
 @pytest.mark.parametrize("width", [20, 36, 80])
 def test_the_panel_fits_its_width(width: int) -> None:
     assert all(len(text_of(line)) <= width for line in board_lines(snapshot(), Room(width, 5, False)))
