@@ -148,7 +148,7 @@ class LogDecoder:
             case LegEnded():
                 self._moved(event.leg, event.leg.last_pose)
             case Notice(kind=NoticeKind.BOARD | NoticeKind.FAULT):
-                return (replace(event, time=record.t),)
+                return (replace(event, moment=record.t),)
         return (event,)
 
     def resume(self, record: CheckpointRecord) -> Checkpoint:

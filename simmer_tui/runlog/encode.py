@@ -140,7 +140,7 @@ class LogEncoder:
             case ActionDone():
                 return line_form(ActionRecord).record(event, real_time=real_time, n=self._present()[0])
             case Notice():
-                time = self._present()[1] if event.time is None else event.time
+                time = self._present()[1] if event.moment is None else event.moment
                 return line_form(NoticeRecord).record(event, real_time=real_time, t=time)
             case MovementEnded():
                 self._under_way, self._answered = 0, event.number if event.answers else None

@@ -177,7 +177,7 @@ class BoardFacts:
 
     def _tell(self, text: str, line: str) -> None:
         time = self._engine.simulator.time
-        self._engine.tell(Notice(NoticeKind.BOARD, text, line, time=time))
+        self._engine.tell(Notice(NoticeKind.BOARD, text, line, moment=time))
 
 
 def _call(board: Board, wait: BoardWait, line: str) -> str:

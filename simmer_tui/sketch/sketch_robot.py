@@ -400,7 +400,7 @@ class SketchRobot(LockstepWorld):
         self.failed = text
         self._world.set_speeds({})
         time = self.engine.simulator.time
-        self.engine.tell(Notice(NoticeKind.FAULT, f"{_ENDED}{text}", time=time))
+        self.engine.tell(Notice(NoticeKind.FAULT, f"{_ENDED}{text}", moment=time))
         self.on_end()
 
     def _watch(self, event: Event) -> None:
