@@ -60,8 +60,8 @@ class NoticeKind(StrEnum):
 class Notice(Struct, frozen=True):
     """Something that happened beside the commands: who came, who left, what went wrong.
 
-    It has no simulated time: reports take that of the event before it. A fact with a time is an event of its
-    own.
+    Without a `moment`, simulated seconds, reports take that of the event before it: only boards tell one, and
+    the log of a fault. Any other fact with a time is an event of its own.
     `subject` is the client's address where the notice is about one; a board's is its line in the sketch.
     `advice` is true if it tells what a new program does wrong with its connection.
     """
@@ -70,6 +70,7 @@ class Notice(Struct, frozen=True):
     text: str
     subject: str = ""
     advice: bool = False
+    moment: float | None = None
 
 
 NOT_CONNECTED = "the program was not connected to the robot's serial port"

@@ -624,6 +624,8 @@ class RunHistory:
             self.paths.believe(elapsed, belief)
 
     def add_notice(self, notice: Notice) -> None:
+        if notice.moment is not None and not self.is_over:
+            self.clock.advance(notice.moment)
         row = NoticeRow(self.order, self.line, self.elapsed, notice)
         (self.faults if notice.kind is NoticeKind.FAULT else self.notices).add(row)
 

@@ -7,6 +7,8 @@ from collections.abc import Callable
 from functools import lru_cache
 from typing import Any
 
+from msgspec.structs import replace
+
 from simmer_tui.errors import RunLogError
 from simmer_tui.run.events import (
     LARGEST_NUMBER,
@@ -21,6 +23,7 @@ from simmer_tui.run.events import (
     MovementEnded,
     MovementPlanned,
     Notice,
+    NoticeKind,
     ProgramEnded,
     TwinReading,
     VelocityEnded,
@@ -144,6 +147,8 @@ class LogDecoder:
                 self._under_way = event.leg
             case LegEnded():
                 self._moved(event.leg, event.leg.last_pose)
+            case Notice(kind=NoticeKind.BOARD | NoticeKind.FAULT):
+                return (replace(event, moment=record.t),)
         return (event,)
 
     def resume(self, record: CheckpointRecord) -> Checkpoint:

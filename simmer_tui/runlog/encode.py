@@ -140,7 +140,8 @@ class LogEncoder:
             case ActionDone():
                 return line_form(ActionRecord).record(event, real_time=real_time, n=self._present()[0])
             case Notice():
-                return line_form(NoticeRecord).record(event, real_time=real_time, t=self._present()[1])
+                time = self._present()[1] if event.moment is None else event.moment
+                return line_form(NoticeRecord).record(event, real_time=real_time, t=time)
             case MovementEnded():
                 self._under_way, self._answered = 0, event.number if event.answers else None
             case LegBegun():

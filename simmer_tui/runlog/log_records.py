@@ -329,7 +329,7 @@ def unpacked_particles(record: BeliefRecord) -> tuple[tuple[float, ...], ...]:
 
 
 class NoticeRecord(LogRecord, tag="notice", frozen=True, kw_only=True):
-    """A notice: a connection, a fault, the program. It has no time of its own."""
+    """A notice: a connection, a fault, the program. Reports use the time of a fault, or of a board, alone."""
 
     given: ClassVar[tuple[str, ...]] = ("t",)
     about: Annotated[NoticeKind, At("kind")]

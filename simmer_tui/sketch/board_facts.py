@@ -176,7 +176,8 @@ class BoardFacts:
         return sum(each.travelled(end) - each.travelled(begin) for each in legs)
 
     def _tell(self, text: str, line: str) -> None:
-        self._engine.tell(Notice(NoticeKind.BOARD, text, line))
+        time = self._engine.simulator.time
+        self._engine.tell(Notice(NoticeKind.BOARD, text, line, moment=time))
 
 
 def _call(board: Board, wait: BoardWait, line: str) -> str:

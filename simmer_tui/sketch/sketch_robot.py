@@ -399,7 +399,8 @@ class SketchRobot(LockstepWorld):
         self.on_sent()
         self.failed = text
         self._world.set_speeds({})
-        self.engine.tell(Notice(NoticeKind.FAULT, f"{_ENDED}{text}"))
+        time = self.engine.simulator.time
+        self.engine.tell(Notice(NoticeKind.FAULT, f"{_ENDED}{text}", moment=time))
         self.on_end()
 
     def _watch(self, event: Event) -> None:

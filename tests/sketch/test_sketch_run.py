@@ -127,7 +127,7 @@ def test_opening_the_usb_port_resets_the_board(tmp_path: Path) -> None:
     assert main(["rerun", str(log), "--sketch", str(folder)]) == 0
 
 
-def test_a_board_that_dies_fails_the_mission(tmp_path: Path) -> None:
+def test_a_board_that_dies_fails_the_mission(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = tmp_path / "set"
     text = "void setup() {}\nvoid loop() {\n  delay(100);\n  volatile int *place = 0; *place = 1;\n}\n"
     made_set(folder, ROVER + MOTORS, {"rover.ino": text})
@@ -135,6 +135,9 @@ def test_a_board_that_dies_fails_the_mission(tmp_path: Path) -> None:
     assert done.returncode == 1, done.stderr
     assert "mission: failed" in done.stderr
     assert "board rover died at rover.ino:4" in done.stderr
+    # The report has the time of the death, and not that of the event before it.
+    main(["report", str(tmp_path / "run.jsonl")])
+    assert re.search(r"\n +0\.10 +[^\n]*board rover died", capsys.readouterr().out)
 
 
 def test_by_the_programs_clock_time_stops_at_the_death_of_a_board(tmp_path: Path) -> None:
