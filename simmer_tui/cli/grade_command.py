@@ -32,7 +32,7 @@ from simmer_tui.grade.grading import check_isolation, grade, here, what_is_missi
 from simmer_tui.grade.sandbox import Isolation
 from simmer_tui.grade.site import INDEX, grades_document, grades_table, gradescope_json, junit_xml, site
 from simmer_tui.grade.team_result import TeamResult, TeamStatus, team_results
-from simmer_tui.runlog.writer import moment_name
+from simmer_tui.runlog.writer import new_folder
 from simmer_tui.sim.command import counted, typed_path
 from simmer_tui.sim.noise import SEED_BITS, SEEDS
 from simmer_tui.trials.cluster import check_package
@@ -136,13 +136,12 @@ def _begun(options: argparse.Namespace) -> GradeFolder:
 
 def _usual_place(course: Course) -> Path:
     """A new folder here, or in the nearest folder above that is outside the teams' folders."""
-    name = f"{_PREFIX}{moment_name()}"
     place = Path()
     while place.resolve() != Path(place.resolve().anchor) and any(
         _is_in(place, folder) for folder in _not_in(course)
     ):
         place = place / ".."
-    return place / name
+    return new_folder(place, _PREFIX)
 
 
 def _not_in(course: Course) -> list[Path]:

@@ -40,7 +40,7 @@ from simmer_tui.document.as_html import html_page
 from simmer_tui.document.formats import ESTIMATE
 from simmer_tui.errors import ConfigurationError, Problem, TrialsError
 from simmer_tui.program.program_command import check_no_shell, is_python, missing_program
-from simmer_tui.runlog.writer import moment_name
+from simmer_tui.runlog.writer import new_folder
 from simmer_tui.sim.command import counted, cut, typed_path
 from simmer_tui.trials.cluster import check_package, pack
 from simmer_tui.trials.explanations import Explanations, FolderRuns
@@ -150,7 +150,7 @@ def _begun(options: argparse.Namespace) -> TrialFolder:
     )
     _check_plan(options, plan, configuration)
     _check_program(options, plan.command)
-    path = options.out or Path(f"{PREFIX}{moment_name()}")
+    path = options.out or new_folder(Path(), PREFIX)
     return TrialFolder.create(path, plan, configuration.texts, mazes, sketches)
 
 

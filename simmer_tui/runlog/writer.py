@@ -70,6 +70,13 @@ def moment_name(now: datetime | None = None) -> str:
     return f"{now or datetime.now():%Y-%m-%d_%H-%M-%S}"
 
 
+def new_folder(place: Path, prefix: str, now: datetime | None = None) -> Path:
+    """A folder in a place that is not there yet, named by date, with a number if that is taken."""
+    name = f"{prefix}{moment_name(now)}"
+    names = (name if copy == 1 else f"{name}_{copy}" for copy in count(1))
+    return next(path for path in (place / each for each in names) if not path.exists())
+
+
 def new_file(folder: Path, now: datetime | None = None, mode: int = MODE) -> Path:
     """Make an empty log in a folder, named by date, with a number if there is one already. Raises OSError."""
     name = moment_name(now)

@@ -39,7 +39,7 @@ from simmer_tui.runlog.log_records import (
 from simmer_tui.runlog.playback import Playback
 from simmer_tui.runlog.reader import READS_LARGE, LogReader
 from simmer_tui.runlog.saved_runs import SavedRun, last_run, make_room, saved_runs_folder
-from simmer_tui.runlog.writer import ReplayedPrefix, RunLog, auto_path, new_file, steady_clock
+from simmer_tui.runlog.writer import ReplayedPrefix, RunLog, auto_path, new_file, new_folder, steady_clock
 from simmer_tui.sim import CommandResult, Pose, Simulator, parse_command
 from tests.runlog.conftest import StartRun, log_of
 
@@ -208,6 +208,19 @@ def test_a_log_is_locked_until_it_is_closed(tmp_path: Path, configuration: Confi
             platform_has.lock_alone(other.fileno())
         log.close()
         platform_has.lock_alone(other.fileno())
+
+
+def test_folders_of_one_second_have_names_of_their_own(tmp_path: Path) -> None:
+    """Two runs of `trials` may begin in the same second."""
+    now = datetime(2025, 1, 2, 3, 4, 5)
+    for name in (
+        "trials_2025-01-02_03-04-05",
+        "trials_2025-01-02_03-04-05_2",
+        "trials_2025-01-02_03-04-05_3",
+    ):
+        folder = new_folder(tmp_path, "trials_", now)
+        assert folder == tmp_path / name
+        folder.mkdir()
 
 
 def test_files_of_one_second_are_numbered(tmp_path: Path) -> None:
