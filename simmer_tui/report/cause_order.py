@@ -642,8 +642,11 @@ def _then(run: RunEvidence) -> str:
         return ""
     out_of_time = run.seen.out_of_time or run.cut_off
     end = "its time was up" if out_of_time else "the program ended by itself"
-    stood = "" if len(run.seen.within(run.seen.history.movements)) else ", and no movement had come"
-    return f"Then {end}{stood}."
+    seen = run.seen
+    # A velocity that still goes on has ended no movement.
+    moved = {each.code for each in seen.spec.velocities} & set(seen.history.code_names)
+    has_moved = bool(moved) or bool(len(seen.within(seen.history.movements)))
+    return f"Then {end}{'' if has_moved else ', and no movement had come'}."
 
 
 def _too_close(run: RunEvidence) -> Fact | None:
@@ -877,7 +880,9 @@ def _goals(run: RunEvidence) -> str:
         return ""
     if not seen.holding:
         loading, block = cells_of(seen.spec.maze, BLOCK), seen.history.blocks.items[-1].block
-        if loading and not any(cell.holds(block.x, block.y) for cell in loading):
+        # Where the block of a real robot lies no log says.
+        is_known = bool(loading) and not seen.history.is_twin
+        if is_known and not any(cell.holds(block.x, block.y) for cell in loading):
             return f"The block lay at {place_text(block.x, block.y)}, outside the loading zone."
         never = not run.goals and loading
         return "It never entered the loading zone." if never else "The robot had not taken the block yet."

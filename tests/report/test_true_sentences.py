@@ -244,16 +244,20 @@ def test_a_block_outside_the_loading_zone_is_told_where_it_was_not_found() -> No
         mission.give("u1", "d1-2")
         text = "The block lay at (42.0, 6.0), outside the loading zone."
         assert (text in mission.why(1).text) is told
+        mission.history.is_twin = True
+        assert text not in mission.why(1).text
 
 
 def test_who_was_lost_and_sent_no_movement_is_told_so() -> None:
-    mission = begin()
-    for _ in range(5):
-        mission.give("u1", "u2")
-        mission.believe(ahead=24.0)
-    cause = mission.why(1)
-    assert cause.kind is Kind.LOST
-    assert "Then the program ended by itself, and no movement had come." in cause.text
+    for velocity, told in (((), True), (("vr-20",), False)):
+        mission = begin()
+        mission.give(*velocity)
+        for _ in range(5):
+            mission.give("u1", "u2")
+            mission.believe(ahead=24.0)
+        cause = mission.why(1)
+        assert cause.kind is Kind.LOST
+        assert ("Then the program ended by itself, and no movement had come." in cause.text) is told
 
 
 def test_who_was_sent_no_movement_is_not_told_to_compare_movements() -> None:
