@@ -18,7 +18,6 @@ from simmer_tui.sketch.wiring import Wiring, WiringParts, read_wiring
 from simmer_tui.sketch.wiring_draft import draft
 from tests.sketch.rovers import Boards, made_set
 from tests.sketch.running import FORMS, run_boards, set_of
-from tests.sketch.test_forms import SENT
 
 no_compiler = pytest.mark.skipif(find_compiler() is None, reason="there is no C++ compiler")
 BOARD = '[boards.rover]\nsketch = "rover.ino"\nboard = "esp32"\n[laptop]\nboard = "rover"\n'
@@ -133,23 +132,6 @@ void setup() {
 }
 """
     assert lines(tmp_path, sketch + LOOP) == ["11", "20"]
-
-
-@pytest.mark.slow
-@no_compiler
-@pytest.mark.parametrize("name", ["esp32_bluetooth", "esp32_encoders"])
-def test_slices_of_any_length_give_the_same_run_of_two_cores(name: str, tmp_path: Path) -> None:
-    configuration = set_of(FORMS / name, tmp_path / "set")
-    runs = []
-    for slice_length in (100_000, 1_000_000, 5_000_000, 20_000_000):
-        boards = Boards(configuration, slice_length=slice_length)
-        boards.run_to(0.25)
-        for at, data in SENT.get(name, ()):
-            boards.robot.receive(round(at * 1e9), data[0], 115200)
-        boards.run_to(2.0)
-        boards.close()
-        runs.append((repr(boards.events), boards.robot.lockstep.sent, boards.simulator.pose))
-    assert runs[1:] == runs[:1] * 3
 
 
 @pytest.mark.slow

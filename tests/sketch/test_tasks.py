@@ -241,15 +241,21 @@ void setup() {
 
 @pytest.mark.slow
 @no_compiler
-@pytest.mark.parametrize("name", ["rtos_queue", "rtos_semaphores", "rtos_timers"])
-def test_slices_of_any_length_give_the_same_run_with_tasks(name: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("name", "baud"),
+    [
+        *(("rtos_queue", 9600), ("rtos_semaphores", 9600), ("rtos_timers", 9600)),
+        *(("esp32_bluetooth", 115200), ("esp32_encoders", 115200)),
+    ],
+)
+def test_slices_of_any_length_give_the_same_run_with_tasks(name: str, baud: int, tmp_path: Path) -> None:
     configuration = set_of(FORMS / name, tmp_path / "set")
     runs = []
     for slice_length in (100_000, 1_000_000, 5_000_000, 20_000_000):
         boards = Boards(configuration, slice_length=slice_length)
         boards.run_to(0.25)
         for at, data in SENT.get(name, ()):
-            boards.robot.receive(round(at * 1e9), data[0], 9600)
+            boards.robot.receive(round(at * 1e9), data[0], baud)
         boards.run_to(2.5)
         boards.close()
         runs.append((repr(boards.events), boards.robot.lockstep.sent, boards.simulator.pose))
