@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from simmer_tui.document.formats import COUNT, PASSAGE, Format, number
 from simmer_tui.document.model import DataColumn, DataTable, data_table
-from simmer_tui.report.cause_order import lost_text
+from simmer_tui.report.cause_text import lost_text
 from simmer_tui.report.causes import Cause, MomentKind
 from simmer_tui.report.run_evidence import RunEvidence
 from simmer_tui.report.why import looks_there, shown_range

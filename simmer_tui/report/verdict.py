@@ -12,16 +12,10 @@ from enum import StrEnum
 from msgspec import Struct
 
 from simmer_tui.report.audit import audit
-from simmer_tui.report.cause_order import (
-    CONNECT_ADVICE,
-    LINK_ADVICE,
-    LINK_ENDED,
-    LINK_WAITED,
-    cause_of,
-    cause_so_far,
-    waited_text,
-)
+from simmer_tui.report.cause_order import cause_of, cause_so_far
+from simmer_tui.report.cause_text import LINK_ENDED, LINK_WAITED, waited_text
 from simmer_tui.report.causes import Cause, Kind
+from simmer_tui.report.ending_causes import CONNECT_ADVICE, LINK_ADVICE
 from simmer_tui.report.finding import Finding
 from simmer_tui.report.moments import Moment, moments_of
 from simmer_tui.report.run_evidence import RunEvidence
