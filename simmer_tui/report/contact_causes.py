@@ -17,7 +17,7 @@ from simmer_tui.report.cause_text import (
 from simmer_tui.report.causes import MomentKind, Sureness
 from simmer_tui.report.contact_evidence import ContactEvidence, DriveErrors
 from simmer_tui.report.ending_causes import lacked_time, stalled_fact
-from simmer_tui.report.finding import Finding
+from simmer_tui.report.finding import Finding, FindingKind
 from simmer_tui.report.run_evidence import RunEvidence
 from simmer_tui.report.why import looks_there, shown_range
 from simmer_tui.run.attempt import Attempt
@@ -35,6 +35,12 @@ _GOES_ON = "End the velocity in time: send {code} with zeros. It goes on until a
 _NO_SENSOR_THERE = "No sensor looks to that side: turn until one does, or check the way in your map."
 _OUTLIER_ADVICE = "Read {code} three times and take the middle value, before each movement."
 _NO_ECHO_ADVICE = "Take a reading of {code} with nothing in range for no proof of a free way."
+_BY_FAULT = {
+    FindingKind.STUCK: "Check the cable, the pin and the power of {code}.",
+    FindingKind.SIGN: "Exchange the wires of {code}, or change its sign in your program.",
+    FindingKind.MOUNTING: "Give your program the place at which {code} is mounted.",
+}
+"""Advice by the fault of a sensor or drive, where it is not to calibrate."""
 CORRECT = "Measure after each movement, and correct for the drive's error."
 
 
@@ -90,7 +96,8 @@ def _devices(run: RunEvidence, found: Sequence[Finding]) -> Fact:
     told, codes = findings_text(found)
     others = [each for each in run.findings if each not in found]
     besides = f" Also {others[0].text}." if others else ""
-    first, advice = found[0], None
+    first = found[0]
+    advice = _BY_FAULT[first.kind].format(code=first.of) if first.kind in _BY_FAULT else None
     if first.other is not None:
         advice = f"Exchange the cables of {first.of} and {first.other}, or their codes in your program."
     since = _first_use(run.seen, codes[0])

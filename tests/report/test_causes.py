@@ -375,6 +375,9 @@ def test_a_wrong_sensor_comes_before_what_follows_from_it_and_is_said_once() -> 
     drive = structs.replace(found, of="d1", text="d1 drives 1.20 times what is asked")
     cause = cause_of(mission.evidence(findings=(drive,)))
     assert (cause.kind, cause.text) == (Kind.DRIVE_WRONG, f"{drive.text}.")
+    # A sensor that is dead needs no calibration.
+    dead = structs.replace(found, kind=FindingKind.STUCK, text="u1 reads 7.5 in all the time")
+    assert cause_of(mission.evidence(findings=(dead,))).advice.startswith("Check the cable")
 
 
 # -- ends without a contact ------------------------------------------------------------------------
@@ -707,6 +710,7 @@ def test_of_many_moments_seven_are_kept_in_order() -> None:
     assert {MomentKind.END, MomentKind.COMMAND, MomentKind.SIGHT, MomentKind.FAULT} <= set(kinds)
     assert [each.kind for each in moments if each.is_cause] == [cause.moment]
     assert all("log" not in each.text.split() for each in moments)
+    assert "a person moved the robot to (66.0, 42.0)" in {each.text for each in moments_of(run)}
 
 
 def test_a_real_robot_has_moments_and_no_place() -> None:
