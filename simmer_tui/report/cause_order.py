@@ -33,6 +33,7 @@ from simmer_tui.report.ending_causes import (
     slow_fact,
 )
 from simmer_tui.report.run_evidence import RunEvidence
+from simmer_tui.report.set_errors import set_differences
 from simmer_tui.report.typical_runs import most_different
 
 
@@ -96,6 +97,7 @@ def _made(run: RunEvidence, rule: CauseRule, fact: Fact) -> Cause:
         evidence = (run.arrived_text, belief_text(seen, met.met.belief), tried)
     elif seen.is_silent:
         evidence = (f"Last output: {run.last_words}." if run.last_words else "",)
+    evidence = (*evidence, run.long_turns, set_differences(seen))
     # A reason may end with a question; a sentence ends with one mark.
     text = text.replace("?.", "?")
     at = fact.at

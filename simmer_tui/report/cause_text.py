@@ -66,7 +66,7 @@ def lost_text(run: RunEvidence, lost: BeliefRow) -> str:
         said = f"it believed to be at {believed} and was at {true}"
     else:
         said = f"its believed heading was off by {abs(off.turn):.0f} deg"
-    if run.belief.was_right:
+    if run.belief.was_right or run.seen.was_moved:
         return f"it was lost since {lost.elapsed:.1f} s: {said}"
     return f"it never found its place: from {lost.elapsed:.1f} s on {said}"
 

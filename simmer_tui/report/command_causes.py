@@ -54,6 +54,11 @@ def refused_fact(run: RunEvidence) -> Fact | None:
         return _refused_by(run, f"{begin}, such as {{}}.", seen.refusals[0])
     if seen.task is None:
         return None
+    unknown = run.unknown_code
+    if unknown is not None and unknown[0] >= REFUSED_SHARE * unknown[1]:
+        count, of, first = unknown
+        begin = f"{count} of {of} commands were refused, since no device has their code"
+        return _refused_by(run, f"{begin}, such as {{}}.", first)
     lost = run.contact.lost if run.has_contact and run.contact is not None else seen.beliefs[1]
     row = None if lost is None else run.refused_before(lost)
     if lost is not None and row is not None:

@@ -195,9 +195,11 @@ def _at_contact(run: RunEvidence, met: ContactEvidence, text: str, *, advice: st
     place = met.met.contact.point
     unread = f" {met.not_read}." if met.not_read and met.not_read not in text else ""
     outline = met.outline_text if met.knew else ""
-    if outline:
+    if met.new_wall_text:
+        advice = "Give your program the maze of this run."
+    elif outline:
         advice = "Give your program the outline of this robot."
-    then = f"{contact_sentence(run)}{outline or met.narrow_text}{unread}"
+    then = f"{contact_sentence(run)}{met.new_wall_text}{outline or met.narrow_text}{unread}"
     return Fact(f"{text}.", met.met.row, met.sent, place, has_behind=True, advice=advice, then=then)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 from msgspec.structs import replace
 
 from simmer_tui.report.belief_facts import is_small
@@ -40,6 +41,12 @@ STAYED, MOVES = 0.25, 20
 CONNECT_ADVICE = "connect to the address in SIMMER_HOST and SIMMER_PORT, and send a first command."
 LINK_ADVICE = "which command got no reply, and who closed the connection; simmer-tui doctor checks the ports."
 _COMPARE_MOTION = "Compare what your program adds to its belief for a {what} with the command that it sends."
+_MANY_TRIES = "Count the tries of your program: after three, back up and look for the block again."
+_TRIES = 10
+"""Grips that took nothing from which the program does not stop to try. Judged."""
+_OF_NOTHING = "Print the value of each movement before you send it: most of them are 0."
+_SMALL = 0.05
+"""Inches or degrees below which a movement is of nothing: half of a command's last usual digit."""
 _SPARE = {
     "reading": "Read {code} less often.",
     "the link": "Send several commands in one message: each message waits for the link.",
@@ -141,6 +148,9 @@ def missed_grip_fact(run: RunEvidence) -> Fact | None:
         return None
     first, what, value = unused
     text = f"The gripper was never {what}, first at {first.elapsed:.1f} s."
+    if seen.asked_after_grip and not seen.holding:
+        load = " and ".join(each.code for each in seen.load_sensors)
+        text += f" {load} was read there, which tells of a block in closed jaws alone."
     advice = f"Send {gripper.code}-{value} there."
     return Fact(text, first, place=(first.x, first.y), culprits=(gripper.code,), advice=advice)
 
@@ -158,7 +168,8 @@ def _closed_on_nothing(run: RunEvidence, done: GripRow, code: str) -> Fact:
     if often and last:
         last = f". The last time, {last[2:]}"
     text = f"The gripper closed on nothing{often}{last}."
-    return Fact(text, done, place=place, has_behind=True)
+    advice = _MANY_TRIES if len(seen.misses) >= _TRIES else None
+    return Fact(text, done, place=place, has_behind=True, advice=advice)
 
 
 def dropped_fact(run: RunEvidence) -> Fact | None:
@@ -180,6 +191,10 @@ def dropped_fact(run: RunEvidence) -> Fact | None:
         gripper = "" if seen.spec.gripper is None else seen.spec.gripper.code
         advice = f"Find out why your program sends {gripper}-0 there: the gripper held the block."
         text = f"It took the block {times_text(seen.takes)}, and let it go where it lay: at {where}, {off}."
+        load = [each.code for each in seen.load_sensors if each.code not in seen.history.sensor_codes]
+        if load:
+            text += f" {load[0]}, which tells of a held block, was never read."
+            advice = f"Read {load[0]} after each grip, before you decide to open the gripper."
     return Fact(text, done, place=(block.x, block.y), has_behind=True, advice=advice)
 
 
@@ -222,7 +237,11 @@ def stalled_fact(run: RunEvidence) -> Fact | None:
         often = run.movements_by_code(stalled.since)
         text = f"{text}: {often}." if often else f"{text}."
         place = (stalled.place.x, stalled.place.y)
-        return Fact("", since=stalled.since, place=place, has_behind=True, then=text)
+        moves = seen.within(seen.history.movements)
+        moves = moves[(moves["elapsed"] >= stalled.since) & ~moves["grips"]]
+        small = np.abs(moves["asked"]) < _SMALL
+        advice = _OF_NOTHING if 2 * int(small.sum()) > len(moves) else None
+        return Fact("", since=stalled.since, place=place, has_behind=True, advice=advice, then=text)
     return None
 
 
@@ -266,8 +285,11 @@ def slow_fact(run: RunEvidence) -> Fact | None:
     if most == "reading":
         often = f"{often}, {spent.took[code] / 1000.0:.1f} s"
     read = f" It read sensors {times_text(spent.readings.total())} ({code} {often})." if code else ""
-    text = f"Most of its time went to {most} ({listed}).{read}"
-    return Fact("", has_behind=True, advice=_SPARE[most].format(code=code), then=text)
+    is_most = 2.0 * run.time_parts[most] > seen.elapsed - seen.begun
+    text = f"Most of its time went to {most} ({listed})." if is_most else f"Its time went to {listed}."
+    return Fact(
+        "", has_behind=True, advice=_SPARE[most].format(code=code) if is_most else None, then=text + read
+    )
 
 
 def lacked_time(run: RunEvidence) -> bool:

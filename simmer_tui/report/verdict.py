@@ -318,6 +318,8 @@ class _Judge:
                     return f"Try: {CONNECT_ADVICE}"
                 return f"Try: look at the link: {LINK_ADVICE}"
             place = program.place
+            if program.error.startswith("EOFError"):
+                return "Try: take the question out of your program: nobody can type under --run."
             if program.error.startswith(_OF_VALUES) and place:
                 return f"Try: print what {place} is given, and what was sent and received before it."
             return f"Try: mend the error in {place}." if place else ""

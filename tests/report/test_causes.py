@@ -40,7 +40,7 @@ from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.state import checkpoint_of
 from simmer_tui.sim import Pose, SensorSpec, Simulator, parse_command
-from simmer_tui.sim.specs import Axes, DriveKind, RobotSpec
+from simmer_tui.sim.specs import Axes, DriveKind, RobotSpec, SimulationSpec
 
 SET = load(find_set("mission"))
 
@@ -98,6 +98,7 @@ def begin(
     contacts: int = 0,
     change: Callable[[SensorSpec], SensorSpec] = lambda sensor: sensor,
     diameter: float = 6.0,
+    own: Callable[[SimulationSpec], SimulationSpec] = lambda spec: spec,
 ) -> Mission:
     """A mission of the bundled set, which is nominal, with one change."""
     spec = replace(
@@ -109,6 +110,7 @@ def begin(
         robot=RobotSpec.circle(diameter),
         sensors=tuple(change(each) for each in SET.simulation.sensors),
     )
+    spec = own(spec)
     configuration: Configuration = replace(SET, simulation=spec)
     simulator = Simulator(spec, 3)
     simulator.noise = noise
@@ -116,7 +118,7 @@ def begin(
     simulator.advance(50.0)
     plan = MissionPlan(Pose(*start), False, block, (Cell(18.0, 42.0),), zone, limit, contacts=contacts)
     engine = Engine(simulator)
-    nominal = Nominal("mission", SET.simulation)
+    nominal = Nominal("mission", SET.simulation, 300.0)
     history = RunHistory(checkpoint_of(simulator, mission=True), nominal=lambda: nominal)
     reducer = Reducer(checkpoint_of(simulator, mission=True), history=history)
     engine.watch(reducer.apply)
