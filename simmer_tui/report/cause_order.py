@@ -97,7 +97,8 @@ def _made(run: RunEvidence, rule: CauseRule, fact: Fact) -> Cause:
         evidence = (run.arrived_text, belief_text(seen, met.met.belief), tried)
     elif seen.is_silent:
         evidence = (f"Last output: {run.last_words}." if run.last_words else "",)
-    evidence = (*evidence, run.long_turns, set_differences(seen))
+    there = f"When it was ended, the program was at {run.ended_at}." if run.ended_at else ""
+    evidence = (*evidence, there if run.ended_at not in text else "", run.long_turns, set_differences(seen))
     # A reason may end with a question; a sentence ends with one mark.
     text = text.replace("?.", "?")
     at = fact.at

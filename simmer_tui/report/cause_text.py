@@ -148,6 +148,7 @@ def quiet_text(run: RunEvidence) -> str:
         end = f"The program was stopped {quiet.real_seconds:.0f} s of real time later."
     after = "" if last is None else f", when {last[0]} was answered"
     words = f" Its last output: {run.last_words.rstrip('.')}." if run.last_words else ""
+    words = f" The program was at {run.ended_at}.{words}" if run.ended_at else words
     return f"No command came after {quiet.since:.1f} s{after}. {end}{words}"
 
 

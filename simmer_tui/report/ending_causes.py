@@ -41,6 +41,7 @@ STAYED, MOVES = 0.25, 20
 CONNECT_ADVICE = "connect to the address in SIMMER_HOST and SIMMER_PORT, and send a first command."
 LINK_ADVICE = "which command got no reply, and who closed the connection; simmer-tui doctor checks the ports."
 _COMPARE_MOTION = "Compare what your program adds to its belief for a {what} with the command that it sends."
+_WAITS_AT = "Find out what your program waits for, or repeats, at {place}."
 _MANY_TRIES = "Count the tries of your program: after three, back up and look for the block again."
 _TRIES = 10
 """Grips that took nothing from which the program does not stop to try. Judged."""
@@ -133,7 +134,8 @@ def silence_fact(run: RunEvidence) -> Fact | None:
         if run.exit_code:
             text = f"{capitalized(exit_text(run.exit_code))} before it sent a command."
         return Fact(text, since=seen.elapsed, advice=f"{capitalized(CONNECT_ADVICE)}")
-    return Fact("", since=quiet.since, then=quiet_text(run), has_behind=True)
+    advice = _WAITS_AT.format(place=run.ended_at) if run.ended_at else None
+    return Fact("", since=quiet.since, then=quiet_text(run), has_behind=True, advice=advice)
 
 
 def missed_grip_fact(run: RunEvidence) -> Fact | None:

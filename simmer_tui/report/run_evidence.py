@@ -247,6 +247,12 @@ class RunEvidence:
         return next(rows, None) if self.exit_code and not self.goals else None
 
     @property
+    def ended_at(self) -> str:
+        """The line at which the program was when the simulator ended it; empty if that is not known."""
+        ended = self.seen.history.programs.items
+        return ended[-1].event.place if ended and ended[-1].event.stopped else ""
+
+    @property
     def _connections(self) -> list[NoticeRow]:
         end = self.seen.history if self.seen.over is None else self.seen.over
         return [row for row in self.seen.history.notices.items if row.order <= end.order]

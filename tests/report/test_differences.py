@@ -161,3 +161,16 @@ def test_a_question_to_nobody_is_taken_out() -> None:
     mission.engine.tell(ProgramEnded(mission.simulator.time, 1, error=error, place="robot.py:8"))
     verdict = verdict_of(mission.history, mission.task)
     assert verdict.advice == "Try: take the question out of your program: nobody can type under --run."
+
+
+def test_the_line_at_which_a_silent_program_was_ended_is_told() -> None:
+    mission = begin()
+    mission.give("u1")
+    mission.referee.check(400.0)
+    mission.engine.tell(ProgramEnded(mission.simulator.time, 143, stopped=True, place="robot.py:6"))
+    verdict = verdict_of(mission.history, mission.task)
+    assert verdict.cause is not None
+    assert verdict.cause.kind is Kind.SILENCE
+    assert "The program was at robot.py:6." in verdict.text
+    assert verdict.advice == "Try: Find out what your program waits for, or repeats, at robot.py:6."
+    assert not any("robot.py" in each for each in verdict.evidence)
