@@ -21,7 +21,7 @@ from simmer_tui.report.finding import Finding, FindingKind
 from simmer_tui.report.run_evidence import RunEvidence
 from simmer_tui.report.why import looks_there, shown_range
 from simmer_tui.run.attempt import Attempt
-from simmer_tui.run.facts import SLIGHT
+from simmer_tui.run.facts import ALIKE, SLIGHT
 from simmer_tui.run.phrases import (
     obstacle_place,
 )
@@ -216,6 +216,11 @@ def too_close_fact(run: RunEvidence) -> Fact | None:
         silent = silent_ranges(run)
         text = f"{silent} read nothing in range; then {text}" if silent else text
         advice = _wall_advice(run, met)
+    last = None if met.belief or contact.held_block else met.facing
+    if last is not None and math.isfinite(last.value):
+        turned = met.met.row.turned_before - last.turned > ALIKE
+        when = f"at {last.time:.1f} s{', before the robot turned' if turned else ''}"
+        text = f"{last.code} read {shown_range(last.value)} {when}; then {text}"
     if met.goes_on:
         advice = _GOES_ON.format(code=met.met.ended.command.code)
     fact = _at_contact(run, met, _with_belief(met, text), advice=advice)

@@ -288,7 +288,8 @@ def slow_fact(run: RunEvidence) -> Fact | None:
         often = f"{often}, {spent.took[code] / 1000.0:.1f} s"
     read = f" It read sensors {times_text(spent.readings.total())} ({code} {often})." if code else ""
     is_most = 2.0 * run.time_parts[most] > seen.elapsed - seen.begun
-    text = f"Most of its time went to {most} ({listed})." if is_most else f"Its time went to {listed}."
+    limit = f"{seen.task.time_limit:g} s" if seen.task is not None and not run.cut_off else "time"
+    text = f"Most of its time went to {most} ({listed})." if is_most else f"Its {limit} went to {listed}."
     return Fact(
         "", has_behind=True, advice=_SPARE[most].format(code=code) if is_most else None, then=text + read
     )

@@ -84,7 +84,7 @@ def test_time_that_went_to_no_one_thing_is_told_by_its_parts() -> None:
     mission.give("u5")
     cause = mission.why()
     assert cause.kind is Kind.TOO_SLOW
-    assert "Its time went to " in cause.text
+    assert "Its 62 s went to " in cause.text
     assert cause.advice == "Save time where most of it goes."
 
 
