@@ -155,8 +155,8 @@ def test_a_velocity_straight_at_a_wall_that_was_read_is_told_with_its_reading() 
     assert mission.attempt.too_many_contacts
     assert cause.kind is Kind.TOO_CLOSE
     assert re.match(
-        r"u1 read 15\.0 in at 50\.1 s; then vv-6;0;0 was sent, and nothing ended it\. Contact at 5\d\.\d\d s with "
-        r".*, after 15\.0 in\.",
+        r"u1 read 15\.0 in at 50\.1 s; then vv-6;0;0 was sent, and nothing ended it\. "
+        r"Contact at 5\d\.\d\d s with .*, after 15\.0 in\.",
         cause.text,
     )
     assert cause.advice == "End the velocity in time: send vv with zeros. It goes on until another one comes."
