@@ -98,7 +98,12 @@ def _made(run: RunEvidence, rule: CauseRule, fact: Fact) -> Cause:
     elif seen.is_silent:
         evidence = (f"Last output: {run.last_words}." if run.last_words else "",)
     there = f"When it was ended, the program was at {run.ended_at}." if run.ended_at else ""
-    evidence = (*evidence, there if run.ended_at not in text else "", run.long_turns, set_differences(seen))
+    evidence = (
+        *evidence,
+        there if run.ended_at not in text else "",
+        run.long_turns,
+        set_differences(seen, with_limit=rule.kind is not Kind.TOO_SLOW),
+    )
     # A reason may end with a question; a sentence ends with one mark.
     text = text.replace("?.", "?")
     at = fact.at

@@ -22,11 +22,12 @@ from simmer_tui.run.table import Timed
 from simmer_tui.sim.command import counted
 from simmer_tui.sim.specs import BLOCK
 
-LINK_ENDED = ("Connection", "BrokenPipe")
-LINK_WAITED = ("Timeout", "socket.timeout", "asyncio.TimeoutError")
+_LINK_ERRORS = ("Connection", "BrokenPipe", "Timeout", "socket.timeout", "asyncio.TimeoutError")
 """Beginnings of errors with which a program tells that its link ended, or gave no reply."""
 _LINK_WORDS = ("closed the connection", "no reply to")
 """Words of the client of this project, and of others, for a link that ended, or gave no reply."""
+_SLOW_LINK = 0.5
+"""Mean seconds of a reply on the link from which it is slow: ten times a Bluetooth link's. Judged."""
 NAMED = 4
 """Findings named in a sentence; the table of devices has all."""
 
@@ -85,17 +86,18 @@ def stand_text(run: RunEvidence) -> str:
 
 
 def waited_text(run: RunEvidence) -> str:
-    """The last command to arrive of a program that ended because of its link; of one with another error its
+    """The last answered command of a program that ended because of its link; of one with another error its
     last reading."""
     last, error = run.last_command, "" if run.program is None else run.program.error
-    if last is not None and (ended_by_link(run) or error.startswith((*LINK_ENDED, *LINK_WAITED))):
-        return f" Its last command to arrive, {last[0]}, was answered at {last[1]:.1f} s."
+    if last is not None and (ended_by_link(run.last_words) or ended_by_link(error)):
+        slow = f" A reply took {run.link_time:.1f} s on the link." if run.link_time >= _SLOW_LINK else ""
+        return f" Its last answered command was {last[0]}, at {last[1]:.1f} s.{slow}"
     return f" Its last reading was {run.last_reading}." if error and run.last_reading else ""
 
 
-def ended_by_link(run: RunEvidence) -> bool:
-    """True if a program said in the end that its link had ended, or gave no reply."""
-    return any(words in run.last_words for words in _LINK_WORDS)
+def ended_by_link(said: str) -> bool:
+    """True if the error or the last words of a program tell that its link had ended, or gave no reply."""
+    return said.startswith(_LINK_ERRORS) or any(words in said for words in _LINK_WORDS)
 
 
 def contact_sentence(run: RunEvidence) -> str:

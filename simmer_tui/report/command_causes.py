@@ -110,7 +110,11 @@ def _undone(run: RunEvidence, rows: Sequence[RefusalRow], then: str) -> Fact:
 def moved_fact(run: RunEvidence) -> Fact | None:
     """A person who moved the robot or the block, or drove beside the program; or a second client."""
     seen = run.seen
-    row = seen.moved
+    row, reset = seen.moved, seen.reset
+    if reset is not None and (row is reset or seen.emptied):
+        taken = ", and the block to its place: the gripper had held it" if seen.emptied else ""
+        text = f"A person reset the run at {reset.elapsed:.1f} s: the robot went back to its start{taken}."
+        return Fact(f"{text} The program went on.", reset, place=(reset.before.x, reset.before.y))
     if row is not None:
         way, turn = displacement(row.before, row.done.pose)
         text = f"A person moved the robot at {row.elapsed:.1f} s, by {way:.0f} in and {abs(turn):.0f} deg."

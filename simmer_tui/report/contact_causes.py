@@ -217,7 +217,7 @@ def too_close_fact(run: RunEvidence) -> Fact | None:
         text = f"{silent} read nothing in range; then {text}" if silent else text
         advice = _wall_advice(run, met)
     last = None if met.belief or contact.held_block else met.facing
-    if last is not None and math.isfinite(last.value):
+    if last is not None and math.isfinite(last.value) and met.looks_at(last.code):
         turned = met.met.row.turned_before - last.turned > ALIKE
         when = f"at {last.time:.1f} s{', before the robot turned' if turned else ''}"
         text = f"{last.code} read {shown_range(last.value)} {when}; then {text}"

@@ -41,6 +41,9 @@ STAYED, MOVES = 0.25, 20
 CONNECT_ADVICE = "connect to the address in SIMMER_HOST and SIMMER_PORT, and send a first command."
 LINK_ADVICE = "which command got no reply, and who closed the connection; simmer-tui doctor checks the ports."
 _COMPARE_MOTION = "Compare what your program adds to its belief for a {what} with the command that it sends."
+_TURNED = 45.0
+"""Degrees by which a heading is another direction, not an error: half of a quarter turn."""
+_KEEP_OPEN = "Keep one connection open for all commands."
 _WAITS_AT = "Find out what your program waits for, or repeats, at {place}."
 _MANY_TRIES = "Count the tries of your program: after three, back up and look for the block again."
 _TRIES = 10
@@ -108,7 +111,12 @@ def _lost_since(run: RunEvidence, lost: BeliefRow) -> Fact:
     parted, ranges, advice, unsure = run.belief.parted, run.ranges_before(lost), None, ""
     last = run.seen.beliefs[0] if run.contact is None or not run.has_contact else run.contact.belief
     moved = bool(parted) and "no movement" not in parted
-    if moved or not (lost.deviation.off_place or lost.deviation.rejects_truth):
+    is_turned = abs(lost.turn) > _TURNED and not run.belief.was_right
+    compass = run.belief.unread_compass if is_turned else ""
+    if compass:
+        parted = f"{parted} {compass}, which tells the heading, was never read."
+        advice = f"Read {compass} before you drive: it tells the heading."
+    elif moved or not (lost.deviation.off_place or lost.deviation.rejects_truth):
         advice = _COMPARE_MOTION.format(what="movement" if moved else "turn")
     elif not run.looked_before(lost):
         parted = parted or " It had read no range before that."
@@ -290,9 +298,21 @@ def slow_fact(run: RunEvidence) -> Fact | None:
     is_most = 2.0 * run.time_parts[most] > seen.elapsed - seen.begun
     limit = f"{seen.task.time_limit:g} s" if seen.task is not None and not run.cut_off else "time"
     text = f"Most of its time went to {most} ({listed})." if is_most else f"Its {limit} went to {listed}."
-    return Fact(
-        "", has_behind=True, advice=_SPARE[most].format(code=code) if is_most else None, then=text + read
-    )
+    advice = _SPARE[most].format(code=code) if is_most else None
+    nominal = seen.history.nominal
+    if run.velocities_left:
+        text, advice = f"{_left_text(run)} {text}", _KEEP_OPEN
+    elif seen.task is not None and nominal is not None and seen.task.time_limit < (nominal.time_limit or 0.0):
+        usual = f"in the set {nominal.name} {nominal.time_limit:g} s"
+        short = f"The time limit was {seen.task.time_limit:g} s, {usual}."
+        text = f"{text} {short}" if is_most else f"{short} {text}"
+    return Fact("", has_behind=True, advice=advice, then=text + read)
+
+
+def _left_text(run: RunEvidence) -> str:
+    """A sentence on velocities that ended with the connections by which they came."""
+    often = f"it made {run.velocities_left} for {counted(run.seen.commands, 'command')}"
+    return f"Its velocities ended with their connections: {often}."
 
 
 def lacked_time(run: RunEvidence) -> bool:
@@ -315,12 +335,10 @@ def ended_fact(run: RunEvidence) -> Fact | None:
     text = f"{capitalized(exit_text(run.exit_code))}{limit}, before it was done.{words}{waited_text(run)}"
     text = " ".join(filter(None, (text, stand_text(run), run.all_movements)))
     advice = None
-    if ended_by_link(run):
+    if ended_by_link(run.last_words):
         advice = f"Look at the link: {LINK_ADVICE}"
     elif run.velocities_left:
-        often = f"it made {run.velocities_left} for {counted(seen.commands, 'command')}"
-        text = f"Its velocities ended with their connections: {often}. {text}"
-        advice = "Keep one connection open for all commands."
+        text, advice = f"{_left_text(run)} {text}", _KEEP_OPEN
     elif run.last_words and run.exit_code:
         advice = f"Look in your program at what leads to '{cut(run.last_words, WORD)}'."
     return Fact("", has_behind=True, advice=advice, then=text)

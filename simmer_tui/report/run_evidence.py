@@ -48,6 +48,8 @@ _CODES = 3
 """Codes of movements that are named in a sentence."""
 _STOPS = 3
 """Movements that end at the block from which it was no chance, before any goal. Judged."""
+_BOTH = 0.25
+"""Share of movements to each side from which they go to and fro. Judged."""
 _HALF_TURN = 181.0
 """Degrees from which a turn is longer than the one to the other side, errors of the heading apart."""
 _POSES = 400
@@ -436,6 +438,11 @@ class RunEvidence:
         return first
 
     @property
+    def link_time(self) -> float:
+        """Mean simulated seconds that a command and its reply spent on the link."""
+        return self.seen.spent.link / max(self.seen.commands, 1)
+
+    @property
     def velocities_left(self) -> int:
         """Number of connections of a program that drove by velocities and connected for nearly each command:
         a velocity ends with its connection. Else 0."""
@@ -507,8 +514,10 @@ class RunEvidence:
         numbers, counts = np.unique(moves["code"], return_counts=True)
         told = []
         for place in np.argsort(-counts)[:_CODES]:
-            usual = median_of(np.abs(moves["asked"][moves["code"] == numbers[place]]))
-            told.append(f"{names[numbers[place]]} {times_text(int(counts[place]))}, mostly by {usual:.2g}")
+            asked = moves["asked"][moves["code"] == numbers[place]]
+            sign = "+-" if _BOTH <= float((asked < 0.0).mean()) <= 1.0 - _BOTH else ""
+            usual = f"{sign}{median_of(np.abs(asked)):.2g}"
+            told.append(f"{names[numbers[place]]} {times_text(int(counts[place]))}, mostly by {usual}")
         return "; ".join(told)
 
     def looked_before(self, belief: BeliefRow) -> bool:

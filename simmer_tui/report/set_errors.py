@@ -123,9 +123,9 @@ def _of_drives(seen: Attempt) -> Iterator[tuple[str, str]]:
         yield gripper.code, f"reaches {gripper.reach:g} in ahead of the robot, {where} {other.reach:g} in"
 
 
-def set_differences(seen: Attempt) -> str:
+def set_differences(seen: Attempt, *, with_limit: bool = True) -> str:
     """A sentence on what the run's set has otherwise than the nominal one, its sensors apart; empty without a
-    nominal set, or a difference."""
+    nominal set, or a difference. The time limit may be told elsewhere."""
     nominal = seen.history.nominal
     if nominal is None:
         return ""
@@ -139,13 +139,15 @@ def set_differences(seen: Attempt) -> str:
             parts.append(f"the gripper reaches {grip.reach:g} in, not {other.reach:g} in")
         if grip.width != other.width:
             parts.append(f"the gripper is {grip.width:g} in wide, not {other.width:g} in")
+        if not 1 / _SPEED < grip.speed / other.speed < _SPEED:
+            parts.append(f"the gripper takes {1 / grip.speed:g} s to close, not {1 / other.speed:g} s")
     drives = {each.code: each for each in usual.drives}
     for each in own.drives:
         row = drives.get(each.code)
         if row is not None and row.kind is each.kind and not 1 / _SPEED < each.speed / row.speed < _SPEED:
             unit = "deg/s" if each.kind.turns else "in/s"
             parts.append(f"{each.code} moves at {each.speed:g} {unit}, not {row.speed:g} {unit}")
-    if seen.task is not None and nominal.time_limit not in (None, seen.task.time_limit):
+    if with_limit and seen.task is not None and nominal.time_limit not in (None, seen.task.time_limit):
         parts.append(f"the time limit is {seen.task.time_limit:g} s, not {nominal.time_limit:g} s")
     return f"Unlike in the set {nominal.name}, {'; '.join(parts)}." if parts else ""
 

@@ -13,7 +13,7 @@ from msgspec import Struct
 
 from simmer_tui.report.audit import audit
 from simmer_tui.report.cause_order import cause_of, cause_so_far
-from simmer_tui.report.cause_text import LINK_ENDED, LINK_WAITED, waited_text
+from simmer_tui.report.cause_text import ended_by_link, waited_text
 from simmer_tui.report.causes import Cause, Kind
 from simmer_tui.report.ending_causes import CONNECT_ADVICE, LINK_ADVICE
 from simmer_tui.report.finding import Finding
@@ -313,11 +313,13 @@ class _Judge:
         if program.error.startswith(_NO_PACKAGE):
             return f"Try: {_OTHER_PYTHON}."
         if program.crashed:
-            if program.error.startswith((*LINK_ENDED, *LINK_WAITED)):
+            if ended_by_link(program.error):
                 if self._attempt.is_silent:
                     return f"Try: {CONNECT_ADVICE}"
                 return f"Try: look at the link: {LINK_ADVICE}"
             place = program.place
+            if program.error.startswith("KeyboardInterrupt"):
+                return ""
             if program.error.startswith("EOFError"):
                 return "Try: take the question out of your program: nobody can type under --run."
             if program.error.startswith(_OF_VALUES) and place:

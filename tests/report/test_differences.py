@@ -7,12 +7,13 @@ from collections.abc import Callable
 import pytest
 from msgspec.structs import replace
 
+from simmer_tui.report.audit import audit
 from simmer_tui.report.cause_order import cause_of
 from simmer_tui.report.causes import Kind
 from simmer_tui.report.moments import moments_of
 from simmer_tui.report.verdict import verdict_of
 from simmer_tui.run.events import Action, ActionName, ProgramEnded
-from simmer_tui.sim.specs import EMPTY, WALL, GripperSpec, SimulationSpec
+from simmer_tui.sim.specs import EMPTY, WALL, GripperSpec, SensorSpec, SimulationSpec
 from tests.report.test_causes import begin
 
 
@@ -43,7 +44,7 @@ def slow(spec: SimulationSpec) -> SimulationSpec:
     ("own", "limit", "said"),
     [
         (lambda spec: spec, 300.0, ""),
-        (lambda spec: spec, 45.0, "the time limit is 45 s, not 300 s"),
+        (lambda spec: spec, 200.0, "the time limit is 200 s, not 300 s"),
         (lambda spec: replace(spec, block_size=5.0), 300.0, "the block is 5 in wide, not 3 in"),
         (grip(width=0.5), 300.0, "the gripper is 0.5 in wide, not 4 in"),
         (grip(reach=1.5), 300.0, "the gripper reaches 1.5 in, not 3 in"),
@@ -51,6 +52,7 @@ def slow(spec: SimulationSpec) -> SimulationSpec:
         (with_cells((2, 5, EMPTY), (1, 1, WALL)), 300.0, "there is a wall in row 1, column 1"),
         (with_cells((1, 1, WALL), (1, 4, WALL), (1, 6, WALL)), 300.0, "3 cells of the maze are another kind"),
         (slow, 300.0, "d1 moves at 0.6 in/s, not 6 in/s"),
+        (grip(speed=0.01), 300.0, "the gripper takes 100 s to close, not 0.5 s"),
     ],
 )
 def test_a_set_is_told_beside_the_nominal_one(
@@ -174,3 +176,78 @@ def test_the_line_at_which_a_silent_program_was_ended_is_told() -> None:
     assert "The program was at robot.py:6." in verdict.text
     assert verdict.advice == "Try: Find out what your program waits for, or repeats, at robot.py:6."
     assert not any("robot.py" in each for each in verdict.evidence)
+
+
+def test_a_short_time_limit_is_told_first() -> None:
+    mission = begin(limit=62.0, change=lambda sensor: replace(sensor, read_time=0.4))
+    for second in range(51, 64):
+        mission.give("u5", "w1-1" if second % 2 else "s1-1")
+        mission.simulator.advance(float(second))
+    mission.give("u5")
+    cause = mission.why()
+    assert cause.text.startswith("The time limit was 62 s, in the set mission 300 s. ")
+    assert not any("time limit" in each for each in cause.evidence)
+
+
+def test_a_blind_spot_that_the_nominal_set_does_not_have_is_told_as_such() -> None:
+    def blind(sensor: SensorSpec) -> SensorSpec:
+        return replace(sensor, min_range=7.0) if sensor.code == "u1" else sensor
+
+    mission = begin((8.0, 42.0, 180.0), change=blind)
+    mission.give(*("u1", "d1-0.5", "u1", "d1--0.5") * 6)
+    (found,) = audit(mission.history)
+    assert (found.of, found.value, found.count) == ("u1", 7.0, 12)
+    assert found.text == "u1 reads nothing nearer than 7 in, unlike in the nominal set mission (12 readings)"
+
+
+def test_a_compass_that_was_never_read_is_told_beside_a_heading_that_was_assumed() -> None:
+    mission = begin()
+    mission.give("u1", "u2", "u4")
+    mission.believe(turn=90.0)
+    cause = mission.why(1, words="failed")
+    assert cause.kind is Kind.LOST
+    assert "c1, which tells the heading, was never read." in cause.text
+    assert cause.advice == "Read c1 before you drive: it tells the heading."
+    mission = begin()
+    mission.give("u1", "u2", "u4", "c1")
+    mission.believe(turn=90.0)
+    assert "was never read" not in mission.why(1, words="failed").text
+
+
+def test_a_reset_that_took_the_block_out_of_the_gripper_is_told() -> None:
+    mission = begin((28.0, 42.0, 180.0))
+    mission.give("u1", "d1-4", "p1-1")
+    mission.engine.perform(Action(ActionName.RESET))
+    mission.believe()
+    mission.give("u1", "d1--1")
+    cause = mission.why()
+    assert cause.kind is Kind.MOVED
+    assert "and the block to its place: the gripper had held it. The program went on." in cause.text
+
+
+def test_a_block_that_is_far_away_was_not_missed_by_inches() -> None:
+    mission = begin((90.0, 42.0, 180.0))
+    mission.give("u1", "p1-1")
+    assert "The gripper closed on nothing: the block lay 64 in away." in mission.why(1, words="failed").text
+
+
+def test_movements_to_and_fro_have_both_signs() -> None:
+    mission = begin(limit=100.0)
+    mission.give("u5", *("r1-30", "r1--30") * 60)
+    assert "mostly by +-30" in mission.why(1).text
+
+
+@pytest.mark.parametrize(
+    ("error", "advice"),
+    [
+        ("KeyboardInterrupt", ""),
+        ("simmer_tui.client.RobotTimeoutError: no reply to 'p1-1' within 30 s", "Try: look at the link: "),
+    ],
+)
+def test_an_interrupt_and_a_reply_that_did_not_come_are_no_error_of_a_line(error: str, advice: str) -> None:
+    mission = begin()
+    mission.give("u1")
+    mission.engine.tell(ProgramEnded(mission.simulator.time, 1, error=error, place="robot.py:8"))
+    verdict = verdict_of(mission.history, mission.task)
+    assert verdict.advice.startswith(advice)
+    assert "robot.py" not in verdict.advice
