@@ -142,11 +142,11 @@ def test_while_paused_a_clients_command_waits_and_is_let_through_one_by_one(fly:
 def test_t_y_and_v_show_or_hide_trail_rays_and_true_values(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         await cockpit.until(lambda: cockpit.maze.scene is not None)
-        for key, shown in (("t", "show_trail"), ("y", "show_rays")):
+        for key, name in (("t", "trail"), ("y", "plot_sense")):
             await cockpit.press(key)
-            await cockpit.until(lambda shown=shown: not getattr(cockpit.maze.scene, shown))
+            await cockpit.until(lambda name=name: name not in cockpit.maze.scene.shown)
             await cockpit.press(key)
-            await cockpit.until(lambda shown=shown: getattr(cockpit.maze.scene, shown))
+            await cockpit.until(lambda name=name: name in cockpit.maze.scene.shown)
         await cockpit.until(lambda: "not read" in cockpit["sensors"])
         before = cockpit["sensors"]
         await cockpit.press("v")
@@ -428,11 +428,11 @@ def test_a_maze_that_is_not_drawn_has_no_legend(fly: Fly) -> None:
 def test_views_are_switched_by_orders_at_run_time(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         await cockpit.type(":plot_sense off")
-        await cockpit.until(lambda: not cockpit.maze.scene.show_rays)
+        await cockpit.until(lambda: "plot_sense" not in cockpit.maze.scene.shown)
         await cockpit.type(":plot_sense")
-        await cockpit.until(lambda: cockpit.maze.scene.show_rays)
+        await cockpit.until(lambda: "plot_sense" in cockpit.maze.scene.shown)
         await cockpit.type(":trail off")
-        await cockpit.until(lambda: not cockpit.maze.scene.show_trail)
+        await cockpit.until(lambda: "trail" not in cockpit.maze.scene.shown)
         await cockpit.type(":truth on")
         await cockpit.until(lambda: "true value" in cockpit["sensors"])
         await cockpit.type(":plot_robot off")
@@ -448,7 +448,9 @@ def test_plot_settings_hold_from_the_start(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         await cockpit.until(lambda: "The maze is not drawn" in cockpit.maze.render_line(0).text)
         await cockpit.type(":plot_robot")
-        await cockpit.until(lambda: cockpit.maze.scene is not None and not cockpit.maze.scene.show_rays)
+        await cockpit.until(
+            lambda: cockpit.maze.scene is not None and "plot_sense" not in cockpit.maze.scene.shown
+        )
 
     fly(scenario, plot_robot=False, plot_sense=False)
 

@@ -13,6 +13,7 @@ from msgspec.structs import replace
 
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_folder, init_set
+from simmer_tui.live.operating.switches import SHOWN
 from simmer_tui.robot.engine import Engine
 from simmer_tui.run.events import Action, ActionName
 from simmer_tui.run.state import SensorRow
@@ -57,9 +58,9 @@ def run(spec: SimulationSpec) -> Run:
     return Run(spec)
 
 
-def scene(run: Run, *, show_rays: bool = True) -> Scene:
+def scene(run: Run, shown: frozenset[str] = SHOWN) -> Scene:
     spec = run.engine.simulator.spec
-    return scene_of(spec, Maze(spec.maze), run.snapshot(), show_rays=show_rays)
+    return scene_of(spec, Maze(spec.maze), run.snapshot(), shown=shown)
 
 
 def row(run: Run) -> SensorRow:
@@ -211,7 +212,7 @@ def test_the_radar_is_filled_by_a_scan_and_its_scale_holds_it(run: Run) -> None:
         return int((cells.foreground == palette[Role.RAY_STRONG]).sum())
 
     assert dots(shown) > 40
-    assert dots(scene(run, show_rays=False)) == 0
+    assert dots(scene(run, SHOWN - {"plot_sense"})) == 0
 
 
 @pytest.mark.slow
