@@ -201,13 +201,16 @@ def with_all_settings(text: str, values: Mapping[str, Any] = _NONE) -> str:
         table = header[1] if header else table
         sections.setdefault(table, []).append(line)
     missing = [item for item in all_settings() if not _is_there(item, tree, sections)]
+    begun: set[str] = set()
     for item in missing:
         table, _, key = item.name.rpartition(".")
         lines = sections.setdefault(table, [f"[{table}]"])
-        # Exactly one blank line is between the old lines and the added ones.
-        while lines[-1:] == [""]:
-            lines.pop()
-        lines += [] if lines == [f"[{table}]"] else [""]
+        if table not in begun:
+            begun.add(table)
+            # Exactly one blank line is between the old lines and the added ones.
+            while lines[-1:] == [""]:
+                lines.pop()
+            lines += [] if lines == [f"[{table}]"] else [""]
         # Flags, numbers, texts without control characters and lists of them are the same in JSON and TOML.
         value = json.dumps(values.get(item.name, item.default), ensure_ascii=False)
         lines += [_comment(item), f"{key} = {value}"]
@@ -225,4 +228,6 @@ def _is_there(item: Setting, tree: Mapping[str, Any], sections: Mapping[str, lis
 
 def _comment(item: Setting) -> str:
     unit = f", {item.unit}" if item.unit else ""
-    return f"# {item.help[0].upper()}{item.help[1:]}: {item.rule.allowed}{unit}."
+    # The names of keys are explained once, at the top of their table.
+    allowed = "" if item.name.startswith("keys.") else f": {item.rule.allowed}{unit}"
+    return f"# {item.help[0].upper()}{item.help[1:]}{allowed}."

@@ -82,7 +82,7 @@ def test_signs_stand_for_their_names() -> None:
 def test_a_set_with_such_a_mistake_does_not_load(
     edit: Callable[[str, str, str], None], problems: Callable[..., list[str]]
 ) -> None:
-    edit("settings.toml", 'poll = "p"', 'poll = "space"')
+    edit("settings.toml", "[keys]\n", '[keys]\nforward = "w"\nstop = "space"\npoll = "space"\n')
     found = problems()
     assert len(found) == 1
     assert found[0].startswith("settings.toml:")
@@ -94,10 +94,7 @@ def test_a_set_with_such_a_mistake_does_not_load(
 def test_a_key_that_is_given_is_no_longer_anothers_by_default(
     edit: Callable[[str, str, str], None], folder: Path
 ) -> None:
-    edit("settings.toml", 'fit = "f"\n', "")
-    edit("settings.toml", 'follow = "o"', 'follow = "f"')
-    edit("settings.toml", 'forward = "up,w"\n', "")
-    edit("settings.toml", 'poll = "p"', 'poll = "W"')
+    edit("settings.toml", "[keys]\n", '[keys]\nfollow = "f"\npoll = "W"\n')
     keys = load(folder).settings.keys
     assert (keys.follow, keys.fit) == ("f", "")
     assert (keys.poll, keys.forward) == ("W", "up")

@@ -36,7 +36,7 @@ from simmer_tui.tui.readouts import Room, status_line
 from simmer_tui.tui.recorded import RecordedRun
 from simmer_tui.tui.sensor_facts import sensor_facts
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode
-from tests.tui.conftest import Cockpit
+from tests.tui.conftest import KEYS, Cockpit
 from tests.tui.test_readouts import Run, texts
 
 LIDAR = LidarSpec(kind=Lidar, number=1, code="sc", z=4.0, error=0.0, min_range=0.0, dropout=0.0)
@@ -228,7 +228,7 @@ def test_every_size_shows_a_scan_and_a_key_hides_it(
         await cockpit.until(lambda: "scan" in legend(size[0] - 40).text)
         assert cockpit.maze.scene is not None
         assert len(cockpit.maze.scene.scans) == 1
-        await cockpit.press("y")
+        await cockpit.press(KEYS.rays)
         await cockpit.until(lambda: "scan" not in legend(size[0] - 40).text)
         if size[0] == 120:
             await cockpit.until(lambda: "360 points, 1 deg apart" in cockpit["answer"])
