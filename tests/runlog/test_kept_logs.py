@@ -11,7 +11,6 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from msgspec import structs
 from msgspec.structs import replace
 
 from simmer_tui.config.loader import Configuration, load
@@ -44,7 +43,7 @@ from simmer_tui.runlog.rerun import Rerun
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.sim import Pose, Simulator, Status, parse_command
 from simmer_tui.sim.records import LidarScan
-from tests.brief_events import brief, sums
+from tests.brief_events import brief, fields, sums
 from tests.kept_numbers import assert_kept
 from tests.manual_loop import ManualLoop
 
@@ -356,13 +355,13 @@ def shown(state: State) -> list[Any]:
         "contact_points",
         "spent",
     }
-    plain = [brief(getattr(state, each.name)) for each in structs.fields(state) if each.name not in others]
+    plain = fields(state, *others)
     events = [
         None if each is None else brief(each.time) for each in (state.last, state.ended, state.movement)
     ]
     belief = None if state.belief is None else [brief(state.belief.pose), brief(state.belief.grid)]
     return [
-        *plain,
+        plain,
         sums(state.contact_points),
         sums(state.path),
         brief(state.mission and state.mission.result),
