@@ -37,7 +37,8 @@ class StackDump:
         """The last line of the program's own code on its stack (`robot.py:12`); empty if nothing came."""
         if self._memory is None:
             return ""
-        text = os.pread(self._memory, _LARGEST, 0).decode(errors="replace")
+        os.lseek(self._memory, 0, os.SEEK_SET)
+        text = os.read(self._memory, _LARGEST).decode(errors="replace")
         # The thread that got the signal, the main one, stands last; of its calls the newest stands first.
         calls = text.rpartition(_MAIN)[2].splitlines()
         return last_own(frames_of(_CALL, reversed(calls)))

@@ -47,7 +47,8 @@ def _write_stacks(path: str) -> None:
     except OSError:  # a sandbox does not see it
         return
     # 15 is SIGTERM: the module signal takes a millisecond. It ends the program after that, as without us.
-    faulthandler.register(15, file, all_threads=True, chain=True)
+    if sys.platform != "win32":
+        faulthandler.register(15, file, all_threads=True, chain=True)
 
 
 _before = set(sys.modules)
