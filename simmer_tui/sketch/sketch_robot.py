@@ -365,11 +365,7 @@ class SketchRobot(LockstepWorld):
     def run_to(self, until: float) -> float:
         """Let the boards run to a simulated time, seconds. Returns the time that they have reached."""
         # A restart has set the simulator back already; the boards follow once it is told.
-        if self._running or self._is_over or round(until * SECOND) < self._world.time:
-            return until
-        if self.failed:
-            self._world.advance(round(until * SECOND))
-            self._world.settle()
+        if self._running or self._is_over or self.failed or round(until * SECOND) < self._world.time:
             return until
         self._running = True
         target = round(until * SECOND)
@@ -401,6 +397,7 @@ class SketchRobot(LockstepWorld):
         self._world.set_speeds({})
         time = self.engine.simulator.time
         self.engine.tell(Notice(NoticeKind.FAULT, f"{_ENDED}{text}", moment=time))
+        self.engine.end_time()
         self.on_end()
 
     def _watch(self, event: Event) -> None:
