@@ -459,6 +459,8 @@ class Server:
         self.stop_log()
         self._log = log
         self.engine.watch(log)
+        if self.boards is not None:
+            self.boards.tell_shown()
         return path
 
     async def begin_log(self, file: str) -> Path:

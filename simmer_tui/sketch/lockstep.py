@@ -29,7 +29,6 @@ from simmer_tui.sketch.board_process import (
 from simmer_tui.sketch.parts import FINEST_DUTY, LARGEST_DUTY, PULSE_PERIOD, SECOND, EncoderState
 from simmer_tui.sketch.shared_processor import SharedProcessor
 from simmer_tui.sketch.steppers import StepperState
-from simmer_tui.sketch.text_display import TextDisplay
 
 BOARD_SLICE = 20_000_000
 """Nanoseconds that a board runs at most at a time, so that a person's stop is not late."""
@@ -70,10 +69,10 @@ class Board(Struct, eq=False):
         sources: the boards whose bytes reach it.
         encoders: encoders at its pins.
         driving: its pins that drive motors or a servo.
+        led: the pin of its own LED.
         steppers: steppers by the pins of theirs.
         events: what will reach it, by time: bytes, and echoes.
         pins: its pins that the sketch has used.
-        displays: its displays of text, by their numbers.
         baud: rates of its ports, by pin.
         records: what it has done, and what has not been done to the world yet.
         granted: its last horizon.
@@ -88,10 +87,10 @@ class Board(Struct, eq=False):
     sources: list[Board] = field(default_factory=list)
     encoders: list[EncoderState] = field(default_factory=list)
     driving: frozenset[int] = frozenset()
+    led: int = -1
     steppers: Mapping[int, Sequence[StepperState]] = {}
     events: list[BoardEvent] = field(default_factory=list)
     pins: dict[int, PinState] = field(default_factory=dict)
-    displays: dict[int, TextDisplay] = field(default_factory=dict)
     baud: dict[int, int] = field(default_factory=dict)
     records: list[BoardRecord] = field(default_factory=list)
     waited: deque[BoardWait] = field(default_factory=lambda: deque(maxlen=_KEPT_WAITS))
@@ -153,6 +152,9 @@ class LockstepWorld:
 
     def sent(self, time: int, value: int, byte: int) -> None:
         """A byte arrives at the laptop at a time; `byte` is its duration."""
+
+    def shows(self, board: Board, record: BoardRecord) -> None:
+        """A board may show something else, as soon as that is known: the world may still be behind."""
 
     def lost(self, board: Board, record: BoardRecord) -> None:
         """A board has lost a byte."""
@@ -231,7 +233,6 @@ class Lockstep:
         """A board begins again at its clock, in another process."""
         board.records.clear()
         board.pins.clear()
-        board.displays.clear()
         board.baud.clear()
         board.waited.clear()
         board.granted, board.waits = board.process.now, False
@@ -283,7 +284,6 @@ class Lockstep:
                 self._world.lost_edge(board, before, record.value)
                 continue
             if record.kind == Told.TEXT:
-                board.displays.setdefault(record.pin, TextDisplay()).change(record.value)
                 continue
             kind = record.kind
             if kind in _OF_THE_BUS:
@@ -380,6 +380,8 @@ class Lockstep:
             elif record.kind == Told.BAUD:
                 board.baud[record.pin] = record.value if record.value > 0 else _USUAL_BAUD
             else:
+                if record.kind == Told.TEXT or record.pin == board.led:
+                    self._world.shows(board, record)
                 # Others have the number of a part in the place of a pin.
                 for stepper in board.steppers.get(record.pin, ()) if record.kind in _OF_PINS else ():
                     if record.kind != Told.STEP or record.pin == stepper.step_pin:

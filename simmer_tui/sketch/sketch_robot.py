@@ -6,6 +6,7 @@ Only for the robot's thread. Nobody else drives: console and programs over TCP m
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from operator import itemgetter
 from pathlib import Path
 
 from msgspec import Struct
@@ -22,6 +23,7 @@ from simmer_tui.robot.sessions import Answered, Session
 from simmer_tui.run.events import (
     ActionDone,
     ActionName,
+    DisplayChanged,
     Event,
     LegEnded,
     MissionEvent,
@@ -46,6 +48,7 @@ from simmer_tui.sketch.board_process import (
 )
 from simmer_tui.sketch.board_view import BoardView, PinView
 from simmer_tui.sketch.build import BuiltSketch, build_sketch, fastest_baud
+from simmer_tui.sketch.display_changes import DisplayChanges
 from simmer_tui.sketch.lockstep import BOARD_SLICE, Board, Lockstep, LockstepWorld, PinState
 from simmer_tui.sketch.motion_check import wrong_functions
 from simmer_tui.sketch.parts import (
@@ -254,6 +257,12 @@ class SketchRobot(LockstepWorld):
         self._sonar_until: dict[str, int] = {}
         self._options: dict[str, list[str]] = {}
         self._gripper_closed: bool | None = None
+        kinds = {name: board.kind for name, board in self._set.wiring.boards.items()}
+        self._displays = {
+            name: DisplayChanges(name, kind.led, kind.pin_name(kind.led)) for name, kind in kinds.items()
+        }
+        self._display_due = 0
+        """Time of the next change of what a board shows."""
         boards = {name: self._board(name) for name in self._set.wiring.boards}
         for wire in self._set.wiring.wires:
             sender, receiver = boards[wire.from_board], boards[wire.to_board]
@@ -297,6 +306,7 @@ class SketchRobot(LockstepWorld):
         process = self._start_board(name, self._set.built[name].program, options)
         board = Board(name, process, BITS_OF_A_BYTE * SECOND // self._set.bauds[name])
         board.driving = frozenset(driving)
+        board.led = self._set.wiring.boards[name].kind.led
         board.encoders, board.steppers = encoders, steppers
         self._set_levels(board)
         return board
@@ -330,6 +340,8 @@ class SketchRobot(LockstepWorld):
         process.now = now
         board.process = process
         self._busy[board.name] = now, 0, 0.0
+        self._displays[board.name].restart(now)
+        self._plan_displays()
         board.events.clear()
         for pin, states in board.steppers.items():
             for each in states:
@@ -390,7 +402,7 @@ class SketchRobot(LockstepWorld):
         # What the board did before is done, and its last words have left it.
         self.advance(self.lockstep.reached)
         self._world.settle()
-        self._tell_messages(NEVER)
+        self._tell_told(self._world.time, at_end=True)
         self.lockstep.laptop_listens = False  # else bytes still on the line would wait for the boards
         self.on_sent()
         self.failed = text
@@ -427,17 +439,33 @@ class SketchRobot(LockstepWorld):
     def advance(self, time: int) -> None:
         if time <= self._world.time:
             return
-        if time >= self._messages.next_due:
-            self._tell_messages(time)
+        if time >= self._messages.next_due or time >= self._display_due:
+            self._tell_told(time)
         self._world.advance(time)
 
-    def _tell_messages(self, until: int) -> None:
-        """Tell the messages that are over by a time; those that are still on their way at the present one."""
-        for at, text in self._messages.due(until):
-            if until < NEVER:
-                self._world.advance(at)
-            self.last_line = text
-            self.engine.tell(WireMessage(min(at, self._world.time) / SECOND, text, reply=True))
+    def _tell_told(self, until: int, *, at_end: bool = False) -> None:
+        """Tell the messages that are over by a time, and what boards show; at the end of the run those too
+        that are still on their way."""
+        told: list[tuple[int, WireMessage | DisplayChanged]] = []
+        for at, text in self._messages.due(NEVER if at_end else until):
+            time = min(at, until)
+            told.append((time, WireMessage(time / SECOND, text, reply=True)))
+        for each in self._displays.values():
+            told += each.due(until, at_end=at_end)
+        self._plan_displays()
+        for at, event in sorted(told, key=itemgetter(0)):
+            self._world.advance(at)
+            if isinstance(event, WireMessage):
+                self.last_line = event.data
+            self.engine.tell(event)
+
+    def _plan_displays(self) -> None:
+        self._display_due = min([each.next_due for each in self._displays.values()])
+
+    def shows(self, board: Board, record: BoardRecord) -> None:
+        display = self._displays[board.name]
+        display.add(record)
+        self._display_due = min(self._display_due, display.next_due)
 
     def sent(self, time: int, value: int, byte: int) -> None:
         self._messages.add(time, value, byte)
@@ -466,14 +494,20 @@ class SketchRobot(LockstepWorld):
                 self._move_servo(board.pin(servo.pin).servo, servo.open, servo.closed)
 
     def _tell_displays(self) -> None:
-        """Tell the text on the displays, at the end of a run."""
-        for board in self.boards.values():
-            for _, display in sorted(board.displays.items()):
-                text = " / ".join(filter(None, map(str.strip, display.rows)))
+        """Tell what boards show at the end of a run."""
+        for name, display in self._displays.items():
+            for _, change in display.due(self._world.time, at_end=True):
+                self.engine.tell(change)
+            for rows in display.shown(self._world.time).displays:
+                text = " / ".join(filter(None, map(str.strip, rows)))
                 if text:
-                    self.engine.tell(
-                        Notice(NoticeKind.BOARD, f"board {board.name}: its display shows {text}")
-                    )
+                    self.engine.tell(Notice(NoticeKind.BOARD, f"board {name}: its display shows {text}"))
+        self._plan_displays()
+
+    def tell_shown(self) -> None:
+        """Tell again what boards show, to a log that begins now."""
+        for each in self._displays.values():
+            self.engine.tell(each.shown(self._world.time))
 
     def _tell_wrong(self, board: Board, line: str) -> None:
         """Tell a function that moves the robot otherwise than it is named, if a line is one of its writes."""
@@ -610,18 +644,17 @@ class SketchRobot(LockstepWorld):
         pins = tuple(
             PinView(kind.pin_name(number), _pin_text(state)) for number, state in sorted(board.pins.items())
         )
-        led = board.level(kind.led) > 0.0
-        displays = tuple(each.rows for _, each in sorted(board.displays.items()))
+        shown = self._displays[name].shown(self._world.time)
         return BoardView(
             name,
             board.now / SECOND,
             max(busy, 0.0),
-            led,
+            shown.led,
             said.strip(),
             pins,
             self.failed,
-            displays,
-            kind.pin_name(kind.led),
+            shown.displays,
+            shown.led_pin,
         )
 
     # -- commands of others ----------------------------------------------------------------------------

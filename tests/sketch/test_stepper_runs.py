@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import pytest
@@ -362,6 +363,43 @@ def test_displays_show_what_the_sketch_prints(tmp_path: Path) -> None:
     assert told == [
         *("board rover: its display shows v=2.50# / cu", "board rover: its display shows a / b / last rowy")
     ]
+
+
+COUNTING_DISPLAY = """
+#include <LiquidCrystal.h>
+LiquidCrystal lcd(12, 11, 5, 4, 3, 2);
+void setup() { Serial.begin(9600); pinMode(13, OUTPUT); lcd.begin(16, 2); }
+void loop() {
+  lcd.setCursor(0, 0);
+  lcd.print(millis());
+  digitalWrite(13, millis() / 300 % 2);
+  if (millis() % 7 == 0) Serial.println(millis());
+}
+"""
+
+
+def test_what_a_board_shows_is_told_the_same_for_any_slices(tmp_path: Path) -> None:
+    configuration = made_set(tmp_path / "set", ROVER, {"rover.ino": COUNTING_DISPLAY})
+
+    def told(slice_length: int) -> list[str]:
+        boards = Boards(configuration, slice_length=slice_length)
+        boards.run_to(1.25)
+        boards.robot.engine.tell(ProgramEnded(1.25, 0))
+        boards.close()
+        return [repr(each) for each in boards.events if not isinstance(each, ProgramEnded)]
+
+    first = told(100_000)
+    assert first == told(1_000_000) == told(5_000_000) == told(20_000_000)
+    changes = [each for each in first if each.startswith("DisplayChanged")]
+    assert re.match(r"DisplayChanged\(time=0.0, board='rover', led=False, .*displays=\(\)\)", changes[0])
+    # Its first look, then every 0.1 s up to 1.2 s, and the end.
+    assert len(changes) == 14
+    texts = [
+        int(found[1]) for found in (re.search(r"displays=\(\('(\d+) ", each) for each in changes) if found
+    ]
+    assert all(abs(text - 100 * number) <= 10 for number, text in enumerate(texts[:-1], 1))
+    assert 1230 < texts[-1] <= 1250
+    assert [("led=True" in each) for each in changes[1:8]] == [False, False, False, True, True, True, False]
 
 
 PID_SKETCH = """
