@@ -45,8 +45,14 @@ REAL_SLICE = 0.02
 # Names of an enumeration take longer to read than its values, thousands of times a second.
 _QUERY = int(Reason.QUERY)
 _RATE = int(Query.RATE)
-_OF_PINS = frozenset(map(int, (Told.LEVEL, Told.DUTY, Told.FINE_DUTY, Told.SERVO, Told.MODE, Told.STEP)))
-_OF_THE_BUS = frozenset((int(Told.FIFO_OVERFLOW), int(Told.BUS_STUCK)))
+_BYTE, _TEXT = int(Told.BYTE), int(Told.TEXT)
+_LEVEL, _DUTY, _FINE_DUTY, _SERVO, _STEP = map(
+    int, (Told.LEVEL, Told.DUTY, Told.FINE_DUTY, Told.SERVO, Told.STEP)
+)
+_OF_PINS = frozenset((_LEVEL, _DUTY, _FINE_DUTY, _SERVO, _STEP, int(Told.MODE)))
+_OF_THE_BUS = frozenset(map(int, (Told.FIFO_OVERFLOW, Told.BUS_STUCK)))
+_FIRST_OF_TWO = frozenset(map(int, (Told.WAITED, Told.LATE_BYTE, Told.LOST_EDGE)))
+"""Records of facts that go on in the next record."""
 
 
 class PinState(Struct):
@@ -125,7 +131,10 @@ class Board(Struct, eq=False):
 
 
 class LockstepWorld:
-    """The world that boards act on (see `sketch_robot.py`)."""
+    """The world that boards act on (see `sketch_robot.py`).
+
+    It learns facts about a board as soon as they are known: it may not have reached their times yet.
+    """
 
     def advance(self, time: int) -> None:
         """Let the world go on to a time."""
@@ -154,7 +163,7 @@ class LockstepWorld:
         """A byte arrives at the laptop at a time; `byte` is its duration."""
 
     def shows(self, board: Board, record: BoardRecord) -> None:
-        """A board may show something else, as soon as that is known: the world may still be behind."""
+        """A board may show something else."""
 
     def lost(self, board: Board, record: BoardRecord) -> None:
         """A board has lost a byte."""
@@ -272,41 +281,23 @@ class Lockstep:
         now = board.process.now
         self._world.advance(now)
         changed = []
-        before: BoardRecord | None = None
         for record in board.records:
-            if record.kind in (Told.LATE_BYTE, Told.LOST_EDGE):
-                before = record
-                continue
-            if record.kind == Told.UNTIL and before is not None:
-                self._world.was_late(board, before, record.time)
-                continue
-            if record.kind == Told.EDGES and before is not None:
-                self._world.lost_edge(board, before, record.value)
-                continue
-            if record.kind == Told.TEXT:
-                continue
             kind = record.kind
-            if kind in _OF_THE_BUS:
-                self._world.bus_told(board, record)
-                continue
             state = board.pin(record.pin)
-            if kind == Told.STEP:
+            if kind == _STEP:
                 state.steps += 1
-            elif kind == Told.LEVEL:
+            elif kind == _LEVEL:
                 state.level = float(record.value)
-            elif kind == Told.DUTY:
+            elif kind == _DUTY:
                 state.level = record.value / LARGEST_DUTY
-            elif kind == Told.FINE_DUTY:
+            elif kind == _FINE_DUTY:
                 state.level = record.value / FINEST_DUTY
-            elif kind == Told.SERVO:
+            elif kind == _SERVO:
                 state.servo = record.value
                 state.level = record.value / PULSE_PERIOD
-            elif kind == Told.MODE:
+            else:
                 state.mode = record.value
                 state.level = 0.0
-            else:
-                self._world.lost(board, record)
-                continue
             changed.append(record.pin)
         board.records.clear()
         if not board.driving.isdisjoint(changed):
@@ -365,29 +356,44 @@ class Lockstep:
         while events and events[0].time <= now and events[0].time < board.granted:
             del events[0]
         board.waits = process.reason == _QUERY
-        begun: BoardRecord | None = None
+        before: BoardRecord | None = None
         for record in records:
-            if record.kind == Told.BYTE:
+            kind = record.kind
+            if kind == _BYTE:
                 self._pass_on(board, record)
-            elif record.kind == Told.WAITED:
-                begun = record
-            elif record.kind == Told.UNTIL and begun is not None:
-                place = begun.value & 0xFFFFFFFF
-                board.waited.append(BoardWait(begun.pin, place, begun.time, record.time, begun.task))
-                begun = None
-            elif record.kind == Told.TASK_NAME:
-                process.name_task(record)
-            elif record.kind == Told.BAUD:
-                board.baud[record.pin] = record.value if record.value > 0 else _USUAL_BAUD
-            else:
-                if record.kind == Told.TEXT or record.pin == board.led:
+            elif kind in _OF_PINS:
+                if record.pin == board.led:
                     self._world.shows(board, record)
-                # Others have the number of a part in the place of a pin.
-                for stepper in board.steppers.get(record.pin, ()) if record.kind in _OF_PINS else ():
-                    if record.kind != Told.STEP or record.pin == stepper.step_pin:
+                for stepper in board.steppers.get(record.pin, ()):
+                    if kind != _STEP or record.pin == stepper.step_pin:
                         stepper.add(record)
                 board.records.append(record)
                 board.waits = True
+            elif kind == _TEXT:
+                self._world.shows(board, record)
+            elif kind in _FIRST_OF_TWO:
+                before = record
+            elif before is not None:
+                self._take_two(board, before, record)
+                before = None
+            elif kind == Told.TASK_NAME:
+                process.name_task(record)
+            elif kind == Told.BAUD:
+                board.baud[record.pin] = record.value if record.value > 0 else _USUAL_BAUD
+            elif kind == Told.LOST_BYTE:
+                self._world.lost(board, record)
+            elif kind in _OF_THE_BUS:
+                self._world.bus_told(board, record)
+
+    def _take_two(self, board: Board, before: BoardRecord, record: BoardRecord) -> None:
+        """Take a fact of two records: the second has its end, or a count."""
+        if before.kind == Told.LATE_BYTE:
+            self._world.was_late(board, before, record.time)
+        elif before.kind == Told.LOST_EDGE:
+            self._world.lost_edge(board, before, record.value)
+        else:
+            place = before.value & 0xFFFFFFFF
+            board.waited.append(BoardWait(before.pin, place, before.time, record.time, before.task))
 
     def _pass_on(self, board: Board, record: BoardRecord) -> None:
         """Bytes on the lines of a board: they arrive when their stop bit is over."""
