@@ -47,7 +47,7 @@ if sys.platform != "win32" and platform_has.POSIX:
 NEVER = 1 << 62
 """A time that no board reaches."""
 STOP_WHEN_SENT = 0x100
-"""Flag of a grant: a byte sent at the pin in the low byte ends the slice."""
+"""Flag of a grant: the first byte sent at the pin in the low byte ends the slice when it has arrived."""
 ANSWER_HOLDS = 0x200
 """Flag of a grant: the answer stays the same until its horizon, as long as the board changes no output."""
 
@@ -74,8 +74,7 @@ class Reason(IntEnum):
     HORIZON = 0
     OUTPUT = 1
     QUERY = 2
-    SENT = 3
-    FULL = 4
+    FULL = 3
 
 
 class Query(IntEnum):
