@@ -186,10 +186,11 @@ class Lockstep:
         boards: Sequence[Board],
         world: LockstepWorld,
         laptop: tuple[Board, int] | None,
-        slice_length: int = BOARD_SLICE,
-        processor: SharedProcessor | None = None,
+        slice_length: int,
+        processor: SharedProcessor,
     ) -> None:
-        """`laptop` is the board, and its pin, whose bytes go to the laptop's program."""
+        """`laptop` is the board, and its pin, whose bytes go to the laptop's program. `processor` keeps the
+        calling thread: release it in the end."""
         self.boards = tuple(boards)
         self._world = world
         self._laptop = laptop
@@ -200,7 +201,7 @@ class Lockstep:
         """True if `run` returns before the first byte for the laptop arrives."""
         self._drivers = tuple(each for each in self.boards if each.driving or each.steppers)
         self._has_begun = False
-        self._processor = processor or SharedProcessor()
+        self._processor = processor
 
     @property
     def reached(self) -> int:
@@ -397,13 +398,15 @@ class Lockstep:
 
     def _pass_on(self, board: Board, record: BoardRecord) -> None:
         """Bytes on the lines of a board: they arrive when their stop bit is over."""
-        baud = board.baud.get(record.pin, _USUAL_BAUD)
-        arrives = record.time + max(board.byte - _BITS * SECOND // baud, 0)
-        for other, rx in board.lines.get(record.pin, ()):
-            self.put(other, BoardEvent(arrives, BYTE, rx, record.value | baud << 8))
-        if self._laptop is not None and self._laptop[0] is board and self._laptop[1] == record.pin:
-            self.sent.append((arrives, record.value))
-            self._world.sent(arrives, record.value, _BITS * SECOND // baud)
+        time, _, pin, _, value = record
+        baud = board.baud.get(pin, _USUAL_BAUD)
+        byte = _BITS * SECOND // baud
+        arrives = time if byte >= board.byte else time + board.byte - byte
+        for other, rx in board.lines.get(pin, ()):
+            self.put(other, BoardEvent(arrives, BYTE, rx, value | baud << 8))
+        if self._laptop is not None and self._laptop[0] is board and self._laptop[1] == pin:
+            self.sent.append((arrives, value))
+            self._world.sent(arrives, value, byte)
 
 
 def _clock(board: Board) -> int:

@@ -168,7 +168,7 @@ class SentMessages:
         self._last, self._byte = time, byte
         if value == _LINE_END or len(self._text) >= _LONGEST_MESSAGE:
             self._end(time)
-        self._plan()
+        self.next_due = self._whole[0][0] if self._whole else time + _GAP * byte
 
     def due(self, time: int) -> list[tuple[int, str]]:
         """The messages that are over by a time, with their times; each is returned once."""
@@ -360,6 +360,7 @@ class SketchRobot(LockstepWorld):
     def close(self) -> None:
         """End the boards. By the real clock they may still be asked for the present time."""
         self._is_over = True
+        self._processor.release()
         self._watchdog.close()
         for each in self.boards.values():
             each.process.close()
@@ -409,6 +410,7 @@ class SketchRobot(LockstepWorld):
         self.lockstep.laptop_listens = False  # else bytes still on the line would wait for the boards
         self.on_sent()
         self.failed = text
+        self._processor.release()
         self._world.set_speeds({})
         time = self.engine.simulator.time
         self.engine.tell(Notice(NoticeKind.FAULT, f"{_ENDED}{text}", moment=time))
