@@ -143,7 +143,7 @@ class LockstepWorld:
         """The boards pause: the world is looked at."""
 
     @property
-    def next_change(self) -> int:
+    def next_wheel_change(self) -> int:
         """Time of the next change of the wheels' speed."""
         return NEVER
 
@@ -323,7 +323,7 @@ class Lockstep:
             if first < horizon:
                 horizon = first
         if board.encoders:
-            horizon = min(horizon, self._world.next_change)
+            horizon = min(horizon, self._world.next_wheel_change)
             for driver in self._drivers:
                 if driver is not board and driver.process.now < horizon:
                     horizon = driver.process.now
@@ -357,6 +357,9 @@ class Lockstep:
         while events and events[0].time <= now and events[0].time < board.granted:
             del events[0]
         board.waits = process.reason == _QUERY
+        for states in board.steppers.values():
+            for stepper in states:
+                stepper.known_until = now
         before: BoardRecord | None = None
         for record in records:
             kind = record.kind

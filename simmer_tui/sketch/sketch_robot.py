@@ -495,8 +495,8 @@ class SketchRobot(LockstepWorld):
         self._world.settle()
 
     @property
-    def next_change(self) -> int:
-        return self._world.next_change
+    def next_wheel_change(self) -> int:
+        return self._world.next_wheel_change
 
     def changed(self, board: Board, pins: Iterable[int]) -> None:
         wiring = self._set.wiring

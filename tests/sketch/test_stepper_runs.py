@@ -17,7 +17,7 @@ from simmer_tui.sim.command import parse_command
 from simmer_tui.sketch.checked_board import CheckedBoard
 from simmer_tui.sketch.compiler import find_compiler
 from tests.sketch.avr.cores import Stimuli, run_ours
-from tests.sketch.rovers import ENCODERS, ROVER, Boards, made_set
+from tests.sketch.rovers import ENCODERS, JOINED, ROVER, SENSOR, Boards, made_set
 from tests.sketch.running import FORMS, set_of
 
 pytestmark = [
@@ -166,6 +166,35 @@ void loop() {{
     assert runs[0] == runs[1]
     # 5 in with 40 edges each.
     assert runs[0][2] in (b"200\r\n", b"199\r\n", b"201\r\n")
+
+
+RAMPS = """
+#include <AccelStepper.h>
+AccelStepper left(AccelStepper::DRIVER, 2, 5), right(AccelStepper::DRIVER, 3, 6);
+void setup() {
+  pinMode(8, OUTPUT); digitalWrite(8, LOW);
+  left.setMaxSpeed(900); right.setMaxSpeed(700);
+  left.setAcceleration(3000); right.setAcceleration(1500);
+  left.move(600); right.move(-350);
+}
+void loop() { left.run(); right.run(); }
+"""
+
+
+def test_encoders_of_another_board_turn_with_steps_at_few_exchanges(tmp_path: Path) -> None:
+    wiring = JOINED.partition("[[wires]]")[0] + STEPPERS + ENCODERS.format(board="sensor")
+    configuration = made_set(tmp_path / "set", wiring, {"sensor.ino": SENSOR, "rover.ino": RAMPS})
+    runs = []
+    for slice_length in (300_000, 3_000_000, 20_000_000):
+        boards = exact(configuration, 2.0, slice_length)
+        boards.close()
+        sent = bytes(value for _, value in boards.robot.lockstep.sent)
+        runs.append((repr(boards.events), boards.simulator.pose, sent))
+    assert runs[1:] == runs[:1] * 2
+    # 6 and 3.5 in with 40 edges each.
+    assert abs(int(runs[0][2].split()[-1]) - 380) <= 2
+    # The steps of both are 950: most of them change no speed.
+    assert boards.robot.boards["sensor"].process.exchanges < 500
 
 
 def test_an_enable_that_is_off_and_a_stop_of_a_person_move_nothing(tmp_path: Path) -> None:
