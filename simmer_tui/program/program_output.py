@@ -21,6 +21,7 @@ from msgspec import Struct, field
 from simmer_tui import platform_has
 from simmer_tui.errors import ProgramError, is_disk_full, reason_of
 from simmer_tui.program.crash_parts import without_escapes
+from simmer_tui.program.stack_dump import StackDump
 from simmer_tui.run.events import NOT_STARTED, OutputLine, ProgramEnded
 
 if platform_has.POSIX:
@@ -101,6 +102,8 @@ class ProgramOutput:
         self.stderr = OutputTail(now)
         self.stdout = OutputTail(now)
         self.on_lost = on_lost
+        self.stacks = StackDump()
+        """Stacks of the program when it was ended."""
         self._reader: OutputReader | None = None
 
     def begin(self, streams: list[_Stream], *, windows: bool = not platform_has.POSIX) -> OutputReader:
@@ -143,7 +146,7 @@ class ProgramOutput:
             signal=signal_name(code),
             stopped=stopped,
             error=crash.error,
-            place=crash.place,
+            place=self.stacks.place() if stopped else crash.place,
             stderr=tuple(stderr[-LAST_LINES:]),
             stdout=tuple(stdout[-LAST_LINES:]),
         )

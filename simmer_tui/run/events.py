@@ -92,7 +92,8 @@ class ProgramEnded(Struct, frozen=True):
 
     `exit_code` is 128 and the signal's number for one that a signal ended; `signal` is then its name.
     `stopped` is true if the simulator ended it, not the program itself. `error` is the error of a crash,
-    `place` the last line of its own code that led there (`robot.py:12`); both are empty without a crash.
+    `place` the last line of its own code that led there (`robot.py:12`), or of a Python program that was
+    stopped the line at which it was; both may be empty.
     `stderr` and `stdout` hold the last lines of its output.
     """
 
