@@ -45,10 +45,10 @@ class BoardView(Struct, frozen=True):
 _MOST_BOARDS, _LONGEST_NAME = 8, 40
 
 
-def logged_views(state: State) -> tuple[BoardView, ...]:
-    """The boards of a logged run at a moment, by what they showed then."""
+def logged_views(state: State, time: float) -> tuple[BoardView, ...]:
+    """The boards of a logged run at a simulated time, by what they showed in the state then."""
     shown = state.displays[:_MOST_BOARDS]
-    return tuple(structs.replace(logged_view(each), time=state.time) for each in shown)
+    return tuple(structs.replace(logged_view(each), time=time) for each in shown)
 
 
 def logged_view(change: DisplayChanged) -> BoardView:

@@ -132,7 +132,7 @@ class RecordedRun:
             true_values=readings if true_values else {},
             pace_text=self._pace,
             mission=None if self._plan is None else mission_state(self._plan, state),
-            boards=logged_views(state),
+            boards=logged_views(state, self.elapsed - self.index.zero_of(max(self.entry, 0))),
             verdict=self._end.verdict if self._end is not None and self.entry >= self._end.entry else None,
         )
 

@@ -60,6 +60,9 @@ def test_a_replay_shows_the_boards_of_the_moment_forwards_and_back(start_run: An
     assert last == [(round(end, 3), "arm", False, ()), (round(end, 3), "rover", True, EMPTY)]
     assert [each[1:] for each in first] == [("arm", False, ()), ("rover", False, ())]
     assert [each[1:] for each in between] == [each[1:] for each in last]
+    # The clock is that of the moment, whatever has happened then.
+    ((arm, _),) = views(run.path, half)
+    assert arm[0] == round(half, 3)
 
 
 def test_a_restart_forgets_what_boards_showed(start_run: Any) -> None:
