@@ -106,8 +106,9 @@ class Screen(FrontEnd):
             self.finish(code)
 
     def ended(self) -> None:
-        referee = self._server.referee
-        if self._program_failed or (referee is not None and referee.result is Result.FAILED):
+        referee, boards = self._server.referee, self._server.boards
+        has_failed = self._program_failed or (boards is not None and bool(boards.failed))
+        if has_failed or (referee is not None and referee.result is Result.FAILED):
             say("simmer-tui report and simmer-tui replay, without a file, show what went wrong")
         _forget_dead_terminal()
 

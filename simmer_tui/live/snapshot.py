@@ -19,6 +19,7 @@ from simmer_tui.run.events import (
     ActionDone,
     Belief,
     CommandResult,
+    DisplayChanged,
     Event,
     EventHandler,
     LegBegun,
@@ -246,6 +247,9 @@ class EventFeed(EventHandler[None]):
             self.other(light)
         else:
             self._fold(light).beliefs += 1
+
+    def on_display(self, event: DisplayChanged) -> None:
+        """No entry: the boards' panel shows it."""
 
     def on_twin(self, event: TwinReading) -> None:
         self._fold(event, counted=False)

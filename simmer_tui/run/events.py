@@ -250,6 +250,23 @@ class TwinReading(Struct, frozen=True):
     simulated: float
 
 
+class DisplayChanged(Struct, frozen=True, omit_defaults=True):
+    """A board shows something else from a simulated time on (key `t` in a log).
+
+    Attributes:
+        board: its name.
+        led: true if its own LED is on.
+        led_pin: the pin of that LED.
+        displays: the rows of text on each of its displays.
+    """
+
+    time: Real = field(name="t")
+    board: str
+    led: bool = False
+    led_pin: str = "13"
+    displays: tuple[tuple[str, ...], ...] = ()
+
+
 class MovementPlanned(Struct, frozen=True):
     """A movement begins, or its rest is planned again because the block was moved.
 
@@ -382,6 +399,7 @@ Event = (
     | MissionEvent
     | ProgramEnded
     | WireMessage
+    | DisplayChanged
 )
 Watcher = Callable[[Event], None]
 Made = TypeVar("Made")
@@ -440,6 +458,9 @@ class EventHandler(Generic[Made]):
         return self.other(event)
 
     def on_wire(self, event: WireMessage) -> Made:
+        return self.other(event)
+
+    def on_display(self, event: DisplayChanged) -> Made:
         return self.other(event)
 
 

@@ -22,6 +22,7 @@ from simmer_tui.run.events import (
     Action,
     ActionName,
     Belief,
+    DisplayChanged,
     Event,
     Goal,
     MissionEvent,
@@ -134,6 +135,7 @@ def instant(run: Run) -> None:
         WireMessage(run.simulator.time, "GO\r", False, "d1-3"), WireMessage(run.simulator.time, "ok", True)
     )
     run.tell(TwinReading(run.simulator.time, parse_command("u1"), "u1", math.nan, 4.5))
+    run.tell(DisplayChanged(run.simulator.time, "rover", displays=(("one", "two"), ("\u00b0",))))
     run.tell(MissionEvent(run.simulator.time, Result.FAILED, "over", "it hit a wall"))
     run.act(ActionName.RESET)
     run.send("d1-2", "u1", "w1-2")
