@@ -46,6 +46,7 @@ _TURNED = 45.0
 _KEEP_OPEN = "Keep one connection open for all commands."
 _WAITS_AT = "Find out what your program waits for, or repeats, at {place}."
 _MANY_TRIES = "Count the tries of your program: after three, back up and look for the block again."
+_NOT_NEAR = "Search for the block before you close the gripper: it was not near."
 _TRIES = 10
 """Grips that took nothing from which the program does not stop to try. Judged."""
 _OF_NOTHING = "Print the value of each movement before you send it: most of them are 0."
@@ -178,7 +179,9 @@ def _closed_on_nothing(run: RunEvidence, done: GripRow, code: str) -> Fact:
     if often and last:
         last = f". The last time, {last[2:]}"
     text = f"The gripper closed on nothing{often}{last}."
-    advice = _MANY_TRIES if len(seen.misses) >= _TRIES else None
+    is_far = missed is not None and math.hypot(*missed) > CELL_SIZE
+    is_often = len(seen.misses) >= _TRIES
+    advice = (_MANY_TRIES if is_often else _NOT_NEAR) if is_far else None
     return Fact(text, done, place=place, has_behind=True, advice=advice)
 
 

@@ -18,7 +18,7 @@ from simmer_tui.report.belief_facts import (
 )
 from simmer_tui.report.command_audit import multiplied_corrections
 from simmer_tui.report.contact_evidence import ContactEvidence
-from simmer_tui.report.finding import FEWEST, Basis, Disagreement, Finding, kept_disagreements
+from simmer_tui.report.finding import FEWEST, Basis, Disagreement, Finding, FindingKind, kept_disagreements
 from simmer_tui.report.robust_fit import median_of
 from simmer_tui.report.sensor_sample import world_without_block
 from simmer_tui.report.set_errors import set_errors
@@ -549,4 +549,7 @@ def _one_each(findings: Sequence[Finding]) -> list[Finding]:
     found: dict[tuple[str, str], Finding] = {}
     for each in sorted(findings, key=lambda one: one.basis is not Basis.SET):
         found.setdefault((each.of, each.kind), each)
-    return [each for each in findings if each in found.values()]
+    kept = [each for each in findings if each in found.values()]
+    # What a device reads wrongly may scatter for that reason.
+    devices = [each.of for each in kept]
+    return sorted(kept, key=lambda each: (devices.index(each.of), each.kind is FindingKind.NOISE))

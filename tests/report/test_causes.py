@@ -378,6 +378,9 @@ def test_a_wrong_sensor_comes_before_what_follows_from_it_and_is_said_once() -> 
     drive = structs.replace(found, of="d1", text="d1 drives 1.20 times what is asked")
     cause = cause_of(mission.evidence(findings=(drive,)))
     assert (cause.kind, cause.text) == (Kind.DRIVE_WRONG, f"{drive.text}.")
+    # What a device reads wrongly may scatter for that reason: its noise comes last.
+    noise = structs.replace(found, kind=FindingKind.NOISE, text="u1 scatters by 3.6 in, not by 0.1")
+    assert cause_of(mission.evidence(findings=(noise, found))).text == f"{text}. {noise.text}."
     # A sensor that is dead needs no calibration.
     dead = structs.replace(found, kind=FindingKind.STUCK, text="u1 reads 7.5 in all the time")
     assert cause_of(mission.evidence(findings=(dead,))).advice.startswith("Check the cable")
