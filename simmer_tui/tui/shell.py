@@ -3,6 +3,7 @@
 `SimmerApp` adds a console to it, `ReplayApp` a timeline.
 """
 
+import math
 import time
 import traceback
 from collections.abc import Callable, Coroutine, Iterable, Sequence
@@ -21,7 +22,7 @@ from textual.worker import Worker
 from simmer_tui.errors import printable
 from simmer_tui.live.snapshot import Snapshot
 from simmer_tui.tui.answers import AnswerCard
-from simmer_tui.tui.frame_pace import Backpressure, ByteBudget, InputFirst
+from simmer_tui.tui.frame_pace import QUIET, Backpressure, ByteBudget, InputFirst
 from simmer_tui.tui.key_table import ANYWHERE, IN_LOG, Hint, hints_of, keys_line
 from simmer_tui.tui.line_panel import LinePanel, heading
 from simmer_tui.tui.maze.palette import Look
@@ -71,6 +72,7 @@ class Shell(FaultReporting, TerminalApp):
         self._known = 0
         self._sampling = False
         self._idle = False
+        self._shown_at = -math.inf
         self._budget = ByteBudget()
         self._is_wanted = False
         """True if somebody waits for the next picture."""
@@ -151,8 +153,7 @@ class Shell(FaultReporting, TerminalApp):
         if self._input_first.passes_over():
             return
         # A snapshot comes from the robot's thread; slow ones must not form a queue.
-        nothing_new = not self.source.has_news(self._known) and self._idle and not self._panes.has_unshown
-        if self._sampling or nothing_new:
+        if self._sampling or not (self._is_wanted or self._is_due()):
             return
         size = self.size
         delay = self._budget.delay(bytes_written(self), size.width * size.height, time.monotonic())
@@ -172,6 +173,14 @@ class Shell(FaultReporting, TerminalApp):
         finally:
             self._sampling = False
 
+    def _is_due(self) -> bool:
+        """True if the screen may differ from the run. Without an event only rates, ages and parts that lag
+        do."""
+        if self.source.has_news(self._known):
+            return True
+        is_old = time.monotonic() - self._shown_at >= QUIET
+        return is_old and not (self._idle and not self._panes.has_unshown)
+
     async def _sample_delayed(self) -> None:
         self._is_delayed = False
         await self._sample()
@@ -188,6 +197,7 @@ class Shell(FaultReporting, TerminalApp):
             stays = before.state.pose == snapshot.state.pose
             self._idle = stays and snapshot.rate == 0 and not snapshot.state.paused
         self.frames += 1
+        self._shown_at = time.monotonic()
         self._panes.show(snapshot)
         self.shown(snapshot, since)
         self.show_status(snapshot)
