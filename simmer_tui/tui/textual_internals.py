@@ -17,7 +17,7 @@ import sys
 import threading
 import time
 from codecs import getincrementaldecoder
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from functools import partial
 from typing import IO, Any, NamedTuple, cast
@@ -37,6 +37,7 @@ from textual.message import Message
 from textual.screen import Screen
 from textual.scroll_view import ScrollView
 from textual.strip import Strip
+from textual.widget import Widget
 
 from simmer_tui import platform_has
 from simmer_tui.errors import printable
@@ -131,16 +132,30 @@ def _shown_spans(compositor: Compositor, regions: Iterable[Region]) -> Iterator[
         if not spans:
             continue
         top, bottom = spans[0][0], spans[-1][0] + 1
-        crop = Region(left - region.x, top - region.y, shown.width, bottom - top)
-        strips = widget.render_lines(crop)
+        begin, end = min(first for _, first, _ in spans), max(last for _, _, last in spans)
+        strips = widget.render_lines(Region(begin - region.x, top - region.y, end - begin, bottom - top))
         for y, first, last in spans:
-            yield _Span(y, left, strips[y - top], first, last)
+            yield _Span(y, begin, strips[y - top], first, last)
             rest = [(start, min(stop, left)) for start, stop in wanted[y] if start < left]
             wanted[y] = rest + [(max(start, right), stop) for start, stop in wanted[y] if right < stop]
 
 
 def _colors_of(console: Console) -> ColorSystem:
     return console._color_system or ColorSystem.TRUECOLOR
+
+
+def mark_changed(widget: Widget, regions: Collection[Region]) -> bool:
+    """Have regions of a widget, whose size and style stay, sent with the next update. Returns False if that
+    is left to Textual's `refresh`.
+
+    Textual would wake the widget's task to tell the screen, for each widget in each frame.
+    """
+    if not is_known_version() or not widget.is_mounted or not widget.is_attached:
+        return False
+    widget._set_dirty(*regions)
+    widget.screen._dirty_widgets.add(widget)
+    widget.screen.check_idle()
+    return True
 
 
 def draw_at_once(screen: Screen[Any]) -> None:
