@@ -113,7 +113,7 @@ class DirectLines(Widget):
     """
 
     def refresh(self, *regions: Region, **options: bool) -> Self:
-        """Have regions, or with options Textual's own `refresh`, sent."""
+        """Send regions with the next update. With options, or without regions, it is Textual's own."""
         if not regions or options or not mark_changed(self, regions):
             super().refresh(*regions, **options)
         return self
