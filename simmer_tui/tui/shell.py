@@ -42,6 +42,10 @@ from simmer_tui.tui.terminal_app import AsciiFilter, TerminalApp
 from simmer_tui.tui.textual_internals import FaultReporting, bytes_written, draw_at_once
 from simmer_tui.tui.themes import THEMES, theme_name, themes, variables
 
+# Textual styles all widgets once more when the first picture is there: 0.1 s after it (measured).
+_STARTED = 1.0
+"""Seconds from the mounting of the app to the end of its start."""
+
 
 class Shell(FaultReporting, TerminalApp):
     """Samples the newest snapshot some times a second and draws the changes."""
@@ -88,6 +92,8 @@ class Shell(FaultReporting, TerminalApp):
         self._sizes: list[Size] = []
         """Sizes of the widgets when all was drawn into them."""
         self._ending: int | None = None
+        self.after_start: Callable[[], None] = lambda: None
+        """Called once, after the start of the app."""
         self.frames = 0
         """Pictures drawn so far."""
         self.skipped = 0
@@ -126,6 +132,7 @@ class Shell(FaultReporting, TerminalApp):
         self.set_class(self._plain, "plain")
         self.set_class(self._choice.color is ColorDepth.NONE, "mono")
         self.set_interval(1 / self._settings.screen.fps, self._sample)
+        self.set_timer(_STARTED, lambda: self.after_start())
         # The first picture does not wait for the first tick.
         self.call_after_refresh(self._sample)
         self.screen.screen_layout_refresh_signal.subscribe(self, self._laid_out)

@@ -145,8 +145,8 @@ def _colors_of(console: Console) -> ColorSystem:
 
 
 def mark_changed(widget: Widget, regions: Collection[Region]) -> bool:
-    """Send regions of a widget, whose size and style stay, with the next update. Returns False if that is left
-    to Textual's `refresh`.
+    """Send regions of a widget, whose size and style stay, with the next update. Returns False if that is
+    left to Textual's `refresh`.
 
     Textual would wake the widget's task to tell the screen, for each widget in each frame.
     """
