@@ -14,6 +14,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from textual.geometry import Region
 from textual.widgets import Input
 from textual.widgets._toast import Toast
 
@@ -839,10 +840,10 @@ def test_a_fault_of_the_app_itself_is_kept_as_one_line(fly: Fly, monkeypatch: py
     async def scenario(cockpit: Cockpit) -> None:
         apps.append(cockpit.app)
 
-        def fail(self: MazeView, y: int) -> None:
+        def fail(self: MazeView, crop: Region) -> None:
             raise RuntimeError("cannot\nrender")
 
-        monkeypatch.setattr(MazeView, "render_line", fail)
+        monkeypatch.setattr(MazeView, "render_lines", fail)
         # The pilot raises what it met itself, too, and may take each picture before the app does.
         for _ in range(2000):
             cockpit.maze.refresh()
