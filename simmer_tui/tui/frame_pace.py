@@ -126,9 +126,11 @@ class Lags:
         moment.
         """
         state = snapshot.state
-        calm = not state.moving and (before is None or before.state.pose == state.pose)
+        now = snapshot.number, state.pose
+        # A picture may be taken between the commands that a program sends one after the other.
+        calm = not state.moving and (before is None or now == (before.number, before.state.pose))
         # In a quiet run the waiting parts are due one after the other; then the screen does not change.
-        if before is None or snapshot.number != before.number or snapshot.is_full or not calm:
+        if before is None or snapshot.is_full or not calm:
             self.waiting = set(_LAGS)
         marks = state.paused, state.contacts, snapshot.verdict is None
         if marks != self._marks or (calm and not self._calm):

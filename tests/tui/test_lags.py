@@ -80,3 +80,19 @@ def test_without_an_event_the_screen_is_drawn_less_often(
         _panes=SimpleNamespace(has_unshown=waits),
     )
     assert shell.Shell._is_due(app) is due
+
+
+def test_between_two_commands_of_a_program_the_robot_does_not_come_to_stand(snapshot: Snapshot) -> None:
+    """All parts were due in every picture that came between a movement and the reading after it."""
+    lags = Lags()
+    lags.take(snapshot, None)
+    assert all_shown(lags)
+    turned = replace(
+        snapshot, number=snapshot.number + 2, state=changed(snapshot.state, pose=Pose(9.0, 42.0, 7.0))
+    )
+    lags.take(turned, snapshot)
+    has_read = replace(turned, number=turned.number + 1)
+    lags.take(has_read, turned)
+    assert not all_shown(lags)
+    lags.take(has_read, has_read)
+    assert all_shown(lags)
