@@ -174,8 +174,8 @@ class DeltaWriter:
                 changed.add(at)
 
     def _send_changes(self) -> None:
-        """Send the cells that have changed. Where few have, in the order of their styles: in runs of the
-        sample programs, no picture took fewer bytes row by row."""
+        """Send the cells that have changed. Where few have, in the order of their styles: in runs of
+        `wander.py` no picture took fewer bytes row by row."""
         places = [(row, at) for row in sorted(self._changed) for at in sorted(self._changed[row])]
         self._changed.clear()
         self._send(self._by_style(places) if len(places) <= _SCATTERED else places)

@@ -42,7 +42,7 @@ from simmer_tui.tui.terminal_app import AsciiFilter, TerminalApp
 from simmer_tui.tui.textual_internals import FaultReporting, bytes_written, draw_at_once
 from simmer_tui.tui.themes import THEMES, theme_name, themes, variables
 
-# Textual styles all widgets once more when the first picture is there: 0.1 s after it (measured).
+# Textual styles all widgets once more when the first picture is there: within 0.1 s of it (measured).
 _STARTED = 1.0
 """Seconds from the mounting of the app to the end of its start."""
 
