@@ -14,6 +14,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from textual.geometry import Region
 from textual.widgets import Input
 from textual.widgets._toast import Toast
 
@@ -672,6 +673,21 @@ def test_too_small_a_terminal_says_so_and_the_robot_goes_on(fly: Fly) -> None:
 
 
 @pytest.mark.slow
+def test_the_end_of_the_start_is_told_once(fly: Fly, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(shell, "_STARTED", 1e6)
+    told: list[bool] = []
+
+    async def scenario(cockpit: Cockpit) -> None:
+        app = cockpit.app
+        app.after_start = lambda: told.append(True)
+        (timer,) = [each for each in app._timers if each._interval == 1e6]
+        timer._callback()  # type: ignore[misc]
+        await cockpit.until(lambda: told)
+
+    fly(scenario)
+
+
+@pytest.mark.slow
 def test_news_of_an_earlier_layout_leaves_no_panel_blank(fly: Fly, monkeypatch: pytest.MonkeyPatch) -> None:
     """On a busy machine the app hears of a layout when the panes have other boxes already, whose layout comes
     after the next picture."""
@@ -827,10 +843,10 @@ def test_a_fault_of_the_app_itself_is_kept_as_one_line(fly: Fly, monkeypatch: py
     async def scenario(cockpit: Cockpit) -> None:
         apps.append(cockpit.app)
 
-        def fail(self: MazeView, y: int) -> None:
+        def fail(self: MazeView, crop: Region) -> None:
             raise RuntimeError("cannot\nrender")
 
-        monkeypatch.setattr(MazeView, "render_line", fail)
+        monkeypatch.setattr(MazeView, "render_lines", fail)
         # The pilot raises what it met itself, too, and may take each picture before the app does.
         for _ in range(2000):
             cockpit.maze.refresh()
