@@ -160,6 +160,9 @@ class LockstepWorld:
     def bus_told(self, board: Board, record: BoardRecord) -> None:
         """A board has a full FIFO at its I2C bus, or uses the bus while interrupts are off."""
 
+    def mistake(self, board: Board, record: BoardRecord, details: Sequence[BoardRecord]) -> None:
+        """A sketch has made a mistake that its board does not show by itself."""
+
     def lost_edge(self, board: Board, record: BoardRecord, edges: int) -> None:
         """A board has lost one of so many edges that a pin has had."""
 
@@ -272,6 +275,7 @@ class Lockstep:
         self._world.advance(now)
         changed = []
         before: BoardRecord | None = None
+        details: list[BoardRecord] = []
         for record in board.records:
             if record.kind in (Told.LATE_BYTE, Told.LOST_EDGE):
                 before = record
@@ -286,6 +290,13 @@ class Lockstep:
                 board.displays.setdefault(record.pin, TextDisplay()).change(record.value)
                 continue
             kind = record.kind
+            if kind == Told.DETAIL:
+                details.append(record)
+                continue
+            if kind == Told.MISTAKE:
+                self._world.mistake(board, record, details)
+                details = []
+                continue
             if kind in _OF_THE_BUS:
                 self._world.bus_told(board, record)
                 continue

@@ -191,6 +191,9 @@ class SketchFacts:
             # The definition of an object calls its class's constructor.
             self._callers[call.type or call.name].append(call)
         self._follow_channels()
+        self._by_function: dict[str, list[SketchCall]] = defaultdict(list)
+        for call in self.calls:
+            self._by_function[call.function].append(call)
 
     @classmethod
     def read(cls, sketch: Path, kind: BoardKind) -> SketchFacts:
@@ -209,6 +212,14 @@ class SketchFacts:
     def named(self, *names: str) -> Iterator[SketchCall]:
         """The calls of these names, in the order of the text."""
         return (call for call in self.calls if call.name in names)
+
+    def calls_in(self, function: str) -> Sequence[SketchCall]:
+        """The calls in one of its functions, in the order of the text."""
+        return self._by_function.get(function, ())
+
+    def is_port(self, name: str) -> bool:
+        """True if an object is a serial port."""
+        return any(each.name == name for each in self.ports()) or name in self.kind.serial
 
     def pins(self, call: SketchCall, index: int = 0) -> Pins | None:
         """The pins that an argument of a call can be; None if that is unknown."""

@@ -10,7 +10,8 @@ from simmer_tui.sketch.sketch_scan import SketchCall, SketchFacts
 TASK_HEADERS = ("Arduino_FreeRTOS.h", "FreeRTOS.h")
 """Headers by which a sketch for an AVR board has tasks."""
 _DELAYS = {"vTaskDelay": 0, "vTaskDelayUntil": 1, "xTaskDelayUntil": 1}
-"""Calls that wait for a number of ticks, and the place of that among their arguments."""
+TICKED = {**_DELAYS, "xTimerCreate": 1, "xTimerChangePeriod": 1, "xTimerChangePeriodFromISR": 1}
+"""Calls that want one tick at least, and the place of their ticks among their arguments."""
 _PERIODS = ("portTICK_PERIOD_MS", "portTICK_RATE_MS")
 _TICK_RATE = 62
 """Ticks of an AVR in a second, without their fraction: pdMS_TO_TICKS multiplies by it."""

@@ -32,6 +32,8 @@ WaitScope::~WaitScope() {
   waiting.kind = Waits::Not;
 }
 
+uint64_t services = 0;
+
 namespace {
 Nanoseconds taken = 0;
 }
@@ -52,6 +54,7 @@ void service() {
     apply_events();
     run_parts();
     if (taken) {
+      ++services;
       const Nanoseconds duration = taken;
       taken = 0;
       plan_stop();
@@ -62,6 +65,7 @@ void service() {
       run_interrupt();
     else if (!run_tasks())
       break;
+    ++services;
   }
   plan_stop();
 }

@@ -109,6 +109,7 @@ void pass_until(Nanoseconds moment);
 void pass_until_event(Nanoseconds moment);
 // Apply everything that is due now, and run the interrupts.
 void service();
+extern uint64_t services;  // how often something was done there
 // Look again for what is due next.
 void plan_stop();
 

@@ -15,7 +15,7 @@ struct Vector {
 };
 Vector vectors[PINS];
 int pending_count = 0;
-bool enabled = true;
+bool enabled = true, is_inside = false;
 // After an interrupt the processor carries out an instruction of the program, of about two cycles, before the next
 // one: so a program goes on, slowly, while a level interrupt comes again and again.
 constexpr Nanoseconds INSTRUCTION = 125;
@@ -35,6 +35,12 @@ void set(Vector& vector) {
 Nanoseconds off_since = NEVER, last_off = NEVER, last_on = 0;
 
 bool interrupts_on() { return enabled; }
+bool in_interrupt() { return is_inside; }
+bool has_interrupts() {
+  for (const Vector& each : vectors)
+    if (each.function) return true;
+  return false;
+}
 
 void set_interrupts(bool on) {
   if (on == enabled) return;
@@ -68,7 +74,10 @@ void run_interrupt() {
     if (!by_level) clear(vector);
     set_interrupts(false);
     pass(cost::INTERRUPT_ENTRY);
+    const bool was_inside = is_inside;  // one that lets others in
+    is_inside = true;
     if (vector.function) vector.function();
+    is_inside = was_inside;
     pass(cost::INTERRUPT_EXIT);
     if (by_level) instruction_end = now + INSTRUCTION;
     set_interrupts(true);

@@ -1,6 +1,7 @@
 // Time and waits, and what is left of the core.
 #include "../board/clock.h"
 #include "../board/interrupts.h"
+#include "../board/mistakes.h"
 #include "../board/tasks.h"
 #include "Arduino.h"
 
@@ -21,13 +22,14 @@ unsigned int micros() {
 }
 
 void delay(unsigned int milliseconds) {
+  note_in_interrupt(InterruptCall::Delay, CALLED_AT);
   const WaitScope scope(Waits::InDelay, CALLED_AT);
   const Nanoseconds begin = now, away = running_task().away;
 #if defined(SIMMER_ESP32)
   // vTaskDelay(): other tasks run.
   if (interrupts_on() && !is_idle()) {
     if (milliseconds)
-      block(nullptr, tick_count() + milliseconds);
+      block({WaitsFor::Time, nullptr, CALLED_AT}, tick_count() + milliseconds);
     else
       yield_task();
     return;

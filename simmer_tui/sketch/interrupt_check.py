@@ -1,0 +1,105 @@
+"""Calls that an interrupt's function may not make: those that wait, that print, or that only a task may
+make."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+from simmer_tui.errors import Problem
+from simmer_tui.sketch.sketch_scan import PULSES, SketchCall, SketchFacts
+
+_PRINTS = ("print", "println", "printf", "write", "flush")
+"""Methods of a serial port that send."""
+_OF_TASKS = re.compile(
+    r"(?:[xv]Queue(?:Send|Receive|Peek|Overwrite)|[xv]Semaphore(?:Take|Give)"
+    r"|(?:x|v|ul)Task(?:Notify(?!StateClear)|Delay|Suspend|Resume)|xEventGroup(?:Set|Clear|Wait|Sync)"
+    r"|xTimer(?:Start|Stop|Reset|ChangePeriod))\w*"
+)
+"""Calls of FreeRTOS that wait, or that wake a task."""
+_FROM_ISR = "FromISR"
+_WITH_FROM_ISR = re.compile(
+    r"xQueue(?:Send|SendToBack|SendToFront|Overwrite|Receive)|xSemaphore(?:Give|Take)|xTaskNotify(?:Give)?"
+    r"|vTaskResume|xEventGroup(?:Set|Clear)Bits|xTimer(?:Start|Stop|Reset|ChangePeriod)"
+)
+"""Calls that have another of this kind for interrupts."""
+_OTHER_NAMES = {"xTaskNotifyGive": "vTaskNotifyGiveFromISR", "vTaskResume": "xTaskResumeFromISR"}
+# Judged: a helper of a helper.
+_DEEPEST = 3
+
+
+def interrupt_problems(facts: SketchFacts) -> Iterator[Problem]:
+    """Calls in the functions that attachInterrupt has, and in those that they call, each once a line."""
+    told: set[tuple[str, str]] = set()
+    for function in dict.fromkeys(interrupt_functions(facts)):
+        for call, _ in _calls_from(facts, function):
+            what = _fault(facts, call)
+            if not what or (call.token.spot, call.name) in told:
+                continue
+            told.add((call.token.spot, call.name))
+            by = f"{function}(), the function of an interrupt"
+            if call.function != function:
+                by = f"{call.function}(), which the interrupt's function {function}() calls"
+            yield Problem(call.token.spot, f"{_shown(call)} in {by}: {what}")
+
+
+def interrupt_functions(facts: SketchFacts) -> Iterator[str]:
+    """The functions of the sketch's interrupts, as they are written."""
+    for each in facts.interrupts():
+        yield each.function.lstrip("&")
+
+
+def may_wake_tasks(facts: SketchFacts) -> bool:
+    """True if an interrupt's function may give something that a task waits for; one that is not in the list
+    of functions, such as a lambda, may."""
+    for function in interrupt_functions(facts):
+        if function not in facts.functions:
+            return True
+        if any(_OF_TASKS.fullmatch(call.name) for call, _ in _calls_from(facts, function)):
+            return True
+    return False
+
+
+def _calls_from(facts: SketchFacts, function: str, depth: int = 0) -> Iterator[tuple[SketchCall, int]]:
+    """The calls of a function, and of those that it calls, with how deep they are."""
+    for call in facts.calls_in(function):
+        if call.type:
+            continue
+        yield call, depth
+        if call.name in facts.functions and call.name != function and depth < _DEEPEST:
+            yield from _calls_from(facts, call.name, depth + 1)
+
+
+def _fault(facts: SketchFacts, call: SketchCall) -> str:
+    """The fault of a call in an interrupt's function; empty without one."""
+    kind = facts.kind
+    if call.name in facts.functions:
+        return ""
+    if call.object:
+        if call.name not in _PRINTS or not facts.is_port(call.object):
+            return ""
+        if kind.int_bits == 32:
+            return "a real ESP32 may crash there; set a flag, and print in loop()"
+        return "it lasts as long as its bytes once the queue is full; set a flag, and print in loop()"
+    if call.name == "delay":
+        return "it needs interrupts, which are off there; set a flag, and wait in loop()"
+    if call.name in PULSES:
+        return "no other interrupt comes while it waits; set a flag, and measure in loop()"
+    if is_of_tasks(call.name):
+        other = from_isr(call.name)
+        return f"use {other} there" if other else "it waits, which only a task may; wake a task that does it"
+    return ""
+
+
+def is_of_tasks(name: str) -> bool:
+    """True for a call of FreeRTOS that only a task may make."""
+    return _OF_TASKS.fullmatch(name) is not None and not name.endswith(_FROM_ISR)
+
+
+def from_isr(name: str) -> str:
+    """The call of FreeRTOS that an interrupt's function makes instead of one; empty if there is none."""
+    return _OTHER_NAMES.get(name, name + _FROM_ISR) if _WITH_FROM_ISR.fullmatch(name) else ""
+
+
+def _shown(call: SketchCall) -> str:
+    return f"{call.object}.{call.name}" if call.object else call.name
