@@ -100,8 +100,9 @@ class BoardMistakes:
         text = self._text(board, kind, record, details, line)
         if text:
             self._told.add(key)
+            subject = f"{kind.name.lower()} {number} {line}"
             moment = record.time / SECOND
-            self._tell(Notice(NoticeKind.BOARD, f"board {board.name}: {text}", line, moment=moment))
+            self._tell(Notice(NoticeKind.BOARD, f"board {board.name}: {text}", subject, moment=moment))
 
     def _text(
         self, board: Board, kind: Mistake, record: BoardRecord, details: Sequence[BoardRecord], line: str

@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
+from simmer_tui.links.processes import OWN_PROCESS
+from simmer_tui.program import keeper
+from simmer_tui.program.kept_process import Adoption
 from simmer_tui.run.events import WireMessage
+from simmer_tui.sketch.board_host import LocalBoard
 from simmer_tui.sketch.board_process import SILENT, BoardSilence
 from simmer_tui.sketch.boards import BOARDS, ESP32, MEGA, BoardKind
 from simmer_tui.sketch.build import RUNTIME
@@ -194,3 +200,21 @@ def test_the_runtime_has_the_pins_of_an_esp32() -> None:
     )
     assert found
     assert [int(each) for each in found.groups()] == [pin for pair in ESP32.serial.values() for pin in pair]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux has processes that are adopted")
+def test_a_board_is_none_of_the_processes_that_a_program_leaves_behind() -> None:
+    """Whichever of them starts first."""
+    assert {keeper.MARK: keeper.KEEPER} == OWN_PROCESS
+    adoption = Adoption("mark")
+    with subprocess.Popen(["sleep", "60"], env={keeper.MARK: "mark"}, start_new_session=True) as program:
+        adoption.begin(program.pid)
+        with subprocess.Popen(["sleep", "60"], start_new_session=True) as left:
+            board = LocalBoard(Path("/bin/sh"), ["-c", "read line"])
+            try:
+                assert left.pid in adoption.living()
+                assert not set(board.pids) & adoption.living()
+            finally:
+                board.close()
+                left.kill()
+                program.kill()
