@@ -29,14 +29,16 @@ _DEEPEST = 3
 
 
 def interrupt_problems(facts: SketchFacts) -> Iterator[Problem]:
-    """Calls in the functions that attachInterrupt has, and in those that they call, each once a line."""
+    """Calls in the functions that attachInterrupt has, and in those that they call: each once a line, and the
+    prints of a function once."""
     told: set[tuple[str, str]] = set()
     for function in dict.fromkeys(interrupt_functions(facts)):
         for call, _ in _calls_from(facts, function):
             what = _fault(facts, call)
-            if not what or (call.token.spot, call.name) in told:
+            key = (call.function, call.object) if call.object else (call.token.spot, call.name)
+            if not what or key in told:
                 continue
-            told.add((call.token.spot, call.name))
+            told.add(key)
             by = f"{function}(), the function of an interrupt"
             if call.function != function:
                 by = f"{call.function}(), which the interrupt's function {function}() calls"
@@ -78,6 +80,8 @@ def _fault(facts: SketchFacts, call: SketchCall) -> str:
     if call.object:
         if call.name not in _PRINTS or not facts.is_port(call.object):
             return ""
+        if any(each.name == call.object for each in facts.objects("SoftwareSerial")):
+            return "interrupts are off as long as its bytes last; set a flag, and print in loop()"
         if kind.int_bits == 32:
             return "a real ESP32 may crash there; set a flag, and print in loop()"
         return "it lasts as long as its bytes once the queue is full; set a flag, and print in loop()"

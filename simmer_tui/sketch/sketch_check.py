@@ -10,7 +10,9 @@ from simmer_tui.errors import Problem, reason_of
 from simmer_tui.sim.rules import listed
 from simmer_tui.sim.specs import WheelsSpec
 from simmer_tui.sketch.bus_check import bus_problems
+from simmer_tui.sketch.interrupt_check import interrupt_problems
 from simmer_tui.sketch.motion_check import wrong_motions
+from simmer_tui.sketch.pin_check import pin_problems
 from simmer_tui.sketch.sketch_scan import PULSES, WRITES, Pins, SketchFacts, SketchPort
 from simmer_tui.sketch.task_check import task_problems
 from simmer_tui.sketch.wiring import (
@@ -68,6 +70,8 @@ def sketch_problems(
         problems += _deaf_ports(found)
         problems += bus_problems(wiring, name, found)
         problems += task_problems(found)
+        problems += pin_problems(found)
+        problems += interrupt_problems(found)
         for sensor in wiring.sensors:
             if isinstance(sensor, WiredSonar) and sensor.board == name:
                 problems += _swapped_sonar(found, sensor)

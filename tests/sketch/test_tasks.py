@@ -385,6 +385,22 @@ def test_check_finds_waits_of_no_tick_and_waits_of_the_idle_task() -> None:
     assert not list(task_problems(SketchFacts({"rover.ino": text.partition("\n")[2]}, UNO)))
 
 
+def test_check_finds_timers_and_limits_of_no_tick() -> None:
+    text = (
+        "#include <Arduino_FreeRTOS.h>\n"
+        "const int period = 5;\n"
+        'void setup() { timer = xTimerCreate("t", pdMS_TO_TICKS(period), pdTRUE, NULL, fires); }\n'
+        "void eyes(void*) { xQueueReceive(queue, &item, 10 / portTICK_PERIOD_MS);\n"
+        "  xQueueReceive(queue, &item, 0); xSemaphoreTake(lock, pdMS_TO_TICKS(100)); }\n"
+        "void loop() {}\n"
+    )
+    short = "a tick of the Uno has 16 ms, and this is less than one"
+    assert [str(each) for each in task_problems(SketchFacts({"rover.ino": text}, UNO))] == [
+        f"rover.ino:3: xTimerCreate of 5 ms makes no timer: {short}",
+        f"rover.ino:4: xQueueReceive of 10 ms does not wait: {short}",
+    ]
+
+
 def test_check_counts_the_ticks_that_the_macro_gives_and_knows_that_loop_is_a_task_of_an_esp32() -> None:
     text = (
         "#include <FreeRTOS.h>\n"
