@@ -14,7 +14,8 @@ from simmer_tui.sketch.board_process import BoardRecord, Mistake
 from simmer_tui.sketch.interrupt_check import from_isr, is_of_tasks, may_wake_tasks
 from simmer_tui.sketch.lockstep import Board
 from simmer_tui.sketch.parts import SECOND
-from simmer_tui.sketch.sketch_scan import SketchCall, SketchFacts
+from simmer_tui.sketch.sketch_scan import SketchFacts
+from simmer_tui.sketch.sketch_source import SketchCall
 from simmer_tui.sketch.task_check import TICKED
 
 _LONGEST = 40

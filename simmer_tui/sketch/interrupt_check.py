@@ -7,7 +7,9 @@ import re
 from collections.abc import Iterator
 
 from simmer_tui.errors import Problem
-from simmer_tui.sketch.sketch_scan import PULSES, SketchCall, SketchFacts
+from simmer_tui.sketch.sketch_scan import SketchFacts
+from simmer_tui.sketch.sketch_source import SketchCall
+from simmer_tui.sketch.sketch_steps import PULSES
 
 _PRINTS = ("print", "println", "printf", "write", "flush")
 """Methods of a serial port that send."""

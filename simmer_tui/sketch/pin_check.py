@@ -6,7 +6,10 @@ from collections.abc import Iterator
 
 from simmer_tui.errors import Problem
 from simmer_tui.sketch.boards import BoardKind
-from simmer_tui.sketch.sketch_scan import PULSES, WRITES, Pins, SketchCall, SketchFacts
+from simmer_tui.sketch.sketch_scan import SketchFacts
+from simmer_tui.sketch.sketch_source import SketchCall
+from simmer_tui.sketch.sketch_steps import PULSES, WRITES
+from simmer_tui.sketch.sketch_values import Pins
 
 _PULLS = ("INPUT_PULLUP", "INPUT_PULLDOWN")
 _READS = ("digitalRead", *PULSES)

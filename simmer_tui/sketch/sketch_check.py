@@ -13,7 +13,9 @@ from simmer_tui.sketch.bus_check import bus_problems
 from simmer_tui.sketch.interrupt_check import interrupt_problems
 from simmer_tui.sketch.motion_check import wrong_motions
 from simmer_tui.sketch.pin_check import pin_problems
-from simmer_tui.sketch.sketch_scan import PULSES, WRITES, Pins, SketchFacts, SketchPort
+from simmer_tui.sketch.sketch_scan import SketchFacts, SketchPort
+from simmer_tui.sketch.sketch_steps import PULSES, WRITES
+from simmer_tui.sketch.sketch_values import Pins
 from simmer_tui.sketch.task_check import task_problems
 from simmer_tui.sketch.wiring import (
     LaptopLine,

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from simmer_tui.errors import Problem
-from simmer_tui.sketch.sketch_scan import SketchCall, SketchFacts
+from simmer_tui.sketch.sketch_scan import SketchFacts
+from simmer_tui.sketch.sketch_source import SketchCall
 
 TASK_HEADERS = ("Arduino_FreeRTOS.h", "FreeRTOS.h")
 """Headers by which a sketch for an AVR board has tasks."""
