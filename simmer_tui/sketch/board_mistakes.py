@@ -123,6 +123,9 @@ class BoardMistakes:
                 return f"{what}: a real ESP32 crashes there; take another pin"
             case Mistake.IN_INTERRUPT:
                 return _in_interrupt(facts, details[-1].value, line)
+            case Mistake.LOST_ALARM:
+                what = f"an alarm of a hardware timer was lost{_at(line)}"
+                return f"{what}: interrupts were off since the one before"
             case Mistake.STARVED:
                 return self._starved(board, record, details, line)
             case Mistake.WATCHDOG:

@@ -130,6 +130,7 @@ class Mistake(IntEnum):
     WATCHDOG = 8
     CIRCLE = 9
     ALL_WAIT = 10
+    LOST_ALARM = 11
 
 
 class Waits(IntEnum):

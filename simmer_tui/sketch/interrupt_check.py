@@ -31,7 +31,7 @@ _DEEPEST = 3
 
 
 def interrupt_problems(facts: SketchFacts) -> Iterator[Problem]:
-    """Calls in the functions that attachInterrupt has, and in those that they call: each once a line, and the
+    """Calls in the functions of interrupts, and in those that they call: each once a line, and the
     prints of a function once."""
     told: set[tuple[str, str]] = set()
     for function in dict.fromkeys(interrupt_functions(facts)):
@@ -48,9 +48,11 @@ def interrupt_problems(facts: SketchFacts) -> Iterator[Problem]:
 
 
 def interrupt_functions(facts: SketchFacts) -> Iterator[str]:
-    """The functions of the sketch's interrupts, as they are written."""
+    """The functions of the sketch's interrupts, those of hardware timers too, as they are written."""
     for each in facts.interrupts():
         yield each.function.lstrip("&")
+    for call in facts.named("timerAttachInterrupt", "timerAttachInterruptArg"):
+        yield facts.spelled(call, 1).lstrip("&")
 
 
 def may_wake_tasks(facts: SketchFacts) -> bool:

@@ -30,9 +30,11 @@ from simmer_tui.sketch.wiring import (
 )
 
 _READERS = ("digitalRead", "analogRead", *PULSES)
-_MODES = ("pinMode", "digitalPinToInterrupt", "attachInterrupt", "detachInterrupt")
+_MODES = ("pinMode", "digitalPinToInterrupt", "attachInterrupt", "attachInterruptArg", "detachInterrupt")
 """Calls that neither write nor read a pin; interrupts are found by their own list."""
-_NO_PIN = re.compile(r"(ledc(?!Attach)|delay|pdMS|[xuv](Task|Queue|Semaphore|Timer|EventGroup))\w*")
+_NO_PIN = re.compile(
+    r"(ledc(?!Attach)|delay|timer[A-Z]|pdMS|[xuv](Task|Queue|Semaphore|Timer|EventGroup))\w*"
+)
 """Calls whose numbers are no pins: channels, times, priorities."""
 _LINES = ("rx", "tx", "from", "to", "sda", "scl")
 """Names of the uses of pins by serial lines and the bus, which have messages of their own."""

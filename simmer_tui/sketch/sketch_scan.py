@@ -155,7 +155,7 @@ class SketchFacts(SketchValues):
     def interrupts(self) -> list[SketchInterrupt]:
         """Its calls of attachInterrupt."""
         found = []
-        for call in self.named("attachInterrupt"):
+        for call in self.named("attachInterrupt", "attachInterruptArg"):
             if len(call.arguments) < 2:
                 continue
             first = call.arguments[0]
@@ -166,7 +166,7 @@ class SketchFacts(SketchValues):
                 number = next(iter(values))
                 by_number = {each: pin for pin, each in self.kind.interrupts.items()}
                 pins = Pins({by_number[number]}) if number in by_number else Pins()
-            mode = self.spelled(call, 2)
+            mode = self.spelled(call, len(call.arguments) - 1)
             found.append(SketchInterrupt(pins, number, self.spelled(call, 1), mode, call.token.spot))
         return found
 

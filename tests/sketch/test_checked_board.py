@@ -146,7 +146,7 @@ def test_what_boards_tell_is_taken(begun: Begun, pipes: Pipes, fine: bytes) -> N
         (request(100, record(Told.TEXT, -1)), "it told -1 as TEXT"),
         (request(100, record(Told.TEXT, 0, pin=8)), "it told of display 8"),
         (request(100, wait=(0, 6)), "it waits as no board does"),
-        (request(100, record(Told.DETAIL), record(Told.MISTAKE, pin=11)), "it told of mistake 11"),
+        (request(100, record(Told.DETAIL), record(Told.MISTAKE, pin=12)), "it told of mistake 12"),
         (request(100, record(Told.MISTAKE, pin=Mistake.INPUT_PIN)), "it told half of a mistake"),
         (
             request(100, record(Told.DETAIL, 5), record(Told.MISTAKE, pin=Mistake.IN_INTERRUPT)),

@@ -26,6 +26,9 @@
 #include "libraries/freertos/tasks.cpp"
 #include "libraries/freertos/queues.cpp"
 #include "libraries/freertos/timers.cpp"
+#if defined(SIMMER_ESP32)
+#include "board/hardware_timers.cpp"
+#endif
 #include "libraries/Wire.cpp"
 #include "libraries/MPU6050.cpp"
 #include "libraries/VL53L0X.cpp"

@@ -1,6 +1,7 @@
 #include "clock.h"
 
 #include "exchange.h"
+#include "hardware_timers.h"
 #include "i2c.h"
 #include "interrupts.h"
 #include "tasks.h"
@@ -44,6 +45,7 @@ void plan_stop() {
   next_stop = horizon < next_event() ? horizon : next_event();
   if (next_interrupt() < next_stop) next_stop = next_interrupt();
   if (next_part() < next_stop) next_stop = next_part();
+  if (next_alarm() < next_stop) next_stop = next_alarm();
   if (next_task_stop() < next_stop) next_stop = next_task_stop();
 }
 
@@ -53,6 +55,7 @@ void service() {
     if (now >= horizon) exchange(Reason::Horizon);
     apply_events();
     run_parts();
+    run_alarms();
     if (taken) {
       ++services;
       const Nanoseconds duration = taken;

@@ -303,8 +303,15 @@ unsigned int pulseIn(int number, int value, unsigned int timeout) {
   return static_cast<unsigned int>((now - begin) / MICROSECOND);
 }
 
-void attachInterrupt(int number, void (*function)(), int mode) { attach(interrupt_pin(number), function, mode); }
-void detachInterrupt(int number) { attach(interrupt_pin(number), nullptr, 0); }
+void attachInterrupt(int number, void (*function)(), int mode) {
+  attach(interrupt_pin(number), InterruptFunction(function), mode);
+}
+#if defined(SIMMER_ESP32)
+void attachInterruptArg(int number, void (*function)(void*), void* argument, int mode) {
+  attach(interrupt_pin(number), InterruptFunction(function, argument), mode);
+}
+#endif
+void detachInterrupt(int number) { attach(interrupt_pin(number), InterruptFunction(), 0); }
 void interrupts() {
   set_interrupts(true);
   if (interrupt_waits() || next_task_stop() <= now) service();

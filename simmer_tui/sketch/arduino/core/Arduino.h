@@ -108,6 +108,9 @@ uint32_t esp_random();
 // -- interrupts --------------------------------------------------------------------------------------
 
 void attachInterrupt(int number, void (*function)(), int mode);
+#if defined(SIMMER_ESP32)
+void attachInterruptArg(int number, void (*function)(void*), void* argument, int mode);
+#endif
 void detachInterrupt(int number);
 void interrupts();
 void noInterrupts();
@@ -204,4 +207,5 @@ extern const SketchStart sketch_start;
 #include "../libraries/freertos/event_groups.h"
 #include "../libraries/freertos/semphr.h"
 #include "../libraries/freertos/timers.h"
+#include "hardware_timers.h"
 #endif
