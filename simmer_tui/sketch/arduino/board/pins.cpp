@@ -298,9 +298,11 @@ unsigned int pulseIn(int number, int value, unsigned int timeout) {
     return true;
   };
   if (!wait(!value) || !wait(value)) return 0;
-  const Nanoseconds begin = now;
+  const Nanoseconds begin = now, away = running_task().away;
   if (!wait(!value)) return 0;
-  return static_cast<unsigned int>((now - begin) / MICROSECOND);
+  // An AVR counts its own loops, an ESP32 looks at the clock.
+  const Nanoseconds others = CORES == 1 ? running_task().away - away : 0;
+  return static_cast<unsigned int>((now - begin - others) / MICROSECOND);
 }
 
 void attachInterrupt(int number, void (*function)(), int mode) {
