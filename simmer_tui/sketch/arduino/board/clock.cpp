@@ -33,7 +33,7 @@ WaitScope::~WaitScope() {
   waiting.kind = Waits::Not;
 }
 
-uint64_t services = 0;
+Nanoseconds served = 0;
 
 namespace {
 Nanoseconds taken = 0;
@@ -57,7 +57,7 @@ void service() {
     run_parts();
     run_alarms();
     if (taken) {
-      ++services;
+      served = now;
       const Nanoseconds duration = taken;
       taken = 0;
       plan_stop();
@@ -68,13 +68,12 @@ void service() {
       run_interrupt();
     else if (!run_tasks())
       break;
-    ++services;
+    served = now;
   }
   plan_stop();
 }
 
-void pass(Nanoseconds duration) {
-  Nanoseconds end = now + (duration >> halving);
+void pass_stops(Nanoseconds end) {
   while (next_stop <= end) {
     if (next_stop > now) now = next_stop;
     const Nanoseconds before = now;

@@ -203,12 +203,11 @@ void start_tasks(void (*idle)()) {
   }
   for (;;) {
     const Nanoseconds begin = now;
-    const uint64_t seen = services;
     idle();
     if (!IDLE_IS_A_TASK) continue;
     if (now - begin <= EMPTY_LOOP)
       waited += now - begin;
-    else if (services == seen)  // what others did within it is not its own
+    else if (served < begin)  // what others did within it is not its own
       loop_worked = now;
     // The idle task gives way to others of its priority.
     for (const Task& each : made)
