@@ -11,7 +11,7 @@ from msgspec import Struct
 from simmer_tui.run.events import Notice, NoticeKind
 from simmer_tui.sim.command import cut
 from simmer_tui.sketch.board_process import BoardRecord, Mistake
-from simmer_tui.sketch.interrupt_check import from_isr, is_of_tasks, may_wake_tasks
+from simmer_tui.sketch.interrupt_check import from_isr, interrupt_functions, is_of_tasks, may_wake_tasks
 from simmer_tui.sketch.lockstep import Board
 from simmer_tui.sketch.parts import SECOND
 from simmer_tui.sketch.sketch_scan import SketchFacts
@@ -22,6 +22,10 @@ _LONGEST = 40
 """Characters of an argument that are shown."""
 _NEVER_WAITS, _ON_CORE_0 = 1, 2
 """Flags of a task that others cannot pass."""
+_HAS_INTERRUPTS, _LOOP_GOES_ON = 1, 2
+"""Flags of what is left while all tasks wait."""
+_SERIAL_EVENTS = ("serialEvent", "serialEvent1", "serialEvent2", "serialEvent3")
+"""Functions that are called after each loop()."""
 _MOST_TASKS = 6
 """Tasks that a notice names: a robot has fewer, and a notice has two lines or three."""
 
@@ -37,7 +41,7 @@ class _WaitsFor(IntEnum):
     BITS = 6
     RESUME = 7
     HOLDER = 8
-    INTERRUPT = 9
+    OTHERS = 9
     DELETED = 10
 
 
@@ -134,10 +138,7 @@ class BoardMistakes:
             case Mistake.CIRCLE:
                 return _circle(board, details)
             case Mistake.ALL_WAIT:
-                *waits, by_interrupt = details
-                if by_interrupt.value and (facts is None or may_wake_tasks(facts)):
-                    return ""
-                return f"all tasks wait for ever: {_shown(_stuck(board, waits))}"
+                return _all_wait(board, facts, details)
 
     def _starved(self, board: Board, record: BoardRecord, details: Sequence[BoardRecord], line: str) -> str:
         *passed, about = details
@@ -234,6 +235,20 @@ def _stuck(board: Board, details: Sequence[BoardRecord]) -> list[_StuckTask]:
 def _shown(stuck: Sequence[_StuckTask]) -> str:
     more = f"; and {len(stuck) - _MOST_TASKS} more" if len(stuck) > _MOST_TASKS else ""
     return "; ".join(map(str, stuck[:_MOST_TASKS])) + more
+
+
+def _all_wait(board: Board, facts: SketchFacts | None, details: Sequence[BoardRecord]) -> str:
+    """Tasks that wait for ever; empty if loop() or the function of an interrupt can wake them."""
+    *waits, others = details
+    loops = ("loop", *_SERIAL_EVENTS) if others.value & _LOOP_GOES_ON else ()
+    if facts is None or any(may_wake_tasks(facts, each) for each in loops):
+        return ""
+    if others.value & _HAS_INTERRUPTS and any(
+        may_wake_tasks(facts, each) for each in interrupt_functions(facts)
+    ):
+        return ""
+    but = " but loop()" if any(facts.calls_in(each) for each in loops) else ""
+    return f"all tasks{but} wait for ever: {_shown(_stuck(board, waits))}"
 
 
 def _circle(board: Board, details: Sequence[BoardRecord]) -> str:

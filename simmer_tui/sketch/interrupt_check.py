@@ -19,6 +19,13 @@ _OF_TASKS = re.compile(
     r"|xTimer(?:Start|Stop|Reset|ChangePeriod))\w*"
 )
 """Calls of FreeRTOS that wait, or that wake a task."""
+_WAKES = re.compile(
+    r"xQueue(?:Send|Receive|Overwrite|Reset)\w*|xSemaphoreGive\w*|[xv]TaskNotify\w*|[xv]TaskResume\w*"
+    r"|xEventGroup(?:Set|Sync)\w*|xTimer\w+|xTask(?:Create|AbortDelay)\w*"
+)
+"""Calls of FreeRTOS by which others go on."""
+_CALLED_BY_THE_CORE = ("loop", "serialEvent", "serialEvent1", "serialEvent2", "serialEvent3")
+"""Functions that a sketch need not have."""
 _FROM_ISR = "FromISR"
 _WITH_FROM_ISR = re.compile(
     r"xQueue(?:Send|SendToBack|SendToFront|Overwrite|Receive)|xSemaphore(?:Give|Take)|xTaskNotify(?:Give)?"
@@ -55,15 +62,13 @@ def interrupt_functions(facts: SketchFacts) -> Iterator[str]:
         yield facts.spelled(call, 1).lstrip("&")
 
 
-def may_wake_tasks(facts: SketchFacts) -> bool:
-    """True if an interrupt's function may give something that a task waits for; one that is not in the list
-    of functions, such as a lambda, may."""
-    for function in interrupt_functions(facts):
-        if function not in facts.functions:
-            return True
-        if any(_OF_TASKS.fullmatch(call.name) for call, _ in _calls_from(facts, function)):
-            return True
-    return False
+def may_wake_tasks(facts: SketchFacts, function: str) -> bool:
+    """True if a function may give something that a task waits for, or make another task that does. One that
+    is not among the sketch's functions may, such as a lambda; one that is not there at all does nothing."""
+    if function not in facts.functions:
+        return function not in _CALLED_BY_THE_CORE
+    names = {call.name for call, _ in _calls_from(facts, function)}
+    return any(_WAKES.fullmatch(name) for name in names)
 
 
 def _calls_from(facts: SketchFacts, function: str, depth: int = 0) -> Iterator[tuple[SketchCall, int]]:

@@ -135,10 +135,27 @@ def test_all_tasks_that_wait_for_ever_are_told_with_what_they_wait_for(tmp_path:
     drive = "Drive at rover.ino:11 for an item of a queue"
     assert told.startswith(f"all tasks wait for ever: {drive}; {EYES}; Rest")
     assert told.endswith("for vTaskResume")
-    # The one that fills a queue waits too. An interrupt that gives nothing does not help them.
-    more = "attachInterrupt(0, counts, RISING);"
-    (told,) = notices(tmp_path / "two", all_wait("sends", more))
-    assert told.startswith(f"all tasks wait for ever: Drive at rover.ino:15 for room in a queue; {EYES}")
+    # The one that fills a queue waits too. An interrupt that gives nothing does not help them, and no loop().
+    more, loop = "attachInterrupt(0, counts, RISING);", "void loop() { digitalWrite(13, HIGH); delay(30); }\n"
+    (told,) = notices(tmp_path / "two", all_wait("sends", more, loop))
+    drive = "Drive at rover.ino:15 for room in a queue"
+    assert told.startswith(f"all tasks but loop() wait for ever: {drive}; {EYES}")
+
+
+@pytest.mark.parametrize("loop", [LOOP, "void loop() { vTaskDelay(1000); }\n", "void loop() { delay(9); }\n"])
+def test_all_tasks_of_an_esp32_wait_though_loop_goes_on(loop: str, tmp_path: Path) -> None:
+    sketch = all_wait(loop=loop).replace(AVR, "\n\n\n\n")
+    (told,) = notices(tmp_path, sketch, wiring=ESP)
+    but = " but loop()" if "elay" in loop else ""
+    drive = "Drive at rover.ino:11 for an item of a queue"
+    assert told.startswith(f"all tasks{but} wait for ever: {drive}; {EYES}; Rest")
+
+
+def test_tasks_of_an_esp32_that_wait_for_setup_are_not_told(tmp_path: Path) -> None:
+    sketch = all_wait(more="delay(1500); xSemaphoreGive(ready);").replace(AVR, "\n\n\n\n")
+    assert notices(tmp_path, sketch, 2.0, ESP) == []
+    (told,) = notices(tmp_path / "then", sketch, 3.0, ESP)
+    assert told.startswith("all tasks wait for ever: ")
 
 
 @pytest.mark.parametrize(

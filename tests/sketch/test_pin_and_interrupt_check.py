@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from simmer_tui.sketch.boards import ESP32, NANO, UNO, BoardKind
-from simmer_tui.sketch.interrupt_check import interrupt_problems, may_wake_tasks
+from simmer_tui.sketch.interrupt_check import interrupt_functions, interrupt_problems, may_wake_tasks
 from simmer_tui.sketch.pin_check import pin_problems
 from simmer_tui.sketch.sketch_scan import SketchFacts
 
@@ -111,9 +111,13 @@ def test_calls_in_an_interrupt_are_found_by_way_of_helpers_too() -> None:
         ("void rises() { count++; }", False),
         ("void rises() { give(); }\nvoid give() { xSemaphoreGiveFromISR(lock, NULL); }", True),
         ("void rises() { xTaskNotifyGive(task); }", True),
+        ("void rises() { vTaskDelay(5); xTaskGetTickCount(); }", False),
+        ("void rises() { xTaskCreate(gives, NULL, 100, NULL, 1, NULL); }", True),
         ("auto rises = []() {};", True),
     ],
 )
 def test_an_interrupt_may_wake_tasks_if_it_gives_something(body: str, may: bool) -> None:
     text = f"{body}\nvoid setup() {{ attachInterrupt(0, rises, RISING); }}\nvoid loop() {{}}\n"
-    assert may_wake_tasks(SketchFacts({"rover.ino": text}, UNO)) is may
+    facts = SketchFacts({"rover.ino": text}, UNO)
+    assert may_wake_tasks(facts, *interrupt_functions(facts)) is may
+    assert not may_wake_tasks(facts, "serialEvent")

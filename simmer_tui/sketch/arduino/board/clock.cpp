@@ -33,8 +33,6 @@ WaitScope::~WaitScope() {
   waiting.kind = Waits::Not;
 }
 
-Nanoseconds served = 0;
-
 namespace {
 Nanoseconds taken = 0;
 }
@@ -57,7 +55,6 @@ void service() {
     run_parts();
     run_alarms();
     if (taken) {
-      served = now;
       const Nanoseconds duration = taken;
       taken = 0;
       plan_stop();
@@ -68,7 +65,6 @@ void service() {
       run_interrupt();
     else if (!run_tasks())
       break;
-    served = now;
   }
   plan_stop();
 }

@@ -117,7 +117,6 @@ void pass_until(Nanoseconds moment);
 void pass_until_event(Nanoseconds moment);
 // Apply everything that is due now, and run the interrupts.
 void service();
-extern Nanoseconds served;  // the last time at which something was done there
 // Look again for what is due next.
 void plan_stop();
 

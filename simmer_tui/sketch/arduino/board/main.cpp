@@ -26,8 +26,6 @@ __attribute__((weak)) void serialEvent2();
 __attribute__((weak)) void serialEvent3();
 #endif
 
-bool board::has_serial_event() { return serialEvent != nullptr; }
-
 void serialEventRun() {
   if (serialEvent && Serial.available()) serialEvent();
 #if defined(SIMMER_MEGA) || defined(SIMMER_ESP32)
@@ -114,6 +112,7 @@ void run_loop() {
 #if defined(SIMMER_ESP32)
 void run_sketch(void*) {
   sketch_start.setup();
+  board::begin_loop();
   for (;;) run_loop();
 }
 #endif

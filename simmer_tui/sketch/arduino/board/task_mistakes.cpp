@@ -14,8 +14,10 @@ constexpr Nanoseconds WATCHDOG = 5 * SECOND;
 // Judged: no run of a maze lasts as long. vTaskDelay(portMAX_DELAY) of an AVR lasts 17 minutes.
 constexpr uint64_t FOR_EVER = 600 * SECOND / TICK;
 constexpr int NEVER_WAITS = 1, ON_CORE_0 = 2;  // flags of a task that others cannot pass
+constexpr int HAS_INTERRUPTS = 1, LOOP_GOES_ON = 2;  // flags of what is left while all wait
 
-bool is_told = false;  // tasks that wait for ever: one notice a board
+// Tasks that wait for ever: one notice a board. A circle says more than that all wait.
+bool circle_is_told = false, all_are_told = false;
 Nanoseconds all_wait_since = NEVER;
 
 bool waits_for_ever(const Task& task) {
@@ -39,28 +41,33 @@ void tell_mistake(Mistake kind, const Task& task, uint32_t at) {
 }
 
 void look_for_waits() {
-  bool is_waited_for = false;
+  // loop() may go on: the simulator knows whether it can wake others.
+  bool is_waited_for = false, loop_goes_on = idle_loop() != nullptr;
   for (const Task& each : all_tasks()) {
     if (each.state == TaskState::Deleted) continue;
     if (!waits_for_ever(each)) {
+      if (is_loop(each)) {
+        loop_goes_on = true;
+        continue;
+      }
       all_wait_since = NEVER;
       return;
     }
     is_waited_for |= each.state == TaskState::Blocked && each.awaited.kind != WaitsFor::Time;
   }
-  if (!is_waited_for || !is_loop_empty()) {
+  if (!is_waited_for) {
     all_wait_since = NEVER;
     return;
   }
   if (all_wait_since == NEVER) all_wait_since = now;
   if (now - all_wait_since < TOO_LONG) return;
-  is_told = true;
+  all_are_told = true;
   for (const Task& each : all_tasks())
-    if (each.state != TaskState::Deleted && (each.state == TaskState::Suspended || each.awaited.kind != WaitsFor::Time))
+    if (waits_for_ever(each) && (each.state == TaskState::Suspended || each.awaited.kind != WaitsFor::Time))
       tell_wait(each, each.awaited);
-  // An interrupt's function could give what they wait for: the simulator knows what it calls.
+  // So could the function of an interrupt.
   make_room(2);
-  tell(Told::Detail, static_cast<int>(WaitsFor::Interrupt), has_interrupts());
+  tell(Told::Detail, static_cast<int>(WaitsFor::Others), (has_interrupts() ? HAS_INTERRUPTS : 0) | (loop_goes_on ? LOOP_GOES_ON : 0));
   tell_mistake(Mistake::AllWait, running_task(), place);
 }
 
@@ -76,7 +83,7 @@ void look_for_starved(Task& runs, int core) {
   const auto is_starved = [&](const Task& each) {
     return is_passed_over(each) && each.priority < runs.priority && (each.core == ANY_CORE || each.core == core);
   };
-  const Task* idle = loop_task();
+  const Task* idle = idle_loop();
   bool is_found = idle && is_starved(*idle);
   for (const Task& each : all_tasks()) is_found |= is_starved(each);
   if (!is_found) return;
@@ -101,7 +108,7 @@ void look_at_watchdog() {
 }  // namespace
 
 void look_for_circle(const Awaited& awaited) {
-  if (is_told || is_idle()) return;
+  if (circle_is_told || is_idle()) return;
   const Task* const first = &running_task();
   unsigned int length = 0;
   for (const Awaited* each = &awaited;; ++length) {
@@ -111,7 +118,7 @@ void look_for_circle(const Awaited& awaited) {
     if (holder->state != TaskState::Blocked || !waits_for_ever(*holder)) return;
     each = &holder->awaited;
   }
-  is_told = true;
+  circle_is_told = true;
   const Task* task = first;
   for (const Awaited* each = &awaited;; each = &task->awaited) {
     tell_wait(*task, *each);
@@ -124,7 +131,7 @@ void look_for_circle(const Awaited& awaited) {
 }
 
 void look_at_tasks() {
-  if (!is_told) look_for_waits();
+  if (!circle_is_told && !all_are_told) look_for_waits();
   for (int core = 0; core < CORES; ++core)
     if (Task* runs = task_on(core)) look_for_starved(*runs, core);
   look_at_watchdog();

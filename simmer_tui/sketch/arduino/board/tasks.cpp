@@ -13,7 +13,7 @@ Task idle_task;  // loop(), on the stack of the process
 std::deque<Task> made;  // tasks stay where they are
 Task* running = &idle_task;
 Task* last_blocked = nullptr;
-bool is_used = false, has_begun = false, switch_asked = false;
+bool is_used = false, has_begun = false, loop_has_begun = false, switch_asked = false;
 unsigned int held = 0;  // vTaskSuspendAll() and its kind, one in the other
 uint64_t ticks = 0, held_ticks = 0, turns = 0;
 Nanoseconds next_tick = NEVER;
@@ -22,7 +22,6 @@ Task* chosen[CORES] = {};
 Nanoseconds idle_since = 0, last_idle = 0;
 Nanoseconds share_end = NEVER;  // the end of a core's turn, while both work
 constexpr bool IDLE_IS_A_TASK = CORES == 1;
-Nanoseconds loop_worked = 0;
 // A pass of loop() that takes no longer has nothing in it.
 constexpr Nanoseconds EMPTY_LOOP = 2 * (cost::LOOP + cost::BLOCK) + cost::SERIAL_LOOK;
 
@@ -205,10 +204,7 @@ void start_tasks(void (*idle)()) {
     const Nanoseconds begin = now;
     idle();
     if (!IDLE_IS_A_TASK) continue;
-    if (now - begin <= EMPTY_LOOP)
-      waited += now - begin;
-    else if (served < begin)  // what others did within it is not its own
-      loop_worked = now;
+    if (now - begin <= EMPTY_LOOP) waited += now - begin;
     // The idle task gives way to others of its priority.
     for (const Task& each : made)
       if (each.state == TaskState::Ready && each.priority == 0) {
@@ -372,8 +368,9 @@ bool switches_are_held() { return held != 0; }
 std::deque<Task>& all_tasks() { return made; }
 Task* task_on(int core) { return chosen[core]; }
 bool is_on_core(const Task& task) { return is_chosen(task); }
-Task* loop_task() { return IDLE_IS_A_TASK ? &idle_task : nullptr; }
-bool is_loop_empty() { return !IDLE_IS_A_TASK || (is_idle() && !has_serial_event() && now - loop_worked >= TICK); }
+Task* idle_loop() { return IDLE_IS_A_TASK ? &idle_task : nullptr; }
+void begin_loop() { loop_has_begun = true; }
+bool is_loop(const Task& task) { return loop_has_begun && &task == &made.front(); }
 Nanoseconds idle_at() { return last_idle; }
 
 Nanoseconds next_task_stop() {

@@ -35,7 +35,7 @@ struct Holder {
 };
 // What a task waits for; the last four are for reports alone.
 enum class WaitsFor : uint8_t {
-  Time = 0, Item = 1, Room = 2, Semaphore = 3, Mutex = 4, Notification = 5, Bits = 6, Resume = 7, Holder = 8, Interrupt = 9,
+  Time = 0, Item = 1, Room = 2, Semaphore = 3, Mutex = 4, Notification = 5, Bits = 6, Resume = 7, Holder = 8, Others = 9,
   Deleted = 10
 };
 struct Awaited {
@@ -81,7 +81,6 @@ void report_return();                           // a task's function has returne
 void report_absent(uint32_t at);                // a queue or its kind is not there: the board's end
 void report_foreign(uint32_t at, const Task& holder);  // a mutex is given back by another task: the board's end
 void report_no_ticks(uint32_t at);              // an ESP32 ends at a period of no tick
-bool has_serial_event();                         // true if the sketch has a function for bytes that arrive
 uint64_t tick_count();
 Task& running_task();
 bool is_idle();                  // true in loop(), and before the start of the scheduler
@@ -117,8 +116,9 @@ void exit_critical();
 std::deque<Task>& all_tasks();   // all but the idle one, those that were deleted too
 Task* task_on(int core);         // the one that runs there; none while it is idle
 bool is_on_core(const Task& task);
-Task* loop_task();               // the idle task, if it is loop()
-bool is_loop_empty();            // true if nothing but tasks can do anything
+Task* idle_loop();               // the idle task, if it is loop()
+void begin_loop();               // setup() of an ESP32 is over
+bool is_loop(const Task& task);  // true for the task of an ESP32 that calls loop()
 Nanoseconds idle_at();           // the last time at which core 0 was idle
 
 // For the clock.
