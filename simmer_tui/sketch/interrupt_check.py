@@ -13,6 +13,8 @@ from simmer_tui.sketch.sketch_steps import PULSES
 
 _PRINTS = ("print", "println", "printf", "write", "flush")
 """Methods of a serial port that send."""
+_BUS = ("endTransmission", "requestFrom")
+"""Methods of Wire that use the bus."""
 _OF_TASKS = re.compile(
     r"(?:[xv]Queue(?:Send|Receive|Peek|Overwrite)|[xv]Semaphore(?:Take|Give)"
     r"|(?:x|v|ul)Task(?:Notify(?!StateClear)|Delay|Suspend|Resume)|xEventGroup(?:Set|Clear|Wait|Sync)"
@@ -86,6 +88,8 @@ def _fault(facts: SketchFacts, call: SketchCall) -> str:
     kind = facts.kind
     if call.name in facts.functions:
         return ""
+    if call.object == "Wire" and call.name in _BUS:
+        return "Wire needs interrupts, which are off there; set a flag, and read in loop()"
     if call.object:
         if call.name not in _PRINTS or not facts.is_port(call.object):
             return ""

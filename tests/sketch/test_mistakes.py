@@ -8,7 +8,9 @@ from pathlib import Path
 import pytest
 
 from simmer_tui.run.events import Notice
+from simmer_tui.sketch.bench_check import bench_lines
 from simmer_tui.sketch.compiler import find_compiler
+from simmer_tui.sketch.wiring import wiring_of
 from tests.sketch.rovers import MOTORS, ROVER, Boards, made_set
 from tests.sketch.running import run_boards
 
@@ -378,3 +380,12 @@ def test_a_mistake_has_its_own_time_whatever_the_slices_are(tmp_path: Path) -> N
         found.append([each for each in boards.events if isinstance(each, Notice)])
     assert len(found[0]) == 1
     assert found[1:] == found[:1] * 2
+
+
+def test_check_tells_a_mistake_of_its_run_as_a_whole(tmp_path: Path) -> None:
+    configuration = made_set(tmp_path / "set", ROVER + MOTORS, {"rover.ino": AVR + CIRCLE + LOOP})
+    wiring = wiring_of(configuration)
+    assert wiring is not None
+    *_, last = bench_lines(configuration, wiring, [])
+    assert last.startswith("  board rover: tasks wait for each other for ever: ")
+    assert last.endswith("; take them in the same order in all tasks")

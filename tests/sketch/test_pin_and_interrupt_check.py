@@ -69,6 +69,7 @@ void rises() {
   long width = pulseIn(8, HIGH);
   delayMicroseconds(10);
   own_delay();
+  Wire.requestFrom(0x68, 2);
 }
 void falls() {
   link.write('x');
@@ -96,11 +97,13 @@ def test_calls_in_an_interrupt_are_found_by_way_of_helpers_too() -> None:
         "which are off there; set a flag, and wait in loop()",
         f"rover.ino:9: pulseIn in {rises}: no other interrupt comes while it waits; set a flag, and measure "
         "in loop()",
-        f"rover.ino:14: link.write in {falls}: interrupts are off as long as its bytes last; set a flag, and "
+        f"rover.ino:12: Wire.requestFrom in {rises}: Wire needs interrupts, which are off there; set a flag, "
+        "and read in loop()",
+        f"rover.ino:15: link.write in {falls}: interrupts are off as long as its bytes last; set a flag, and "
         "print in loop()",
-        f"rover.ino:15: xSemaphoreGive in {falls}: use xSemaphoreGiveFromISR there",
-        f"rover.ino:16: xTaskNotifyGive in {falls}: use vTaskNotifyGiveFromISR there",
-        f"rover.ino:18: vTaskDelay in {falls}: it waits, which only a task may; wake a task that does it",
+        f"rover.ino:16: xSemaphoreGive in {falls}: use xSemaphoreGiveFromISR there",
+        f"rover.ino:17: xTaskNotifyGive in {falls}: use vTaskNotifyGiveFromISR there",
+        f"rover.ino:19: vTaskDelay in {falls}: it waits, which only a task may; wake a task that does it",
     ]
     assert "a real ESP32 may crash there" in calls(INTERRUPTS, ESP32)[0]
 
