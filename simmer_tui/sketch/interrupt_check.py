@@ -35,33 +35,48 @@ _WITH_FROM_ISR = re.compile(
 )
 """Calls that have another of this kind for interrupts."""
 _OTHER_NAMES = {"xTaskNotifyGive": "vTaskNotifyGiveFromISR", "vTaskResume": "xTaskResumeFromISR"}
-# Judged: a helper of a helper.
-_DEEPEST = 3
 
 
 def interrupt_problems(facts: SketchFacts) -> Iterator[Problem]:
     """Calls in the functions of interrupts, and in those that they call: each once a line, and the
     prints of a function once."""
     told: set[tuple[str, str]] = set()
-    for function in dict.fromkeys(interrupt_functions(facts)):
-        for call, _ in _calls_from(facts, function):
+    for attach in _attaching(facts):
+        function = _function_of(facts, attach)
+        own = [call for call in facts.calls_in(attach.function) if call.token in attach.arguments[1]]
+        by_own = f"the function of the interrupt at {attach.token.spot}"
+        for call in own if _is_lambda(attach) else _calls_from(facts, function):
             what = _fault(facts, call)
             key = (call.function, call.object) if call.object else (call.token.spot, call.name)
             if not what or key in told:
                 continue
             told.add(key)
             by = f"{function}(), the function of an interrupt"
-            if call.function != function:
+            if _is_lambda(attach):
+                by = by_own
+            elif call.function != function:
                 by = f"{call.function}(), which the interrupt's function {function}() calls"
             yield Problem(call.token.spot, f"{_shown(call)} in {by}: {what}")
 
 
 def interrupt_functions(facts: SketchFacts) -> Iterator[str]:
     """The functions of the sketch's interrupts, those of hardware timers too, as they are written."""
-    for each in facts.interrupts():
-        yield each.function.lstrip("&")
-    for call in facts.named("timerAttachInterrupt", "timerAttachInterruptArg"):
-        yield facts.spelled(call, 1).lstrip("&")
+    return (_function_of(facts, attach) for attach in _attaching(facts))
+
+
+def _attaching(facts: SketchFacts) -> Iterator[SketchCall]:
+    """The calls that give an interrupt its function, the second argument."""
+    names = ("attachInterrupt", "attachInterruptArg", "timerAttachInterrupt", "timerAttachInterruptArg")
+    return (call for call in facts.named(*names) if len(call.arguments) > 1)
+
+
+def _function_of(facts: SketchFacts, attach: SketchCall) -> str:
+    return facts.spelled(attach, 1).lstrip("&")
+
+
+def _is_lambda(attach: SketchCall) -> bool:
+    argument = attach.arguments[1]
+    return bool(argument) and argument[0].text == "["
 
 
 def may_wake_tasks(facts: SketchFacts, function: str) -> bool:
@@ -69,18 +84,20 @@ def may_wake_tasks(facts: SketchFacts, function: str) -> bool:
     is not among the sketch's functions may, such as a lambda; one that is not there at all does nothing."""
     if function not in facts.functions:
         return function not in _CALLED_BY_THE_CORE
-    names = {call.name for call, _ in _calls_from(facts, function)}
+    names = {call.name for call in _calls_from(facts, function)}
     return any(_WAKES.fullmatch(name) for name in names)
 
 
-def _calls_from(facts: SketchFacts, function: str, depth: int = 0) -> Iterator[tuple[SketchCall, int]]:
-    """The calls of a function, and of those that it calls, with how deep they are."""
-    for call in facts.calls_in(function):
-        if call.type:
-            continue
-        yield call, depth
-        if call.name in facts.functions and call.name != function and depth < _DEEPEST:
-            yield from _calls_from(facts, call.name, depth + 1)
+def _calls_from(facts: SketchFacts, function: str) -> list[SketchCall]:
+    """The calls of a function, and of those that it calls, each function once."""
+    found: list[SketchCall] = []
+    functions = [function]
+    for each in functions:
+        calls = [call for call in facts.calls_in(each) if not call.type]
+        found += calls
+        own = dict.fromkeys(call.name for call in calls if call.name in facts.functions)
+        functions += [name for name in own if name not in functions]
+    return found
 
 
 def _fault(facts: SketchFacts, call: SketchCall) -> str:

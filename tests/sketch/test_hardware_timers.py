@@ -232,9 +232,9 @@ void setup() {
 }
 """
     facts = SketchFacts({"rover.ino": text}, ESP32)
-    assert list(interrupt_functions(facts)) == ["edge", "fires"]
+    assert list(interrupt_functions(facts)) == ["fires", "edge"]
     assert [each.mode for each in facts.interrupts()] == ["RISING"]
     assert [str(each).partition(" in ")[0] for each in interrupt_problems(facts)] == [
-        "rover.ino:2: delay",
         "rover.ino:1: Serial.println",
+        "rover.ino:2: delay",
     ]

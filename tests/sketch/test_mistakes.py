@@ -239,6 +239,8 @@ void setup() {
         "task Drive at rover.ino:3 has not waited for 5 s, and core 0 was never idle: the task watchdog "
         "restarts a real ESP32; give it a vTaskDelay(1)"
     )
+    off = alone.replace("void setup() {", "void setup() { disableCore0WDT();")
+    assert notices(tmp_path / "off", off, 5.5, ESP) == []
     # Core 1 has none: there loop() runs, which mostly never waits.
     (told,) = notices(tmp_path / "other", both.replace(", 0);", ", 1);"), 1.5, ESP)
     assert told == (

@@ -93,12 +93,12 @@ def test_calls_in_an_interrupt_are_found_by_way_of_helpers_too() -> None:
     assert calls(INTERRUPTS) == [
         f"rover.ino:6: Serial.println in {rises}: it lasts as long as its bytes once the queue is full; set "
         "a flag, and print in loop()",
-        "rover.ino:3: delay in helper(), which the interrupt's function rises() calls: it needs interrupts, "
-        "which are off there; set a flag, and wait in loop()",
         f"rover.ino:9: pulseIn in {rises}: no other interrupt comes while it waits; set a flag, and measure "
         "in loop()",
         f"rover.ino:12: Wire.requestFrom in {rises}: Wire needs interrupts, which are off there; set a flag, "
         "and read in loop()",
+        "rover.ino:3: delay in helper(), which the interrupt's function rises() calls: it needs interrupts, "
+        "which are off there; set a flag, and wait in loop()",
         f"rover.ino:15: link.write in {falls}: interrupts are off as long as its bytes last; set a flag, and "
         "print in loop()",
         f"rover.ino:16: xSemaphoreGive in {falls}: use xSemaphoreGiveFromISR there",
@@ -106,6 +106,23 @@ def test_calls_in_an_interrupt_are_found_by_way_of_helpers_too() -> None:
         f"rover.ino:19: vTaskDelay in {falls}: it waits, which only a task may; wake a task that does it",
     ]
     assert "a real ESP32 may crash there" in calls(INTERRUPTS, ESP32)[0]
+
+
+def test_calls_in_a_lambda_are_those_of_its_interrupt() -> None:
+    text = """void setup() {
+  delay(5);
+  attachInterrupt(0, [] { count++; delay(2); }, RISING);
+}
+"""
+    assert calls(text) == [
+        "rover.ino:3: delay in the function of the interrupt at rover.ino:3: it needs interrupts, which are "
+        "off there; set a flag, and wait in loop()"
+    ]
+
+
+def test_functions_that_call_each_other_end() -> None:
+    text = "void one() { " + "two(); " * 300 + "}\nvoid two() { " + "one(); " * 300 + "delay(1); }\n"
+    assert len(calls(text + "void setup() { attachInterrupt(0, one, RISING); }\n")) == 1
 
 
 @pytest.mark.parametrize(

@@ -19,6 +19,7 @@ constexpr int HAS_INTERRUPTS = 1, LOOP_GOES_ON = 2;  // flags of what is left wh
 // Tasks that wait for ever: one notice a board. A circle says more than that all wait.
 bool circle_is_told = false, all_are_told = false;
 Nanoseconds all_wait_since = NEVER;
+bool has_watchdog = CORES > 1;
 
 bool waits_for_ever(const Task& task) {
   if (task.state == TaskState::Suspended) return true;
@@ -94,13 +95,13 @@ void look_for_starved(Task& runs, int core) {
     if (is_starved(each)) tell_task(each);
   if (idle && is_starved(*idle)) tell_task(*idle);
   const bool never_waits = now - runs.works_since >= TOO_LONG;
-  tell(Told::Detail, (never_waits ? NEVER_WAITS : 0) | (CORES > 1 && core == 0 ? ON_CORE_0 : 0), -1);
+  tell(Told::Detail, (never_waits ? NEVER_WAITS : 0) | (has_watchdog && core == 0 ? ON_CORE_0 : 0), -1);
   tell_mistake(Mistake::Starved, runs, place_of(runs));
 }
 
 void look_at_watchdog() {
   Task* runs = task_on(0);
-  if (CORES == 1 || !runs || runs->is_told || now - idle_at() < WATCHDOG) return;
+  if (!has_watchdog || !runs || runs->is_told || now - idle_at() < WATCHDOG) return;
   runs->is_told = true;
   make_room(1);
   tell_mistake(Mistake::Watchdog, *runs, place_of(*runs));
@@ -129,6 +130,8 @@ void look_for_circle(const Awaited& awaited) {
   tell(Told::Detail, static_cast<int>(WaitsFor::Deleted), task->state == TaskState::Deleted);
   tell_mistake(Mistake::Circle, *first, awaited.at);
 }
+
+void watch_core_0(bool on) { has_watchdog = on; }
 
 void look_at_tasks() {
   if (!circle_is_told && !all_are_told) look_for_waits();

@@ -103,6 +103,14 @@ struct EspClass {
 extern EspClass ESP;
 int64_t esp_timer_get_time();
 uint32_t esp_random();
+// The watchdog of a core's idle task: core 0 has one. loop() has none unless the sketch wants it, which changes nothing.
+void enableCore0WDT();
+void disableCore0WDT();
+inline void enableCore1WDT() {}
+inline void disableCore1WDT() {}
+inline void enableLoopWDT() {}
+inline void disableLoopWDT() {}
+inline void feedLoopWDT() {}
 #endif
 
 // -- interrupts --------------------------------------------------------------------------------------

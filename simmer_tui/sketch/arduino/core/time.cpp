@@ -2,6 +2,7 @@
 #include "../board/clock.h"
 #include "../board/interrupts.h"
 #include "../board/mistakes.h"
+#include "../board/task_mistakes.h"
 #include "../board/tasks.h"
 #include "Arduino.h"
 
@@ -45,6 +46,8 @@ int64_t esp_timer_get_time() {
   pass(cost::MICROS);
   return static_cast<int64_t>((now - boot) / MICROSECOND);
 }
+void enableCore0WDT() { watch_core_0(true); }
+void disableCore0WDT() { watch_core_0(false); }
 uint32_t esp_random() { return static_cast<uint32_t>(random(1 << 16)) << 16 | static_cast<uint32_t>(random(1 << 16)); }
 #else
 void delayMicroseconds(unsigned int microseconds) { pass(microseconds * MICROSECOND); }
