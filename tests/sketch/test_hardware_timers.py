@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from simmer_tui.sim.records import CommandResult
 from simmer_tui.sketch.boards import ESP32
 from simmer_tui.sketch.compiler import find_compiler
 from simmer_tui.sketch.interrupt_check import interrupt_functions, interrupt_problems
@@ -220,6 +221,48 @@ void loop() { busy++; }
         runs.append((repr(boards.events), boards.robot.lockstep.sent))
     assert len(runs[0][1]) > 100
     assert runs[1:] == runs[:1] * 2
+
+
+@pytest.mark.slow
+@no_compiler
+def test_a_timer_steps_the_wheels(tmp_path: Path) -> None:
+    """1,000 steps a second of a hundredth of an inch each, for 0.6 s, whatever loop() does."""
+    motors = "".join(
+        f'[[motors]]\nboard = "rover"\ndriver = "step_dir"\nstep = {step}\ndir = {step + 1}\n'
+        f'steps_per_inch = 100\nwheel = "{wheel}"\n'
+        for step, wheel in ((25, "left"), (32, "right"))
+    )
+    sketch = """
+volatile int steps;
+hw_timer_t *timer;
+void IRAM_ATTR fires() {
+  bool high = steps % 2 == 0;
+  digitalWrite(25, high);
+  digitalWrite(32, high);
+  if (++steps == 1200) timerAlarmDisable(timer);
+}
+void setup() {
+  const int pins[] = {25, 26, 32, 33};
+  for (int pin : pins) pinMode(pin, OUTPUT);
+  digitalWrite(26, HIGH);
+  digitalWrite(33, HIGH);
+  timer = timerBegin(1000000);
+  timerAttachInterrupt(timer, fires);
+  timerAlarm(timer, 500, true, 0);
+}
+volatile long busy;
+void loop() { busy++; if (busy % 1000 == 0) delay(7); }
+"""
+    boards = Boards(made_set(tmp_path / "set", BOARD + motors, {"rover.ino": sketch}), noise=False)
+    boards.simulator.set_bias({kind: type(bias)() for kind, bias in boards.simulator.bias.items()})
+    x = boards.simulator.pose.x
+    try:
+        boards.run_to(2.0)
+        assert boards.simulator.pose.x - x == pytest.approx(6.0, abs=0.02)
+        moves = [each for each in boards.events if isinstance(each, CommandResult)]
+        assert moves[-1].time == pytest.approx(0.6, abs=0.005)
+    finally:
+        boards.close()
 
 
 def test_check_looks_at_the_functions_of_timers() -> None:
