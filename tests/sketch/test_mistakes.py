@@ -3,10 +3,14 @@ of no tick, pins that cannot do it, and calls within an interrupt."""
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
+from simmer_tui.cli.log_commands import build_report
+from simmer_tui.report.causes import MomentKind
 from simmer_tui.run.events import Notice
 from simmer_tui.sketch.bench_check import bench_lines
 from simmer_tui.sketch.compiler import find_compiler
@@ -391,3 +395,27 @@ def test_check_tells_a_mistake_of_its_run_as_a_whole(tmp_path: Path) -> None:
     *_, last = bench_lines(configuration, wiring, [])
     assert last.startswith("  board rover: tasks wait for each other for ever: ")
     assert last.endswith("; take them in the same order in all tasks")
+
+
+def test_a_mistake_is_in_the_log_and_among_what_happened(tmp_path: Path) -> None:
+    made_set(tmp_path / "set", ROVER + MOTORS, {"rover.ino": AVR + CIRCLE + LOOP})
+    log = tmp_path / "run.log"
+    command = [sys.executable, "-m", "simmer_tui", "--no-ui", "--sketch", str(tmp_path / "set")]
+    command += [
+        "--clock",
+        "program",
+        "--log",
+        str(log),
+        "--port",
+        "0",
+        "--reply-port",
+        "0",
+        "--belief-port",
+        "0",
+    ]
+    program = f"{sys.executable} -c 'import time; time.sleep(1)'"
+    subprocess.run([*command, "--run", program], capture_output=True, timeout=300, check=False)
+    (moment,) = (each for each in build_report(log).verdict.moments if "for ever" in each.text)
+    assert moment.kind is MomentKind.BOARD
+    assert moment.elapsed == pytest.approx(0.048, abs=0.002)
+    assert moment.text.endswith("take them in the same order in all tasks")
