@@ -155,7 +155,7 @@ class BoardMistakes:
         runs = _name(board, record.task)
         have = f"{', '.join(names[:_MOST_TASKS])} {'has' if len(names) == 1 else 'have'} not run for 1 s"
         if flags & _NEVER_WAITS:
-            why = f"{runs}, of higher priority, never waits{_at(line)}; give it a vTaskDelay"
+            why = f"{runs}, of higher priority, has not waited meanwhile{_at(line)}; give it a vTaskDelay"
         else:
             why = f"tasks of higher priority always have work, now {runs}{_at(line)}"
         text = f"{have}: {why}"
@@ -258,6 +258,7 @@ def _circle(board: Board, details: Sequence[BoardRecord]) -> str:
         return f"{_shown(stuck)}: it waits for ever, since that task was deleted with its mutex"
     if len(stuck) == 1:
         one = stuck[0]
-        return f"{one.name} waits for ever{_at(one.line)} for the mutex that it took itself{_at(one.taken)}"
+        what = f"{one.name} waits for ever{_at(one.line)} for the mutex that it took itself{_at(one.taken)}"
+        return f"{what}; give it back first, or make it recursive"
     remedy = "take them in the same order in all tasks"
     return f"tasks wait for each other for ever: {_shown(stuck)}; {remedy}"

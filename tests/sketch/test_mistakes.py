@@ -75,7 +75,8 @@ def test_tasks_that_wait_for_each_others_mutex_are_told_at_once(board: str, tmp_
     [
         (
             "xSemaphoreTake(lock, 5);\nxSemaphoreTake(lock, portMAX_DELAY);",
-            "Drive waits for ever at rover.ino:7 for the mutex that it took itself at rover.ino:6",
+            "Drive waits for ever at rover.ino:7 for the mutex that it took itself at rover.ino:6; give it "
+            "back first, or make it recursive",
         ),
         (
             "vTaskDelay(5);\nxSemaphoreTake(lock, portMAX_DELAY);",
@@ -193,7 +194,9 @@ void setup() {
 }
 """
     (told,) = notices(tmp_path / "empty", AVR + sketch + LOOP)
-    assert told.startswith("Eyes has not run for 1 s: Drive, of higher priority, never waits at rover.ino:")
+    assert told.startswith(
+        "Eyes has not run for 1 s: Drive, of higher priority, has not waited meanwhile at rover.ino:"
+    )
     assert told.endswith("; give it a vTaskDelay")
     assert told.split("rover.ino:")[1].split(";")[0] in ("7", "8")
     (told,) = notices(tmp_path / "loop", AVR + sketch + "void loop() { digitalWrite(13, HIGH); }\n")
@@ -234,8 +237,8 @@ void setup() {
     both = (sketch.replace("MORE", eyes) + LOOP).replace("CORE", "0")
     (told,) = notices(tmp_path / "both", both, 1.5, ESP)
     assert told == (
-        "Eyes has not run for 1 s: Drive, of higher priority, never waits at rover.ino:3; give it a "
-        "vTaskDelay; the task watchdog restarts a real ESP32 after 5 s of that on core 0"
+        "Eyes has not run for 1 s: Drive, of higher priority, has not waited meanwhile at rover.ino:3; "
+        "give it a vTaskDelay; the task watchdog restarts a real ESP32 after 5 s of that on core 0"
     )
     alone = (sketch.replace("MORE", "") + LOOP).replace("CORE", "0")
     (told,) = notices(tmp_path / "alone", alone, 5.5, ESP)
@@ -248,8 +251,8 @@ void setup() {
     # Core 1 has none: there loop() runs, which mostly never waits.
     (told,) = notices(tmp_path / "other", both.replace(", 0);", ", 1);"), 1.5, ESP)
     assert told == (
-        "loop() at rover.ino:7 has not run for 1 s: Drive, of higher priority, never waits at rover.ino:3; "
-        "give it a vTaskDelay"
+        "loop() at rover.ino:7 has not run for 1 s: Drive, of higher priority, has not waited meanwhile at "
+        "rover.ino:3; give it a vTaskDelay"
     )
     assert notices(tmp_path / "loop", "void setup() {}\n" + LOOP, 5.5, ESP) == []
 
