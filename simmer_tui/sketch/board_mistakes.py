@@ -97,8 +97,8 @@ class BoardMistakes:
         """Tell a mistake of a board by its record and what belongs to it."""
         line = _line(board, record)
         kind = Mistake(record.pin)
-        # Two calls of one kind in a line are one mistake; of pins, each has its own.
-        number = details[-1].value if details and kind not in _OF_TASKS else 0
+        # Two calls of one kind in a line are one mistake; of pins and of tasks, each has its own.
+        number = record.task if kind in _OF_TASKS else details[-1].value
         key = (board.name, kind, line, number)
         if line and key in self._told:
             return

@@ -222,6 +222,21 @@ void setup() {
     assert told.startswith("Eyes has not run for 1 s: tasks of higher priority always have work, now ")
 
 
+def test_a_task_for_which_no_core_is_free_is_told_once(tmp_path: Path) -> None:
+    sketch = """volatile long counts[2];
+void drives(void* which) { for (;;) counts[which ? 1 : 0]++; }
+void looks(void*) { for (;;) delay(10); }
+void setup() {
+  xTaskCreate(looks, "Eyes", 2000, NULL, 1, NULL);
+  xTaskCreatePinnedToCore(drives, "Drive", 2000, NULL, 2, NULL, 0);
+  xTaskCreatePinnedToCore(drives, "Hand", 2000, counts, 2, NULL, 1);
+}
+"""
+    told = notices(tmp_path, sketch + LOOP, 3.0, ESP)
+    assert sum("Eyes has not run" in each or "Eyes at" in each for each in told) == 1
+    assert sum("loop() at" in each for each in told) == 1
+
+
 def test_the_task_watchdog_of_an_esp32_is_told(tmp_path: Path) -> None:
     sketch = """void drives(void*) {
   volatile long count = 0;

@@ -75,7 +75,8 @@ void look_for_waits() {
 uint32_t place_of(const Task& task) { return &task == &running_task() ? place : task.place; }
 
 bool is_passed_over(const Task& task) {
-  return task.state == TaskState::Ready && !is_on_core(task) && now - task.ready_since >= TOO_LONG;
+  return task.state == TaskState::Ready && !task.is_told_passed && !is_on_core(task) &&
+         now - task.ready_since >= TOO_LONG;
 }
 
 // A task that runs on a core where others may not.
@@ -84,14 +85,17 @@ void look_for_starved(Task& runs, int core) {
   const auto is_starved = [&](const Task& each) {
     return is_passed_over(each) && each.priority < runs.priority && (each.core == ANY_CORE || each.core == core);
   };
-  const Task* idle = idle_loop();
+  Task* idle = idle_loop();
   bool is_found = idle && is_starved(*idle);
   for (const Task& each : all_tasks()) is_found |= is_starved(each);
   if (!is_found) return;
   runs.is_told = true;
-  const auto tell_task = [](const Task& each) { tell(Told::Detail, 0, static_cast<int>(each.place), now, each.number); };
+  const auto tell_task = [](Task& each) {
+    each.is_told_passed = true;
+    tell(Told::Detail, 0, static_cast<int>(each.place), now, each.number);
+  };
   make_room(task_total() + 2);
-  for (const Task& each : all_tasks())
+  for (Task& each : all_tasks())
     if (is_starved(each)) tell_task(each);
   if (idle && is_starved(*idle)) tell_task(*idle);
   const bool never_waits = now - runs.works_since >= TOO_LONG;

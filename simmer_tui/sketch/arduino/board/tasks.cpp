@@ -233,7 +233,7 @@ Task* create_task(void (*function)(void*), const char* name, void* argument, uns
   task->wake = NEVER;
   task->awaited = Awaited();
   task->ready_since = task->works_since = now;
-  task->is_told = false;
+  task->is_told = task->is_told_passed = false;
   task->notification = 0;
   task->is_notified = false;
   task->waiting = task->last_wait = Wait();

@@ -61,6 +61,7 @@ struct Task {
   Nanoseconds ready_since = 0;    // it has not run since
   Nanoseconds works_since = 0;    // it has not waited since
   bool is_told = false;           // that others cannot pass it
+  bool is_told_passed = false;    // that it has not run
   uint32_t notification = 0;
   bool is_notified = false;
   // State of the board, while other tasks run.
