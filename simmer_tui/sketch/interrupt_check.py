@@ -41,7 +41,10 @@ def interrupt_problems(facts: SketchFacts) -> Iterator[Problem]:
     """Calls in the functions of interrupts, and in those that they call: each once a line, and the
     prints of a function once."""
     told: set[tuple[str, str]] = set()
+    attaching: dict[str, SketchCall] = {}
     for attach in _attaching(facts):
+        attaching.setdefault(facts.spelled(attach, 1), attach)
+    for attach in attaching.values():
         function = _function_of(facts, attach)
         own = [call for call in facts.calls_in(attach.function) if call.token in attach.arguments[1]]
         by_own = f"the function of the interrupt at {attach.token.spot}"
@@ -91,12 +94,13 @@ def may_wake_tasks(facts: SketchFacts, function: str) -> bool:
 def _calls_from(facts: SketchFacts, function: str) -> list[SketchCall]:
     """The calls of a function, and of those that it calls, each function once."""
     found: list[SketchCall] = []
-    functions = [function]
+    functions, known = [function], {function}
     for each in functions:
         calls = [call for call in facts.calls_in(each) if not call.type]
         found += calls
         own = dict.fromkeys(call.name for call in calls if call.name in facts.functions)
-        functions += [name for name in own if name not in functions]
+        functions += [name for name in own if name not in known]
+        known |= own.keys()
     return found
 
 

@@ -4,7 +4,7 @@ it does not know it leaves out."""
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import KeysView, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Self
@@ -133,9 +133,9 @@ class SketchSource:
         return cls({path.name: path.read_text("utf-8", "replace") for path in paths}, kind)
 
     @property
-    def functions(self) -> frozenset[str]:
+    def functions(self) -> KeysView[str]:
         """The names of its own functions."""
-        return frozenset(self.parameters)
+        return self.parameters.keys()
 
     # -- reading ------------------------------------------------------------------------------------
 
@@ -184,12 +184,14 @@ class SketchSource:
         close = partners.get(at + 1)
         if close is None or close - at > LONGEST_CALL or len(self._loops) == _MOST_LOOPS:
             return
+        # It ends with its block, with its only statement, or with the block around it.
         end = close + 1
-        if end < len(tokens) and tokens[end].text == "{":
-            end = partners.get(end, end)
-        else:
-            while end < len(tokens) and tokens[end].text != ";":
-                end = partners.get(end, end) + 1
+        while end < len(tokens) and tokens[end].text != ";":
+            partner = partners.get(end, end)
+            if partner < end or tokens[end].text == "{":
+                end = max(end, partner)
+                break
+            end = partner + 1
         loop = _loop_of(tokens[at + 2 : close])
         if loop is not None:
             self._loops.append((end, loop))

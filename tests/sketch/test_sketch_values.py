@@ -56,6 +56,10 @@ def test_whole_numbers_are_computed_as_in_cpp(expression: str, number: int | Non
             {4, 5, 6, 7},
         ),
         ("for (int i = 0; i < 2; i++) { digitalWrite(pins[i], HIGH); }", {30, 31}),
+        ("for (int i = 0; i < 2; i++) for (int j = 0; j < 2; j++) { digitalWrite(4 + i, 1); }", {4, 5}),
+        ("{ for (int i = 0; i < 2; i++) if (x) { digitalWrite(4 + i, 1); } }", {4, 5}),
+        ("for (int i = 0; i < 2; i++) f(i); { digitalWrite(4 + i, 1); }", None),
+        ("while (x) { for (int i = 0; i < 2; i++) } digitalWrite(4 + i, 1);", None),
         ("for (int i = 0; i < sizeof(pins) / sizeof(pins[0]); i++) digitalWrite(i + 2, HIGH);", {2, 3, 4}),
         # The loop is over, counts otherwise, or ends where nobody knows.
         ("for (int i = 2; i < 5; i++) { } digitalWrite(i, HIGH);", None),
