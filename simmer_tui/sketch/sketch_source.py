@@ -272,7 +272,7 @@ class SketchSource:
     ) -> None:
         """Take `name = value` up to the next comma or end."""
         start = end = at + 2
-        while end < len(tokens) and tokens[end].text not in (",", ";", ")", "}"):
+        while end < len(tokens) and tokens[end].text not in (",", ";", ")", "}", "]"):
             end = partners.get(end, end) + 1
         value = tuple(tokens[start : min(end, start + LONGEST_CALL)])
         known = self.expressions[tokens[at].text]

@@ -331,6 +331,7 @@ def test_values_of_pins_are_followed() -> None:
         "void f(int a) { f(a); digitalWrite(a, 1); }" * 400,
         "int a = b, b = a; void loop() { digitalWrite(a, 1); }",
         "{" * 20_000 + "}" * 20_000,
+        "int a[n = 2] = {1, 2}; void loop() { digitalWrite(a[n = 1], 1); }",
         'x = "' + "\\" * 20_001,
         "int a = " + "(" * 20_000 + "1" + ")" * 20_000 + "; void loop() { digitalWrite(a, 1); }",
     ],

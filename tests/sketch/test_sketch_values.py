@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
+import random
+import re
+
 import pytest
 
 from simmer_tui.sketch.boards import ESP32, MEGA
+from simmer_tui.sketch.interrupt_check import interrupt_problems
+from simmer_tui.sketch.pin_check import pin_problems
 from simmer_tui.sketch.sketch_scan import SketchFacts
+from simmer_tui.sketch.sketch_steps import pulses, steps
+from simmer_tui.sketch.task_check import task_problems
+from tests.sketch.running import FORMS
 
 
 def first_pins(text: str) -> frozenset[int] | None:
@@ -102,3 +110,32 @@ def test_a_port_is_known_by_its_number_and_by_other_names(
     assert found.tx == (None if tx is None else frozenset({tx}))
     if bauds:
         assert facts.is_port(next(facts.named("begin")).object)
+
+
+PIECES = (
+    *("for(", "for (int i = 0; i < 3; i++)", "for (int p : a)", "{", "}", "(", ")", "[", "]", ";", ",", "="),
+    *("sizeof(a)/sizeof(a[0])", "+", "<<", "?", ":", "attachInterrupt(0, f, RISING);", "[] {", "->", "i++"),
+    *(
+        "ledcAttachPin(a[i], i * 2);",
+        "int a[] = {1, 2, 3};",
+        "HardwareSerial port(2);",
+        "#define X (Y + 1)\n",
+    ),
+)
+
+
+def test_a_sketch_with_pieces_too_many_or_too_few_is_read_to_its_end() -> None:
+    texts = [path.read_text("utf-8") for path in sorted(FORMS.rglob("*.ino"))]
+    random_numbers = random.Random(7)
+    for _ in range(120):
+        tokens = re.findall(r"\s+|\w+|.", random_numbers.choice(texts))
+        for _ in range(random_numbers.randint(1, 30)):
+            place = random_numbers.randrange(len(tokens))
+            if random_numbers.random() < 0.5:
+                tokens.insert(place, random_numbers.choice(PIECES))
+            else:
+                del tokens[place]
+        facts = SketchFacts({"s.ino": "".join(tokens)}, random_numbers.choice((MEGA, ESP32)))
+        found = [*steps(facts), *pulses(facts), *facts.ports(), *facts.interrupts()]
+        found += [*interrupt_problems(facts), *pin_problems(facts), *task_problems(facts)]
+        assert len(found) < 10_000
