@@ -93,8 +93,8 @@ class BoardMistakes:
         self._facts = facts
         self._told: set[tuple[str, int, str, int]] = set()
 
-    def add(self, board: Board, record: BoardRecord, details: Sequence[BoardRecord]) -> None:
-        """Tell a mistake of a board by its record and what belongs to it."""
+    def add(self, board: Board, record: BoardRecord, details: Sequence[BoardRecord], time: int) -> None:
+        """Tell a mistake of a board by its record and what belongs to it, at a time, nanoseconds."""
         line = _line(board, record)
         kind = Mistake(record.pin)
         # Two calls of one kind in a line are one mistake; of pins and of tasks, each has its own.
@@ -106,8 +106,8 @@ class BoardMistakes:
         if text:
             self._told.add(key)
             subject = f"{kind.name.lower()} {number} {line}"
-            moment = record.time / SECOND
-            self._tell(Notice(NoticeKind.BOARD, f"board {board.name}: {text}", subject, moment=moment))
+            text = f"board {board.name}: {text}"
+            self._tell(Notice(NoticeKind.BOARD, text, subject, moment=time / SECOND))
 
     def _text(
         self, board: Board, kind: Mistake, record: BoardRecord, details: Sequence[BoardRecord], line: str

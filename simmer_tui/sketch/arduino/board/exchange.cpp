@@ -158,6 +158,13 @@ double exchange(Reason reason, Query query, int pin) {
   return grant.answer;
 }
 
+void end_grant(Nanoseconds moment) {
+  grant_flags &= ~STOP_WHEN_SENT;
+  if (moment >= horizon) return;
+  horizon = moment;
+  plan_stop();
+}
+
 void tell(Told kind, int pin, int value, Nanoseconds time) { tell(kind, pin, value, time, running_task().number); }
 
 void tell(Told kind, int pin, int value, Nanoseconds time, uint8_t task) {
