@@ -51,6 +51,7 @@ from simmer_tui.sketch.motion_check import wrong_functions
 from simmer_tui.sketch.parts import (
     ECHO_DELAY,
     SECOND,
+    SERVO_STOP,
     EncoderState,
     analog_counts,
     bus_option,
@@ -69,6 +70,7 @@ from simmer_tui.sketch.wiring import (
     WiredI2c,
     WiredLineSensor,
     WiredRanger,
+    WiredServo,
     WiredSonar,
     Wiring,
     WiringParts,
@@ -253,7 +255,8 @@ class SketchRobot(LockstepWorld):
         self.last_line = ""
         self._sonar_until: dict[str, int] = {}
         self._options: dict[str, list[str]] = {}
-        self._gripper_closed: bool | None = None
+        self._pulses: dict[tuple[str, int], int] = {}
+        """The last pulse of each gripper's servo, microseconds, by board and pin."""
         boards = {name: self._board(name) for name in self._set.wiring.boards}
         for wire in self._set.wiring.wires:
             sender, receiver = boards[wire.from_board], boards[wire.to_board]
@@ -330,6 +333,7 @@ class SketchRobot(LockstepWorld):
         process.now = now
         board.process = process
         self._busy[board.name] = now, 0, 0.0
+        self._pulses = {key: width for key, width in self._pulses.items() if key[0] != board.name}
         board.events.clear()
         for pin, states in board.steppers.items():
             for each in states:
@@ -466,7 +470,7 @@ class SketchRobot(LockstepWorld):
             self._tell_wrong(board, line)
         for servo in wiring.servos:
             if servo.board == board.name and servo.pin in pins:
-                self._move_servo(board.pin(servo.pin).servo, servo.open, servo.closed)
+                self._move_servo(board, servo)
 
     def _tell_displays(self) -> None:
         """Tell the text on the displays, at the end of a run."""
@@ -499,16 +503,17 @@ class SketchRobot(LockstepWorld):
         line = self.boards[wired.board].process.line_of(stepper.place)
         self._facts.missed_step(wired, self._set.wiring.boards[wired.board].kind, line, reason)
 
-    def _move_servo(self, width: int, opened: float | None, closed: float | None) -> None:
+    def _move_servo(self, board: Board, servo: WiredServo) -> None:
         """The gripper's servo has got another pulse: its jaws are on the side of the nearer angle."""
-        if opened is None or closed is None or not width:
+        width = board.pin(servo.pin).servo
+        before = self._pulses.get((board.name, servo.pin), 0)
+        self._pulses[board.name, servo.pin] = width
+        # The middle is what attach() sends by itself, before the sketch has written anything.
+        by_attach = not before and width == SERVO_STOP
+        if servo.open is None or servo.closed is None or not width or by_attach:
             return
         angle = (width - _SHORTEST_PULSE) / (_LONGEST_PULSE - _SHORTEST_PULSE) * _HALF_TURN
-        close = abs(angle - closed) < abs(angle - opened)
-        before, self._gripper_closed = self._gripper_closed, close
-        # A run begins with open jaws.
-        if close != bool(before):
-            self._world.grip(close=close)
+        self._world.grip(close=abs(angle - servo.closed) < abs(angle - servo.open))
 
     @property
     def steady_until(self) -> int:
