@@ -11,6 +11,7 @@
 #include "core/Print.cpp"
 #include "core/Stream.cpp"
 #include "core/Text_numbers.cpp"
+#include "core/Text_scan.cpp"
 #include "core/WString.cpp"
 #include "core/numbers.cpp"
 #include "core/time.cpp"
