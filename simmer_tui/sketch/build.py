@@ -29,6 +29,7 @@ from simmer_tui.sketch.preprocess import (
     sketch_start,
     sketch_text,
 )
+from simmer_tui.sketch.struct_layout import PACKING, with_board_layout
 
 RUNTIME = Path(__file__).parent / "arduino"
 """The C++ runtime: Arduino's core and libraries in simulated time."""
@@ -345,7 +346,7 @@ def _runtime_digest() -> str:
         [
             *files,
             Path(__file__),
-            *(Path(__file__).with_name(f"{each}.py") for each in ("preprocess", "c_names")),
+            *(Path(__file__).with_name(f"{each}.py") for each in ("preprocess", "c_names", "struct_layout")),
         ]
     )
 
@@ -379,7 +380,12 @@ def _compile(
     texts = [sketch_text(each) for each in (*files, *beside)]
     names, templates = own_c_names(texts), own_templates(texts)
     joined = joined_source(files, names, templates, kind.int_bits) + sketch_start(texts)
-    (work / main).write_text(_with_names(joined, known, sources), encoding="utf-8")
+    own_files = {Path(each.name).name.lower() for each in sources}
+
+    def laid_out(text: str) -> str:
+        return with_board_layout(text, own_files) if kind.int_bits == 16 else text
+
+    (work / main).write_text(laid_out(_with_names(joined, known, sources)), encoding="utf-8")
     for each in sources:
         target = work / each.name
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -390,7 +396,7 @@ def _compile(
             code = board_source(code, int_bits=bits)
         else:
             code = board_source(code, names, templates, bits)
-        text = f'#line 1 "{each.name}"\n{_with_names(code, own, sources)}'
+        text = laid_out(f'#line 1 "{each.name}"\n{_with_names(code, own, sources)}')
         if target.suffix in _COMPILED:
             text = f'#include "Arduino.h"\n{text}'
         target.write_text(text, encoding="utf-8")
@@ -399,7 +405,7 @@ def _compile(
     objects = []
     for number, unit in enumerate(units):
         made = f"{number}.o"
-        flags = [*_flags(kind), *_instrumented(compiler), *_include_paths(work, sources)]
+        flags = [*_flags(kind), *_instrumented(compiler), *_include_paths(work, sources), *_packed(kind)]
         told += _run(compiler, [*flags, "-x", "c++", "-c", unit, "-o", made], work, files, kind)
         objects.append(made)
     fixed = ["-no-pie"] if links_at_fixed_addresses() else []
@@ -456,6 +462,13 @@ def _instrumented(compiler: Compiler) -> list[str]:
     if not compiler.is_gcc:
         returns = ["-fno-strict-return"]
     return ["-O1", "-g1", named, f"-fsanitize-coverage={coverage}", *returns]
+
+
+def _packed(kind: BoardKind) -> list[str]:
+    """The headers that come before a file of a sketch, so that its structs are those of the board."""
+    if kind.int_bits != 16:
+        return []
+    return [part for name in ("Arduino.h", PACKING) for part in ("-include", str(RUNTIME / "core" / name))]
 
 
 def _include_paths(work: Path, sources: Sequence[_Source]) -> list[str]:

@@ -173,7 +173,7 @@ def _without_main(source: str) -> str:
     end returns."""
     if "main" not in source:
         return source
-    plain = _plain_text(source)
+    plain = plain_text(source)
     match = _MAIN.search(plain)
     if match is None:
         return source
@@ -190,7 +190,7 @@ def _without_main(source: str) -> str:
 
 def sketch_start(sources: Sequence[str]) -> str:
     """The end of a sketch's source: what the board runs, a `main` of its own or `setup` and `loop`."""
-    if any(_MAIN.search(_plain_text(each)) for each in sources if "main" in each):
+    if any(_MAIN.search(plain_text(each)) for each in sources if "main" in each):
         start = f"extern const SketchStart sketch_start = {{nullptr, nullptr, main{OWN}}};"
         return f"\nint16_t main{OWN}();\n{start}\n"
     return "\nextern const SketchStart sketch_start = {setup, loop, nullptr};\n"
@@ -201,7 +201,7 @@ def own_templates(sources: Sequence[str]) -> Templates:
     arguments by the function's name. On the board `3` has the type of an `int` variable; here it has not."""
     found: dict[str, tuple[int, ...]] = {}
     for source in sources:
-        for match in _TEMPLATE.finditer(_plain_text(source)):
+        for match in _TEMPLATE.finditer(plain_text(source)):
             arguments = match["arguments"].split(",")
             for kind in re.findall(r"\b(?:class|typename)\s+(\w+)", match["types"]):
                 by_value = re.compile(rf"\s*(?:const\s+)?{kind}(?:\s+const)?(?:\s+\w+)?\s*(?:=.*)?")
@@ -220,7 +220,7 @@ def _with_one_width(source: str, templates: Templates) -> str:
     """The source with the arguments of these functions in `board_wide()`, which the core has."""
     if not templates:
         return source
-    plain = _plain_text(source)
+    plain = plain_text(source)
     heads = {match.start("name") for match in _TEMPLATE.finditer(plain)}
     ends = _closing_places(plain)
     added: list[tuple[int, str]] = []
@@ -263,7 +263,7 @@ def own_c_names(sources: Sequence[str]) -> frozenset[str]:
     methods: set[str] = set()
     values: set[str] = set()
     for source in sources:
-        plain = _plain_text(source)
+        plain = plain_text(source)
         flat = _global_text(plain)
         while (closed := _ARGUMENTS.sub("", flat)) != flat:
             flat = closed
@@ -349,7 +349,7 @@ def prototypes(source: str) -> tuple[list[str], list[int], list[tuple[int, int]]
     They go before the first function. A function in an `#if` has its prototype in the same `#if`; as the
     compiler may skip it, the prototypes go before later functions too, up to the first without a condition.
     """
-    plain = _plain_text(source)
+    plain = plain_text(source)
     flat = _global_text(plain)
     conditions = _conditions(plain)
     found: list[str] = []
@@ -430,7 +430,7 @@ def _opens(directive: str) -> bool:
     return directive.lstrip("# \t").startswith("if")
 
 
-def _plain_text(source: str) -> str:
+def plain_text(source: str) -> str:
     """The source with comments and texts blanked. Places stay."""
 
     def blank(match: re.Match[str]) -> str:
@@ -484,13 +484,13 @@ def joined_source(
     made = ['#include "Arduino.h"\n']
     done = 0
     for place in places if found else ():
-        name, line = _line_at(whole, place)
+        name, line = line_at(whole, place)
         made += [whole[done:place], f'\n{listed}\n#line {line} "{name}"\n']
         done = place
     return "".join((*made, whole[done:]))
 
 
-def _line_at(source: str, place: int) -> tuple[str, int]:
+def line_at(source: str, place: int) -> tuple[str, int]:
     """The file and the line at a place of a joined source."""
     name, line = "", 0
     for text in source[:place].split("\n"):
@@ -504,11 +504,15 @@ def _line_at(source: str, place: int) -> tuple[str, int]:
 
 def includes(source: str) -> Iterator[tuple[str, int]]:
     """The headers that a source includes, with their lines."""
-    blanked = _TOKEN.sub(lambda match: _blank(match[0]) if match["comment"] else match[0], source)
-    for number, line in enumerate(blanked.split("\n"), 1):
+    for number, line in enumerate(without_comments(source).split("\n"), 1):
         found = re.match(r'\s*#\s*include\s*[<"]([^>"]+)[>"]', line)
         if found:
             yield found[1], number
+
+
+def without_comments(source: str) -> str:
+    """The source with comments blanked. Places stay."""
+    return _TOKEN.sub(lambda match: _blank(match[0]) if match["comment"] else match[0], source)
 
 
 def _blank(text: str) -> str:
