@@ -104,7 +104,17 @@ _OTHER_NAMES = {
     **{f"{name}.h": f"freertos/{name}.h" for name in ("task", "queue", "semphr", "timers", "event_groups")},
     "freertos.h": "Arduino_FreeRTOS.h",
 }
-_FLAGS = ("-std=gnu++17", "-fpermissive", "-Wno-narrowing", "-Wreturn-type", "-DARDUINO=10819")
+_REWRITING = ("preprocess", "c_names", "cpp_text", "prototypes", "struct_layout")
+"""Modules that make the C++ of a sketch."""
+_FLAGS = (
+    "-std=gnu++17",
+    "-fpermissive",
+    "-Wno-narrowing",
+    "-Wreturn-type",
+    "-DARDUINO=10819",
+    "-Ulinux",
+    "-Uunix",
+)
 _AVR_FLAGS = ("-DARDUINO_ARCH_AVR", "-D__AVR__")
 _ESP32_FLAGS = ("-DARDUINO_ARCH_ESP32", "-DESP32", "-DSIMMER_ESP32")
 _BAUDS = frozenset(
@@ -116,6 +126,7 @@ _BAUDS = frozenset(
 _USUAL_BAUD = 9600
 _BLUETOOTH_BAUD = 115200
 """The rate of BluetoothSerial.h."""
+_NO_CLOSING = re.compile(r"expected '\}'(?: at end of input)?$")
 _NO_REASONS = ("Please ", "See ", "compilation terminated")
 """Beginnings of lines of gcc that follow the reason."""
 # Names of the data sheets of ATmega328P and ATmega2560.
@@ -346,7 +357,7 @@ def _runtime_digest() -> str:
         [
             *files,
             Path(__file__),
-            *(Path(__file__).with_name(f"{each}.py") for each in ("preprocess", "c_names", "struct_layout")),
+            *(Path(__file__).with_name(f"{each}.py") for each in _REWRITING),
         ]
     )
 
@@ -591,14 +602,31 @@ def _of_no_task(name: str) -> str:
     return f"{what}. Write it with those that are there"
 
 
+def _unclosed(output: str) -> str:
+    """The place of a brace that is not closed; empty if all are."""
+    at_end = False
+    for line in output.splitlines():
+        found = re.match(r"(.+?):(\d+)(?::\d+)?: (error|note): (.*)", line)
+        if found is not None and found[3] == "error":
+            at_end = _NO_CLOSING.match(found[4]) is not None
+        elif found is not None and at_end and found[4].startswith("to match this '{'"):
+            return f"{_own_name(Path(found[1]).name)}:{found[2]}"
+    return ""
+
+
 def _errors(
     output: str, compiler: Compiler, files: Sequence[Path], board: BoardKind | None = None
 ) -> Iterator[Problem]:
     """At most three errors, with the lines of the sketch."""
     texts = {each.name: sketch_text(each).split("\n") for each in files}
     seen = 0
+    unclosed = _unclosed(output)
+    if unclosed:
+        yield Problem(unclosed, "this { has no }: the end of the sketch comes first")
+        seen = MOST_ERRORS - 1
     for place, kind, text in _messages(output):
-        if kind != "error":
+        # A brace that is not closed leaves the end of ours inside a function.
+        if kind != "error" or "sketch_start" in text or (unclosed and _NO_CLOSING.match(text)):
             continue
         name, _, number = place.rpartition(":")
         lines = texts.get(name, [])

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection
 
-from simmer_tui.sketch.preprocess import line_at, plain_text, without_comments
+from simmer_tui.sketch.cpp_text import line_at, plain_text, without_comments
 
 PACKING = "Packing.h"
 """The header of the core from which on structs are packed."""
