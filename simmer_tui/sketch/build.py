@@ -30,6 +30,7 @@ from simmer_tui.sketch.preprocess import (
     sketch_text,
 )
 from simmer_tui.sketch.struct_layout import PACKING, with_board_layout
+from simmer_tui.sketch.switch_scopes import with_case_scopes
 
 RUNTIME = Path(__file__).parent / "arduino"
 """The C++ runtime: Arduino's core and libraries in simulated time."""
@@ -104,7 +105,7 @@ _OTHER_NAMES = {
     **{f"{name}.h": f"freertos/{name}.h" for name in ("task", "queue", "semphr", "timers", "event_groups")},
     "freertos.h": "Arduino_FreeRTOS.h",
 }
-_REWRITING = ("preprocess", "c_names", "cpp_text", "prototypes", "struct_layout")
+_REWRITING = ("preprocess", "c_names", "cpp_text", "prototypes", "struct_layout", "switch_scopes")
 """Modules that make the C++ of a sketch."""
 _FLAGS = (
     "-std=gnu++17",
@@ -151,6 +152,7 @@ _OF_TASKS = re.compile(
 _WARNINGS = {
     "-Woverflow": "this number does not fit",
     "-Wconstant-conversion": "this number does not fit",
+    "-fpermissive": "a text or an address is taken for a number: 'a' is a letter, \"a\" is a text",
     "-Wreturn-type": "this function ends without its return",
 }
 """Sentences about the warnings of compilers that are passed on, by the warning's option."""
@@ -394,7 +396,7 @@ def _compile(
     own_files = {Path(each.name).name.lower() for each in sources}
 
     def laid_out(text: str) -> str:
-        return with_board_layout(text, own_files) if kind.int_bits == 16 else text
+        return with_board_layout(with_case_scopes(text), own_files) if kind.int_bits == 16 else text
 
     (work / main).write_text(laid_out(_with_names(joined, known, sources)), encoding="utf-8")
     for each in sources:
@@ -532,8 +534,17 @@ def _run(
         f"{place}: {sentence}: {text}"
         for place, kind, text in _messages(done.stderr)
         for option, sentence in _WARNINGS.items()
-        if kind == "warning" and option in text
+        if kind == "warning" and option in text and (option != "-fpermissive" or _of_pointers(text))
     ]
+
+
+def _of_pointers(text: str) -> bool:
+    """True for a number that is compared with an address, or made of one, or the other way round. The rest of
+    what `-fpermissive` allows does the same on the board."""
+    found = re.search(r"invalid conversion from '([^']*)'(?: \{[^}]*\})? to '([^']*)'", text)
+    if found is None:
+        return "comparison between pointer and integer" in text
+    return found[1].endswith(("*", ")")) != found[2].endswith(("*", ")"))
 
 
 def _messages(output: str) -> Iterator[tuple[str, str, str]]:

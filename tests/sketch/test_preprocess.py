@@ -8,6 +8,7 @@ import pytest
 
 from simmer_tui.sketch.preprocess import board_source, joined_source, own_c_names
 from simmer_tui.sketch.prototypes import prototypes
+from simmer_tui.sketch.switch_scopes import with_case_scopes
 
 
 @pytest.mark.parametrize(
@@ -253,3 +254,40 @@ def test_a_function_that_a_variable_uses_is_declared_before_it(tmp_path: Path) -
     before = rest.partition("void (*steps")[0]
     assert "void walk(int16_t a);" in before
     assert "void turn(int16_t a);" in before
+
+
+@pytest.mark.parametrize(
+    ("written", "made"),
+    [
+        (
+            "switch (c) { case 'v': int v = f(); g(v); break; case ':': h(); }",
+            "switch (c) { case 'v': { int v = f(); g(v); break; } case ':': h(); }",
+        ),
+        (
+            "case A::B: default: const byte *p[2] = {x, y}; f(p); case 2: ;",
+            "case A::B: default: { const byte *p[2] = {x, y}; f(p); } case 2: ;",
+        ),
+        ("case 1: long a(3), b; case 2: { int a = 1; } case 3: int z = 0;", None),
+        ("case 1: int a; a = 3; case 2: g(a);", None),
+        ("case 1: { int a = 3; } break; case 2: int b = 1; g(b);", None),
+        ("case 1: int a = 3; case 2: a = 4;", None),
+        # Refused on the board too.
+        ('case 1: String s = "a"; f(s); case 2: ;', None),
+        ("case 1: x = y ? 1 : 2; f(int(x)); case 2: ;", None),
+    ],
+)
+def test_a_case_that_declares_a_variable_has_braces(written: str, made: str | None) -> None:
+    if not written.startswith("switch"):
+        written = f"void f() {{ switch (g(a)) {{ {written} }} }} int a = 3;"
+        made = None if made is None else f"void f() {{ switch (g(a)) {{ {made} }} }} int a = 3;"
+    assert with_case_scopes(written) == (written if made is None else made)
+
+
+def test_a_switch_in_a_case_has_its_own_cases() -> None:
+    written = (
+        "switch (a) { case 1: switch (b) { case 2: int c = 1; f(c); default: ; } int d = 2; f(d); case 3: ; }"
+    )
+    made = with_case_scopes(written)
+    assert made == (
+        "switch (a) { case 1: { switch (b) { case 2: { int c = 1; f(c); } default: ; } int d = 2; f(d); } case 3: ; }"
+    )
