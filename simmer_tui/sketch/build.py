@@ -8,7 +8,8 @@ import re
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from bisect import bisect_right
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from simmer_tui.config.set_sketches import library_paths, main_files, source_pat
 from simmer_tui.errors import ConfigurationError, Problem, reason_of
 from simmer_tui.sketch.boards import BOARDS, BoardKind
 from simmer_tui.sketch.compiler import NO_COMPILER, Compiler, find_compiler, links_at_fixed_addresses
+from simmer_tui.sketch.cpp_text import plain_text
 from simmer_tui.sketch.preprocess import (
     OWN,
     board_source,
@@ -29,6 +31,7 @@ from simmer_tui.sketch.preprocess import (
     sketch_start,
     sketch_text,
 )
+from simmer_tui.sketch.prototypes import conditions_of
 from simmer_tui.sketch.struct_layout import PACKING, with_board_layout
 from simmer_tui.sketch.switch_scopes import with_case_scopes
 
@@ -104,6 +107,7 @@ _OTHER_NAMES = {
     # FreeRTOS for AVR boards has its headers in no folder.
     **{f"{name}.h": f"freertos/{name}.h" for name in ("task", "queue", "semphr", "timers", "event_groups")},
     "freertos.h": "Arduino_FreeRTOS.h",
+    "new.h": "new",
 }
 _REWRITING = ("preprocess", "c_names", "cpp_text", "prototypes", "struct_layout", "switch_scopes")
 """Modules that make the C++ of a sketch."""
@@ -137,6 +141,10 @@ _REGISTER = re.compile(
     r"|(?:WGM|COM|CS|OCIE|TOIE|TOV|OCF)[0-5]\w*|AD(?:EN|SC|ATE|IF|IE|PS[0-2]|LAR)|PCI(?:E|NT)[0-9]+"
 )
 """Registers and bits of the boards' chips."""
+_OF_PORTS = re.compile(
+    r"digitalPinTo(?:Port|BitMask|Timer|PCICR|PCMSK)\w*|port(?:Output|Input|Mode)Register|_SFR_\w+"
+)
+"""Calls and macros of the core that lead to registers."""
 _OTHER_BOARD = re.compile(
     r"ledc\w+|xTaskCreatePinnedToCore|xPortGetCoreID|esp_\w+|analogWrite(?:Resolution|Frequency)|touchRead"
     r"|dacWrite|hallRead|timer(?:Begin|Attach|Alarm|Write|Read|Start|Stop)\w*|hw_timer_t|ESP|portMUX_TYPE"
@@ -322,21 +330,42 @@ def _missing_header(output: str, files: Sequence[Path], board: BoardKind | None)
     for place, kind, text in _messages(output):
         found = re.match(r"'?([^':]+?)'?(?:: No such file or directory| file not found)", text)
         if kind == "error" and found:
-            name = found[1].removeprefix(_NOWHERE)
-            if name.lower().startswith("wifi"):
-                return Problem(place, f"{name}: WiFi is not simulated; use Bluetooth or the USB port")
-            lacks = frozenset[str]() if board is None else board.lacks
-            listed = ", ".join(each for each in libraries() if each not in lacks)
-            what = f"there is no library with {name}"
-            if name in CPP_STANDARD:
-                what = f"{name} is a header of C++, which an AVR board has not"
-            if board is not None and name in lacks:
-                what = f"{name} is no library of the {board.title}"
-            return Problem(
-                place,
-                f"{what}; there are {listed}. Put one of your own in {files[0].parent.name}/libraries/NAME",
-            )
+            return _no_header(place, found[1].removeprefix(_NOWHERE), files, board)
     return None
+
+
+def _missing_headers(files: Sequence[Path], known: Collection[str], board: BoardKind) -> Iterator[Problem]:
+    """The problems of headers that the .ino files include without a condition, and that no board has."""
+    listed = True
+    for file in files:
+        source = sketch_text(file)
+        conditions = conditions_of(plain_text(source))
+        for header, line in includes(source):
+            low = header.lower()
+            place = sum(map(len, source.split("\n")[: line - 1])) + line - 1
+            inside = conditions[bisect_right(conditions, place, key=lambda each: each[0]) - 1][1]
+            if not inside and low not in known and low.rpartition("/")[2] not in known:
+                yield _no_header(f"{file.name}:{line}", header, files, board, listed=listed)
+                listed = False
+
+
+def _no_header(
+    place: str, name: str, files: Sequence[Path], board: BoardKind | None, *, listed: bool = True
+) -> Problem:
+    """The problem of a header that no library has; with `listed`, those that are there."""
+    if name.lower().startswith("wifi"):
+        return Problem(place, f"{name}: WiFi is not simulated; use Bluetooth or the USB port")
+    lacks = frozenset[str]() if board is None else board.lacks
+    what = f"there is no library with {name}"
+    if name in CPP_STANDARD:
+        what = f"{name} is a header of C++, which an AVR board has not"
+    if board is not None and name in lacks:
+        what = f"{name} is no library of the {board.title}"
+    if not listed:
+        return Problem(place, what)
+    there = ", ".join(each for each in libraries() if each not in lacks)
+    own = f"{files[0].parent.name}/libraries/NAME"
+    return Problem(place, f"{what}; there are {there}. Put one of your own in {own}")
 
 
 def _library_headers() -> list[Path]:
@@ -387,6 +416,9 @@ def _compile(
 ) -> None:
     """Compile a sketch in a folder. Raises ConfigurationError."""
     known = _known_headers(sources, kind)
+    missing = list(_missing_headers(files, known, kind))
+    if missing:
+        raise ConfigurationError(missing)
     # Arduino's build names it so too. Debuggers take the name of the unit for that of its first file.
     main = f"{files[0].name}.cpp"
     beside = [each.path for each in sources if not _in_library(each)]
@@ -569,16 +601,27 @@ def _of_no_library(text: str) -> str:
         or re.search(r"'(?P<name>\w+)' is not a member of '(?P<kind>\w+)'", text)
         or re.search(r"no member named '(?P<name>\w+)' in '(?P<kind>\w+)'", text)
     )
-    if found is None or found["kind"] not in _library_classes():
+    if found is None or found["kind"] not in _library_classes() | _core_classes():
         return ""
     what = f"the simulator's {found['kind']} has no {found['name']}; its calls are in docs/sketch-calls.md"
+    if found["kind"] in _core_classes():
+        return f"{what}. Write it with those that are there"
     return f"{what}. Put another library of this name in the sketch's folder, in libraries/NAME"
 
 
 @cache
 def _library_classes() -> frozenset[str]:
-    texts = (each.read_text(encoding="utf-8") for each in _library_headers())
-    return frozenset(name for text in texts for name in re.findall(r"(?m)^class (\w+)", text))
+    return _classes_of(_library_headers())
+
+
+@cache
+def _core_classes() -> frozenset[str]:
+    return _classes_of((RUNTIME / "core").glob("*.h"))
+
+
+def _classes_of(headers: Iterable[Path]) -> frozenset[str]:
+    texts = (each.read_text(encoding="utf-8") for each in headers)
+    return frozenset(name for text in texts for name in re.findall(r"(?m)^(?:class|struct) (\w+)", text))
 
 
 def _of_no_board(text: str, line: str, kind: BoardKind | None) -> str:
@@ -589,10 +632,14 @@ def _of_no_board(text: str, line: str, kind: BoardKind | None) -> str:
         text,
     )
     name = (undeclared["gcc"] or undeclared["clang"]) if undeclared else ""
-    vector = re.match(r"\s*ISR\s*\(\s*(\w+)", line)
-    if vector is not None:
+    vector = re.search(r"\b(?:ISR|SIGNAL)\s*\(\s*(\w+)", line)
+    if vector is not None and (not name or name == vector[1]):
         what = f"{vector[1]} is an interrupt of the chip's own parts, which are not simulated"
         return f"{what}: use attachInterrupt, millis or micros"
+    if name.startswith("SPI"):
+        return f"{name} is of SPI, and no part of the simulated robot is on that bus: leave its calls out"
+    if _OF_PORTS.fullmatch(name):
+        return f"{name} leads to registers, which are not simulated: use digitalRead and digitalWrite"
     if _REGISTER.fullmatch(name):
         what = f"{name} is a register of the chip, and registers are not simulated"
         return f"{what}: use digitalRead, digitalWrite, analogRead, analogWrite or attachInterrupt"

@@ -57,6 +57,13 @@ _ARGUMENTS = re.compile(r"\([^()]*\)")
 _DEFINED = re.compile(r"(?:[\w>]\s|[*&,])\s*([A-Za-z_]\w*)\s*(?=[(=;\[,{]|\Z|\n)")
 _METHOD = re.compile(r"(?:[\w>]\s|[*&])\s*([A-Za-z_]\w*)\s*(?=\()")
 _CLASS = re.compile(r"\b(?:class|struct)\b[^;{}]*\{(.*?)\};", re.DOTALL)
+# The sum of a stack's address and that of a mark has no meaning here, and is another one in each run.
+_HEAP_MARK = re.compile(
+    r"(?:\breturn\b|(?<![=!<>])=(?!=))(?P<value>[^;={}]*\b__(?:brkval|heap_start|bss_end|malloc_heap_start)\b"
+    r"[^;{}]*)(?=;)"
+)
+FREE_MEMORY = 1500
+"""Bytes that a usual sketch leaves free of the 2 kB of an Uno."""
 _MAIN = re.compile(r"\bint\s+(?P<name>main)\s*\((?P<arguments>[^(){};]*)\)\s*\{")
 
 Templates = Mapping[str, tuple[int, ...]]
@@ -146,7 +153,8 @@ def board_source(
     names of the C library are other ones (see own_c_names); calls of its templates have arguments of one
     width. Without `templates` those of the source itself are meant."""
     templates = own_templates([source]) if templates is None else templates
-    with_calls = _with_one_width(_renamed(_without_main(source), own_names), templates)
+    source = _with_free_memory(_without_main(source))
+    with_calls = _with_one_width(_renamed(source, own_names), templates)
     return _with_timed_loops(_char_types_kept(with_board_widths(with_calls, int_bits)))
 
 
@@ -168,6 +176,20 @@ def _without_main(source: str) -> str:
             break
     name, (begin, end) = match.end("name"), match.span("arguments")
     return f"{source[:name]}{OWN}{source[name:begin]}{blank(source[begin:end])}{source[end:]}"
+
+
+def _with_free_memory(source: str) -> str:
+    """The source with a constant for the memory that is free between the heap and the stack of an AVR."""
+    if "__" not in source:
+        return source
+    plain = plain_text(source)
+    made: list[str] = []
+    done = 0
+    for match in _HEAP_MARK.finditer(plain):
+        begin, end = match.span("value")
+        made += [source[done:begin], f" {FREE_MEMORY}", "\n" * source[begin:end].count("\n")]
+        done = end
+    return "".join((*made, source[done:]))
 
 
 def sketch_start(sources: Sequence[str]) -> str:

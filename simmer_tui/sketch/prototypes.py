@@ -24,7 +24,8 @@ _NO_FUNCTIONS = frozenset(("if", "while", "for", "switch", "catch"))
 _NO_TYPES = frozenset(
     ("else", "return", "new", "namespace", "template", "do", "operator", "using", "typedef", "delete")
 )
-_NO_STATEMENTS = re.compile(r"\s*(?:typedef|using|class|struct|union|enum|namespace|template|extern)\b")
+_NO_STATEMENTS = re.compile(r"\s*(?:typedef|using|namespace|template|extern)\b")
+_OF_CLASS = re.compile(r"\s*(?:class|struct|union|enum)\b[^{]*")
 """Beginnings of declarations that use no function's address."""
 
 
@@ -61,7 +62,7 @@ def prototypes(source: str) -> Prototypes:
     """
     plain = plain_text(source)
     flat = _ATTRIBUTE.sub(lambda each: blank(each[0]), global_text(plain))
-    conditions = _conditions(plain)
+    conditions = conditions_of(plain)
     found: list[str] = []
     plainly: dict[str, str] = {}
     """Prototypes without defaults, by the function's name."""
@@ -206,11 +207,25 @@ def _early(plain: str, flat: str, first: int, made: dict[str, str]) -> Iterator[
         begin = end + 1
         if _NO_STATEMENTS.match(text):
             continue
+        head = _OF_CLASS.match(text)
+        if head is not None:
+            # Bodies of classes have what they had on the board; a variable may follow.
+            text = text[_body_end(text, head.end()) :]
         for name in sorted(waiting.keys() & set(re.findall(r"\w+", text))):
             yield place, waiting.pop(name)
 
 
-def _conditions(plain: str) -> list[tuple[int, tuple[str, ...]]]:
+def _body_end(text: str, place: int) -> int:
+    """The place after the braces that begin at a place."""
+    depth = 0
+    for at in range(place, len(text)):
+        depth += (text[at] == "{") - (text[at] == "}")
+        if depth == 0:
+            return at + 1
+    return len(text)
+
+
+def conditions_of(plain: str) -> list[tuple[int, tuple[str, ...]]]:
     """The directives in whose branch a source is, from each place on: `#if A`, `#else`."""
     changes: list[tuple[int, tuple[str, ...]]] = [(0, ())]
     branches: list[list[str]] = []

@@ -18,6 +18,7 @@
 #include "board/pins.cpp"
 #include "board/display.cpp"
 #include "board/main.cpp"
+#include "board/heap_marks.cpp"
 #include "libraries/libraries.cpp"
 #include "libraries/displays.cpp"
 #include "libraries/steppers.cpp"
