@@ -20,7 +20,7 @@ from simmer_tui.config.set_sketches import library_paths, main_files, source_pat
 from simmer_tui.errors import ConfigurationError, Problem, reason_of
 from simmer_tui.sketch.boards import BOARDS, BoardKind
 from simmer_tui.sketch.compiler import NO_COMPILER, Compiler, find_compiler, links_at_fixed_addresses
-from simmer_tui.sketch.cpp_text import plain_text
+from simmer_tui.sketch.cpp_text import code_text
 from simmer_tui.sketch.preprocess import (
     OWN,
     board_source,
@@ -339,7 +339,7 @@ def _missing_headers(files: Sequence[Path], known: Collection[str], board: Board
     listed = True
     for file in files:
         source = sketch_text(file)
-        conditions = conditions_of(plain_text(source))
+        conditions = conditions_of(code_text(source))
         for header, line in includes(source):
             low = header.lower()
             place = sum(map(len, source.split("\n")[: line - 1])) + line - 1

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-TOKEN = re.compile(
+CPP_TOKEN = re.compile(
     r"""
     (?P<comment>//[^\n]*|/\*.*?(?:\*/|\Z))
   | (?P<raw>R"(?P<mark>[^()\\\s]{0,16})\(.*?\)(?P=mark)")
@@ -17,13 +17,13 @@ TOKEN = re.compile(
 )
 
 
-def plain_text(source: str) -> str:
+def code_text(source: str) -> str:
     """The source with comments and texts blanked. Places stay."""
 
     def blanked(match: re.Match[str]) -> str:
         return match[0] if match["word"] or match["number"] else blank(match[0])
 
-    return TOKEN.sub(blanked, source)
+    return CPP_TOKEN.sub(blanked, source)
 
 
 def global_text(plain: str) -> str:
@@ -66,7 +66,7 @@ def line_at(source: str, place: int) -> tuple[str, int]:
 
 def without_comments(source: str) -> str:
     """The source with comments blanked. Places stay."""
-    return TOKEN.sub(lambda match: blank(match[0]) if match["comment"] else match[0], source)
+    return CPP_TOKEN.sub(lambda match: blank(match[0]) if match["comment"] else match[0], source)
 
 
 def blank(text: str) -> str:

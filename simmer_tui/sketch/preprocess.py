@@ -12,12 +12,12 @@ from pathlib import Path
 
 from simmer_tui.sketch.c_names import C_NAMES
 from simmer_tui.sketch.cpp_text import (
-    TOKEN,
+    CPP_TOKEN,
     blank,
     closing_places,
+    code_text,
     global_text,
     line_at,
-    plain_text,
     without_comments,
 )
 from simmer_tui.sketch.prototypes import prototypes
@@ -93,7 +93,7 @@ def with_board_widths(source: str, int_bits: int = 16) -> str:
         made.append(gap)
         gap = ""
 
-    for match in TOKEN.finditer(source):
+    for match in CPP_TOKEN.finditer(source):
         between = source[end : match.start()]
         end = match.end()
         word = match["word"]
@@ -163,7 +163,7 @@ def _without_main(source: str) -> str:
     end returns."""
     if "main" not in source:
         return source
-    plain = plain_text(source)
+    plain = code_text(source)
     match = _MAIN.search(plain)
     if match is None:
         return source
@@ -182,7 +182,7 @@ def _with_free_memory(source: str) -> str:
     """The source with a constant for the memory that is free between the heap and the stack of an AVR."""
     if "__" not in source:
         return source
-    plain = plain_text(source)
+    plain = code_text(source)
     made: list[str] = []
     done = 0
     for match in _HEAP_MARK.finditer(plain):
@@ -194,7 +194,7 @@ def _with_free_memory(source: str) -> str:
 
 def sketch_start(sources: Sequence[str]) -> str:
     """The end of a sketch's source: what the board runs, a `main` of its own or `setup` and `loop`."""
-    if any(_MAIN.search(plain_text(each)) for each in sources if "main" in each):
+    if any(_MAIN.search(code_text(each)) for each in sources if "main" in each):
         start = f"extern const SketchStart sketch_start = {{nullptr, nullptr, main{OWN}}};"
         return f"\nint16_t main{OWN}();\n{start}\n"
     return "\nextern const SketchStart sketch_start = {setup, loop, nullptr};\n"
@@ -205,7 +205,7 @@ def own_templates(sources: Sequence[str]) -> Templates:
     arguments by the function's name. On the board `3` has the type of an `int` variable; here it has not."""
     found: dict[str, tuple[int, ...]] = {}
     for source in sources:
-        for match in _TEMPLATE.finditer(plain_text(source)):
+        for match in _TEMPLATE.finditer(code_text(source)):
             arguments = match["arguments"].split(",")
             for kind in re.findall(r"\b(?:class|typename)\s+(\w+)", match["types"]):
                 by_value = re.compile(rf"\s*(?:const\s+)?{kind}(?:\s+const)?(?:\s+\w+)?\s*(?:=.*)?")
@@ -224,7 +224,7 @@ def _with_one_width(source: str, templates: Templates) -> str:
     """The source with the arguments of these functions in `board_wide()`, which the core has."""
     if not templates:
         return source
-    plain = plain_text(source)
+    plain = code_text(source)
     heads = {match.start("name") for match in _TEMPLATE.finditer(plain)}
     ends = closing_places(plain)
     added: list[tuple[int, str]] = []
@@ -267,7 +267,7 @@ def own_c_names(sources: Sequence[str]) -> frozenset[str]:
     methods: set[str] = set()
     values: set[str] = set()
     for source in sources:
-        plain = plain_text(source)
+        plain = code_text(source)
         flat = global_text(plain)
         while (closed := _ARGUMENTS.sub("", flat)) != flat:
             flat = closed
@@ -296,7 +296,7 @@ def _renamed(source: str, names: frozenset[str]) -> str:
             return match[0]
         return f"{match[0]}{OWN}"
 
-    return TOKEN.sub(named, source)
+    return CPP_TOKEN.sub(named, source)
 
 
 def _with_timed_loops(source: str) -> str:
@@ -306,7 +306,9 @@ def _with_timed_loops(source: str) -> str:
     """
     if _LOOP.search(source) is None:
         return source
-    flat = TOKEN.sub(lambda match: match[0] if match["word"] or match["number"] else blank(match[0]), source)
+    flat = CPP_TOKEN.sub(
+        lambda match: match[0] if match["word"] or match["number"] else blank(match[0]), source
+    )
     ends = closing_places(flat)
     made: list[str] = []
     done = 0

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 
 from msgspec import Struct
 
-from simmer_tui.sketch.cpp_text import blank, global_text, plain_text
+from simmer_tui.sketch.cpp_text import blank, code_text, global_text
 
 _ATTRIBUTE = re.compile(r"__attribute__\s*\(\((?:[^()]|\([^()]*\))*\)\)|\[\[[^\]]*\]\]")
 _TYPE = re.compile(r"[A-Za-z_][\w:<>, *&]*[ *&]")
@@ -60,7 +60,7 @@ def prototypes(source: str) -> Prototypes:
     They go before the first function. A function in an `#if` has its prototype in the same `#if`; as the
     compiler may skip it, the prototypes go before later functions too, up to the first without a condition.
     """
-    plain = plain_text(source)
+    plain = code_text(source)
     flat = _ATTRIBUTE.sub(lambda each: blank(each[0]), global_text(plain))
     conditions = conditions_of(plain)
     found: list[str] = []
@@ -153,7 +153,7 @@ def _without_parameters(text: str) -> str:
 
 
 def _prefix(text: str, source: str) -> str:
-    """What is before the type of a function in its prototype: `template <...>`, or the name of C."""
+    """Text before the type of a function in its prototype: `template <...>`, or the linkage of C."""
     match = re.match(r"\s*template\s*<", text)
     if match is not None:
         rest = _without_parameters(text)

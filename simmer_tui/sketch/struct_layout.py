@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection
 
-from simmer_tui.sketch.cpp_text import line_at, plain_text, without_comments
+from simmer_tui.sketch.cpp_text import code_text, line_at, without_comments
 
 PACKING = "Packing.h"
 """The header of the core from which on structs are packed."""
@@ -24,7 +24,7 @@ def with_board_layout(source: str, own: Collection[str]) -> str:
     """A source of a sketch with enumerations of 16 bits, and with headers as they are, except its `own`.
 
     Lines stay those that its `#line` marks say."""
-    plain = plain_text(source)
+    plain = code_text(source)
     added = [
         (match.end(), " : int16_t ") for match in _ENUMERATION.finditer(plain) if _is_short(plain, match)
     ]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
-from simmer_tui.sketch.cpp_text import plain_text
+from simmer_tui.sketch.cpp_text import code_text
 
 _SWITCH = re.compile(r"\bswitch\b\s*\(")
 _LABEL = re.compile(r"\b(?:case\b|default\s*(?=:))")
@@ -28,7 +28,7 @@ def with_case_scopes(source: str) -> str:
     """The source with braces around each case of a `switch` that declares plain variables with values."""
     if "switch" not in source:
         return source
-    plain = plain_text(source)
+    plain = code_text(source)
     added: list[tuple[int, str]] = []
     for match in _SWITCH.finditer(plain):
         opened = plain.find("{", _closing(plain, match.end() - 1, "()"))
