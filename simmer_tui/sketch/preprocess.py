@@ -306,9 +306,7 @@ def _with_timed_loops(source: str) -> str:
     """
     if _LOOP.search(source) is None:
         return source
-    flat = CPP_TOKEN.sub(
-        lambda match: match[0] if match["word"] or match["number"] else blank(match[0]), source
-    )
+    flat = code_text(source)
     ends = closing_places(flat)
     made: list[str] = []
     done = 0
