@@ -32,6 +32,7 @@ from simmer_tui.run.phrases import (
     outside_text,
     place_text,
     program_end_text,
+    sent_text,
     times_text,
 )
 from simmer_tui.run.progress import GROUND, HUNDRED
@@ -864,7 +865,8 @@ def _sent(run: RunEvidence) -> str:
         return ""
     again = run.repeated
     often = f" {times_text(again[1])} in a row" if again is not None and again[2] else ""
-    return f"{met.met.row.shown} was sent{often}{', and nothing ended it' if met.goes_on else ''}"
+    sent = sent_text(met.met.row.ended.command.source, met.met.row.shown)
+    return f"{sent}{often}{', and nothing ended it' if met.goes_on else ''}"
 
 
 def _twice(run: RunEvidence) -> str:

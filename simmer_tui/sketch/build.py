@@ -442,6 +442,9 @@ def _compile(
         else:
             code = board_source(code, names, templates, bits)
         text = laid_out(f'#line 1 "{each.name}"\n{_with_names(code, own, sources)}')
+        if target.suffix == ".c":
+            # Arduino compiles it as C: its functions have the names of C, and the sketch needs extern "C".
+            text = f'extern "C" {{\n{text}\n}}\n'
         if target.suffix in _COMPILED:
             text = f'#include "Arduino.h"\n{text}'
         target.write_text(text, encoding="utf-8")
@@ -672,6 +675,12 @@ def _unclosed(output: str) -> str:
     return ""
 
 
+def _c_texts(files: Sequence[Path]) -> Iterator[str]:
+    """The .c files beside a sketch."""
+    folder = files[0].parent
+    yield from map(sketch_text, sorted((*folder.glob("*.c"), *(folder / "src").rglob("*.c"))))
+
+
 def _errors(
     output: str, compiler: Compiler, files: Sequence[Path], board: BoardKind | None = None
 ) -> Iterator[Problem]:
@@ -701,6 +710,9 @@ def _errors(
         what = (lines or ["it printed nothing"])[-1]
         if undefined is not None:
             what = f"{undefined[1]} is used, and defined nowhere"
+            name, is_cpp, _ = undefined[1].partition("(")
+            if is_cpp and files and any(re.search(rf"\b{name}\s*\(", each) for each in _c_texts(files)):
+                what = f'{name}() is in a .c file: declare it in extern "C" {{ }}, or name the file .cpp'
         elif twice is not None:
             what = f"{twice[1]} is defined more than once"
         yield Problem(files[0].name if files else compiler.name, what)

@@ -20,6 +20,7 @@ from simmer_tui.links.backend import Message
 from simmer_tui.robot.engine import Engine
 from simmer_tui.robot.sessions import Answered, Session
 from simmer_tui.run.events import (
+    BOARDS_ENDED,
     ActionDone,
     ActionName,
     Event,
@@ -98,7 +99,6 @@ BEHIND = (
 )
 # A person notices half a second, and a start or a busy moment costs less.
 _MOST_LATE = 0.5
-_ENDED = "the boards have ended: "
 
 
 StartBoard = Callable[[str, Path, Sequence[str]], BoardProcess]
@@ -404,7 +404,7 @@ class SketchRobot(LockstepWorld):
         self.failed = text
         self._world.set_speeds({})
         time = self.engine.simulator.time
-        self.engine.tell(Notice(NoticeKind.FAULT, f"{_ENDED}{text}", moment=time))
+        self.engine.tell(Notice(NoticeKind.FAULT, f"{BOARDS_ENDED}{text}", moment=time))
         self.on_end()
 
     def _watch(self, event: Event) -> None:

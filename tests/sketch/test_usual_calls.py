@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from simmer_tui.errors import ConfigurationError
 from simmer_tui.sketch.boards import UNO
 from simmer_tui.sketch.build import build_sketch
 from simmer_tui.sketch.compiler import find_compiler
@@ -91,6 +92,30 @@ def test_a_text_that_is_compared_with_a_letter_is_told(tmp_path: Path) -> None:
     )
     (told,) = build_sketch(sketch, UNO).warnings
     assert told.startswith("rover.ino:5: a text or an address is taken for a number: ")
+
+
+def test_a_c_file_has_the_names_of_c(tmp_path: Path) -> None:
+    """As on a real board: the sketch declares its functions in `extern "C"`."""
+    guard = "#ifdef __cplusplus\n{}\n#endif\n"
+    sketches = {
+        "half.h": guard.format('extern "C" {') + "int half(int a);\n" + guard.format("}"),
+        "half.c": '#include "half.h"\n#include <math.h>\n#include <stdlib.h>\n'
+        "int half(int a) { return abs(a) / 2; }\n",
+        "plain.h": "int plain(int a);\n",
+        "plain.c": '#include "plain.h"\nint plain(int a) { return a + 1; }\n',
+        "rover.ino": '#include "half.h"\nextern "C" {\n#include "plain.h"\n}\n'
+        "void setup() { Serial.begin(9600); Serial.println(half(-84) + plain(1)); }\nvoid loop() {}\n",
+    }
+    folder = tmp_path / "set" / "rover"
+    configuration = made_set(tmp_path / "set", ROVER.replace("rover.ino", "rover/rover.ino"), {})
+    folder.mkdir()
+    for name, text in sketches.items():
+        (folder / name).write_text(text, "utf-8")
+    assert run_boards(configuration, 0.3).text == "44\r\n"
+    wrong = sketches["rover.ino"].replace('extern "C" {', "").replace("\n}\n", "\n", 1)
+    (folder / "rover.ino").write_text(wrong, "utf-8")
+    with pytest.raises(ConfigurationError, match=r'plain\(\) is in a \.c file: declare it in extern "C"'):
+        build_sketch(folder, UNO)
 
 
 PINGED = """
