@@ -10,6 +10,7 @@ import subprocess
 import tempfile
 from bisect import bisect_right
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from difflib import get_close_matches
 from functools import cache
 from pathlib import Path
 
@@ -131,6 +132,9 @@ _BAUDS = frozenset(
 _USUAL_BAUD = 9600
 _BLUETOOTH_BAUD = 115200
 """The rate of BluetoothSerial.h."""
+# A letter more, less or other in a word of five. Two names of one class are further apart: read, onReceive.
+_MISTYPED = 0.75
+"""Likeness from which on a name that a compiler proposes is the one that was meant."""
 _NO_CLOSING = re.compile(r"expected '\}'(?: at end of input)?$")
 _NO_REASONS = ("Please ", "See ", "compilation terminated")
 """Beginnings of lines of gcc that follow the reason."""
@@ -605,6 +609,9 @@ def _of_no_library(text: str) -> str:
         or re.search(r"no member named '(?P<name>\w+)' in '(?P<kind>\w+)'", text)
     )
     if found is None or found["kind"] not in _library_classes() | _core_classes():
+        return ""
+    meant = re.search(r"did you mean '(\w+)'", text)
+    if meant is not None and get_close_matches(found["name"], [meant[1]], cutoff=_MISTYPED):
         return ""
     what = f"the simulator's {found['kind']} has no {found['name']}; its calls are in docs/sketch-calls.md"
     if found["kind"] in _core_classes():
