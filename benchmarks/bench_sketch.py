@@ -4,7 +4,8 @@
 
 A polling sketch with two sonars and two H-bridges runs alone (goal 50 times real time), then with a laptop
 program that asks at 9600 baud (goal 20). Two boards joined at 9600 baud run with encoders of 400 edges a
-second (goal 10). Two steppers are polled at 900 steps a second each, up and down their ramps (goal 10). Two
+second (goal 10). Two steppers are polled at 900 steps a second each, up and down their ramps (goal 10), also
+with encoders on another board (no goal). Two
 tasks of FreeRTOS measure and drive, with a queue between them (goal 20). Both cores of an ESP32 work
 without a pause (no goal: ten times as many basic blocks as an AVR, on each). A sketch is compiled, with an
 empty cache and again (goals 5 s and 0.2 s). Needs a C++ compiler.
@@ -29,6 +30,7 @@ from simmer_tui.sketch.sketch_robot import compile_set  # noqa: E402
 from simmer_tui.sketch.wiring import wiring_of  # noqa: E402
 from tests.sketch.rovers import (  # noqa: E402
     DRIVE,
+    ENCODERS,
     JOINED,
     MOTORS,
     ROVER,
@@ -77,6 +79,9 @@ STEPPERS = "".join(
     f'[[motors]]\nboard = "rover"\ndriver = "step_dir"\nstep = {step}\ndir = {step + 3}\n'
     f'steps_per_inch = 100\nwheel = "{wheel}"\n'
     for step, wheel in ((2, "left"), (3, "right"))
+)
+STEPPERS_JOINED = (
+    JOINED.partition("[[wires]]")[0] + STEPPERS + ENCODERS.format(board="sensor").replace("= 40", "= 21")
 )
 STEPPING = """
 #include <AccelStepper.h>
@@ -189,6 +194,8 @@ def main() -> None:
         polling = alone(folder / "polling", ROVER + MOTORS + SONARS, {"rover.ino": POLLING}, seconds)
         joined = alone(folder / "two", TWO_BOARDS, {"sensor.ino": SENSOR, "rover.ino": ROVER_JOINED}, seconds)
         steppers = alone(folder / "steppers", ROVER + STEPPERS, {"rover.ino": STEPPING}, seconds)
+        sketches = {"sensor.ino": SENSOR, "rover.ino": STEPPING}
+        counted = alone(folder / "counted", STEPPERS_JOINED, sketches, seconds)
         tasks = alone(folder / "tasks", ROVER + MOTORS + SONARS, {"rover.ino": TASKS}, seconds)
         esp32 = ROVER.replace("uno", "esp32")
         cores = alone(folder / "cores", esp32, {"rover.ino": CORES}, seconds / 10)
@@ -200,6 +207,7 @@ def main() -> None:
         "polling_with_laptop": laptop,
         "two_boards": joined,
         "steppers": steppers,
+        "steppers_with_encoders": counted,
         "tasks": tasks,
         "esp32_cores": cores,
     }
@@ -212,6 +220,8 @@ def main() -> None:
     ):
         speed = f"{made['real']:6.1f} times real time (goal {goal})"
         print(f"{title:24}{speed}, {made['own_cpu']:.1f} by our own processor time")
+    speed = f"{counted['real']:6.1f} times real time, {counted['own_cpu']:.1f} by our own"
+    print(f"steppers and encoders   {speed}, {counted['exchanges']:.0f} exchanges a second")
     print(f"two cores of an ESP32   {cores['real']:6.1f} times real time, {cores['own_cpu']:.1f} by our own")
     print(f"with a laptop program   {laptop:6.1f} times real time (goal 20)")
     if options.json:

@@ -606,7 +606,12 @@ class _BinaryLink:
             remaining = self._deadline - time.monotonic()
             came = len(self._came)
             if remaining <= 0:
+                # Whole replies of several commands came one by one: the link, or the robot, is slow.
+                # Half of the bytes are replies of the other format.
+                each = self._number.size
                 hint = f" ({came} of {size} bytes came: does reply_format match?)" if came else ""
+                if came and came % each == 0 and 2 * came != size:
+                    hint = f" ({came // each} of {size // each} replies came)"
                 raise RobotTimeoutError(f"no reply to {self._shown!r} within {self._timeout:g} s{hint}")
             ready = [key.fileobj for key, _ in self._selector.select(min(remaining, _INTERRUPT_INTERVAL))]
             if self._replies in ready:

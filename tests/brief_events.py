@@ -1,4 +1,4 @@
-"""Events as short JSON: every field, but of a path only its numbers and of a sensor only its code."""
+"""Events as short JSON: every field by name, but of a path only its numbers and of a sensor only its code."""
 
 from __future__ import annotations
 
@@ -14,10 +14,11 @@ from simmer_tui.sim.legs import Leg
 from simmer_tui.sim.records import LidarScan, Reading
 from simmer_tui.sim.specs import SensorSpec
 from simmer_tui.sim.trajectory import Trajectory
+from tests.kept_numbers import Fields, usual_of
 
 
 def brief(value: Any) -> Any:
-    """An event, or a field of one, without fields that are empty, false or zero."""
+    """An event, or a field of one, without fields that are empty, false or zero by default."""
     match value:
         case Command():
             marks = f" {value.problem}" if value.problem else ""
@@ -52,11 +53,23 @@ def brief(value: Any) -> Any:
     return value
 
 
-def _fields(value: Struct, *without: str) -> list[Any]:
-    """The values of fields that are not empty, false or zero, after the name of the class."""
-    names = [each.name for each in structs.fields(value) if each.name not in without]
-    found = [brief(getattr(value, name)) for name in names]
-    return [type(value).__name__, *(each for each in found if each not in (None, "", [], 0.0))]
+def _fields(value: Struct, *without: str) -> Fields:
+    """The fields that are not empty, false or zero, or whose default is not, beside the name of the class."""
+    return Fields({"is": type(value).__name__, **(named := fields(value, *without))}, named.usual)
+
+
+def fields(value: Struct, *without: str) -> Fields:
+    """The same without the name of the class."""
+    usual = {name: brief(each) for name, each in usual_of(value).items() if name not in without}
+    found = {name: brief(getattr(value, name)) for name in value.__struct_fields__ if name not in without}
+    shown = {
+        name: each for name, each in found.items() if not _is_empty(each) or not _is_empty(usual.get(name))
+    }
+    return Fields(shown, usual)
+
+
+def _is_empty(value: Any) -> bool:
+    return value in (None, "", [], {}, 0.0)
 
 
 def _number(value: float) -> float | str:

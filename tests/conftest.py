@@ -65,6 +65,15 @@ def cpu_seconds() -> float:
     return sum(os.times()[:4])
 
 
+@pytest.hookimpl(tryfirst=True)  # before it is known how many workers there are
+def pytest_cmdline_main(config: pytest.Config) -> None:
+    """With KEEP=1, keep the answers of slow tests too, in one process: several would write the same file."""
+    if os.environ.get("KEEP"):
+        vars(config.option)["numprocesses"] = 0
+        if config.option.markexpr == "not slow":
+            config.option.markexpr = ""
+
+
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--cpu", type=int, default=0, metavar="N", help="list the N tests that cost most CPU")
 

@@ -82,7 +82,8 @@ def test_the_hook_in_a_program_has_the_limits_and_variables_of_the_simulator() -
     folder = PACKAGE / "program" / "hook"
     clock, serial = constants(folder / "simmer_clock.py"), constants(folder / "simmer_serial.py")
     assert clock["_IN_FLIGHT"] == program_clock.IN_FLIGHT
-    assert (clock["_PORT"], serial["PORT"]) == program_command.HOOKED
+    assert (clock["_PORT"], serial["PORT"], program_command.STACK) == program_command.HOOKED
+    assert f'"{program_command.STACK}"' in (folder / "sitecustomize.py").read_text("utf-8")
     assert serial["PORT"] == dialects.SERIAL.variable
     for path in (folder / "simmer_clock.py", folder / "simmer_serial.py"):
         assert f'"{TOKEN}"' in path.read_text("utf-8"), path.name

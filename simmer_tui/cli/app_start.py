@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import shlex
 import sys
@@ -78,6 +79,7 @@ class Screen(FrontEnd):
         from simmer_tui.tui.textual_internals import delta_updates, run_app
 
         server, app = self._server, self._app
+        app.after_start = _set_start_apart
         with delta_updates():
             code = run_app(app, mouse=self._settings.mouse)
         if app.fault:
@@ -106,10 +108,21 @@ class Screen(FrontEnd):
             self.finish(code)
 
     def ended(self) -> None:
-        referee = self._server.referee
-        if self._program_failed or (referee is not None and referee.result is Result.FAILED):
+        referee, boards = self._server.referee, self._server.boards
+        has_failed = self._program_failed or (boards is not None and bool(boards.failed))
+        if has_failed or (referee is not None and referee.result is Result.FAILED):
             say("simmer-tui report and simmer-tui replay, without a file, show what went wrong")
         _forget_dead_terminal()
+
+
+def _set_start_apart() -> None:
+    """Collect the garbage of the app's start, and keep collections from its other objects.
+
+    Textual styles widgets with thirty thousand objects in circles. The collection that met them came in the
+    middle of a run, and kept a client waiting for 50 ms.
+    """
+    gc.collect()
+    gc.freeze()
 
 
 def program_name(command: str) -> str:

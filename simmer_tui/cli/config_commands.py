@@ -260,6 +260,7 @@ def _sketches(configuration: Configuration) -> tuple[list[str], list[Problem]]:
     if WIRING_FILE not in configuration.files:
         return [], []
     from simmer_tui.sketch.bench_check import bench_lines
+    from simmer_tui.sketch.gripper_draft import guess_lines
     from simmer_tui.sketch.motion_check import motor_lines
     from simmer_tui.sketch.sketch_check import facts_of, sketch_problems
     from simmer_tui.sketch.wiring import wiring_lines, wiring_of
@@ -270,7 +271,8 @@ def _sketches(configuration: Configuration) -> tuple[list[str], list[Problem]]:
     problems: list[Problem] = []
     facts, wheels = facts_of(wiring, configuration.directory, problems), configuration.simulation.wheels
     problems += sketch_problems(wiring, facts, wheels)
-    lines = [*wiring_lines(wiring), *motor_lines(wiring, wheels)]
+    guesses = guess_lines(wiring, configuration.files[WIRING_FILE])
+    lines = [*wiring_lines(wiring), *guesses, *motor_lines(wiring, wheels)]
     return [*lines, *bench_lines(configuration, wiring, problems)], problems
 
 

@@ -208,7 +208,7 @@ class RunLife:
         server.engine.watch(_Connection(self._connected.set).handle)
         if front.judges:
             server.engine.watch(MissionEnd(lambda: front.finish(0)).handle)
-            server.boards_ended = self._boards_over
+        server.boards_ended = self._boards_over
         server.start(None, client_left, probe_left=lambda: None)
         if self.page is not None:
             self.page.start()
@@ -220,10 +220,14 @@ class RunLife:
 
     def _boards_over(self) -> None:
         """End the run, as a board has died or hangs. A program's time stands still until it is ended: so the
-        log ends the same every time."""
+        log ends the same every time. A front end that does not judge shows the end."""
         if self.server.clock is not None:
             self.server.clock.frozen = True
-        self.front.finish(ExitCode.NO)
+        if self.front.judges or self.once:
+            self.front.finish(ExitCode.NO)
+        else:
+            # Its end is told in the robot's thread, which must not wait for it.
+            threading.Thread(target=self._shutdown.end_program, name="boards over", daemon=True).start()
 
     def _run_program(self, command: str) -> None:
         """Start a program beside the run. Raises ProgramError."""
@@ -320,6 +324,11 @@ class RunLife:
         self.server.tell_at_once(self._output.end(code, stopped=self._is_stopped))
 
     @property
+    def _boards_failed(self) -> bool:
+        """True if the run is over because a board has died or hangs."""
+        return self.server.boards is not None and bool(self.server.boards.failed)
+
+    @property
     def _is_stopped(self) -> bool:
         """True if the simulator has ended the program."""
         program = self._shutdown.program
@@ -354,6 +363,8 @@ class RunLife:
         """The exit code; `code` is that of the front end."""
         if self.front.judges and not self._interruptions:
             code = self._judgement(code)
+        elif self._boards_failed:
+            code = ExitCode.NO
         elif self.command is not None and self._program_code is not None:
             code = self._program_code
         return self._interruptions[0] if self._interruptions else code

@@ -25,10 +25,11 @@ _SAME = 0.5
 
 
 class Nominal(Struct, frozen=True):
-    """A nominal set: its name and its specification."""
+    """A nominal set: its name, its specification, and its mission's time limit, seconds; None without one."""
 
     name: str
     spec: SimulationSpec
+    time_limit: float | None = None
 
 
 def nominal_of(configuration: Configuration, chosen: str | None = None) -> Nominal | None:
@@ -66,7 +67,9 @@ def _loaded(folder: Path, chosen: tuple[Any, ...]) -> Nominal:
     """A set with some values of the `_PROFILES`."""
     given = zip(_PROFILES, chosen, strict=True)
     overrides = {name: Override(f"{name} of the run", value) for name, value in given if value}
-    return Nominal(set_name(folder), load(folder, overrides, devices=DeviceUse.PARSE).simulation)
+    found = load(folder, overrides, devices=DeviceUse.PARSE)
+    limit = None if found.mission is None else found.mission.time_limit
+    return Nominal(set_name(folder), found.simulation, limit)
 
 
 _loaded_once = cache(_loaded)

@@ -63,7 +63,7 @@ def load_settings(
     _apply_serial_option(overrides, values, problems)
     if values.get("motion.clock") in ("program", ELSE_REAL):
         values["motion.motion"] = "timed"  # a clock that moves while the program waits needs it
-    _apply_keys(values)
+    _apply_keys(values, overrides)
     settings = settings_from(values)
     _check_together(settings, places, problems)
     return LoadedSettings(settings, places)
@@ -139,14 +139,19 @@ def _apply_serial_option(
     values["sim"] = False
 
 
-def _apply_keys(values: dict[str, Any]) -> None:
-    """Remove given keys from the defaults of other actions."""
-    given = {name.removeprefix("keys."): keys for name, keys in values.items() if name.startswith("keys.")}
+def _apply_keys(values: dict[str, Any], overrides: Mapping[str, Override]) -> None:
+    """Remove the file's keys from the defaults of other actions. An option takes no key from another action:
+    who types it sees at once what is wrong."""
+    named = {
+        name: keys for name, keys in values.items() if name.startswith("keys.") and name not in overrides
+    }
+    given = {name.removeprefix("keys."): keys for name, keys in named.items()}
     if any(keys != getattr(KeySettings(), name) for name, keys in given.items()):
         # Most runs leave the keys as they are.
         from simmer_tui.config.keys import yielding_defaults
 
-        values.update({f"keys.{name}": keys for name, keys in yielding_defaults(given).items()})
+        yielding = {f"keys.{name}": keys for name, keys in yielding_defaults(given).items()}
+        values.update({name: keys for name, keys in yielding.items() if name not in overrides})
 
 
 def _check_together(settings: Settings, places: Mapping[str, str], problems: list[Problem]) -> None:
@@ -201,13 +206,16 @@ def with_all_settings(text: str, values: Mapping[str, Any] = _NONE) -> str:
         table = header[1] if header else table
         sections.setdefault(table, []).append(line)
     missing = [item for item in all_settings() if not _is_there(item, tree, sections)]
+    begun: set[str] = set()
     for item in missing:
         table, _, key = item.name.rpartition(".")
         lines = sections.setdefault(table, [f"[{table}]"])
-        # Exactly one blank line is between the old lines and the added ones.
-        while lines[-1:] == [""]:
-            lines.pop()
-        lines += [] if lines == [f"[{table}]"] else [""]
+        if table not in begun:
+            begun.add(table)
+            # Exactly one blank line is between the old lines and the added ones.
+            while lines[-1:] == [""]:
+                lines.pop()
+            lines += [] if lines == [f"[{table}]"] else [""]
         # Flags, numbers, texts without control characters and lists of them are the same in JSON and TOML.
         value = json.dumps(values.get(item.name, item.default), ensure_ascii=False)
         lines += [_comment(item), f"{key} = {value}"]
@@ -225,4 +233,6 @@ def _is_there(item: Setting, tree: Mapping[str, Any], sections: Mapping[str, lis
 
 def _comment(item: Setting) -> str:
     unit = f", {item.unit}" if item.unit else ""
-    return f"# {item.help[0].upper()}{item.help[1:]}: {item.rule.allowed}{unit}."
+    # The names of keys are explained once, at the top of their table.
+    allowed = "" if item.name.startswith("keys.") else f": {item.rule.allowed}{unit}"
+    return f"# {item.help[0].upper()}{item.help[1:]}{allowed}."

@@ -4,7 +4,8 @@ The protocol is lines of text, with times in nanoseconds. A process sends
 
 - `H PID TOKEN` when it begins; `PARENT.NUMBER` is the token that its parent gave it,
 - `S UNTIL SENT [again]` when it sleeps and has sent `SENT` bytes to the robot,
-- `W UNTIL SENT [again] [outside]` when it waits for a reply or for another process (`inf` without an end),
+- `W UNTIL SENT [again] [outside] [after BEGIN]` when it waits for a reply or for another process (`inf`
+  without an end); with `after` it sleeps until then first, and waits if nothing was sent to it by then,
 - `F` when it waits for another process that may have no clock, `G` when that wait is over,
 - `B TOKEN` when it has started a process, `N TOKEN` when that has no clock,
 - `Z PID` when it has seen the end of a process that has left,
@@ -66,11 +67,15 @@ class _Process(Peer):
         if kind == "H":
             self._join(rest)
         elif kind in ("S", "W"):
+            words: list[str] = rest.split()
+            begin: float | None = None
             try:
-                until, sent = float(rest.split()[0]) / 1e9, int(rest.split()[1])
+                until, sent = float(words[0]) / 1e9, int(words[1])
+                if words[-2] == "after":
+                    begin = float(words[-1]) / 1e9
             except (ValueError, IndexError):
                 until, sent = math.nan, 0
-            if not until >= 0:
+            if not (until >= 0 and 0 <= (begin or 0.0) < math.inf):
                 self.abort()
                 return
             clock.wait(
@@ -78,8 +83,9 @@ class _Process(Peer):
                 until,
                 listens=kind == "W",
                 sent=sent,
-                again="again" in rest,
-                outside="outside" in rest,
+                again="again" in words,
+                outside="outside" in words,
+                begin=begin,
             )
         elif kind == "F":
             clock.step_aside(self.wait)

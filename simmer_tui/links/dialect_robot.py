@@ -21,6 +21,7 @@ from simmer_tui.dialect.reply_reader import RobotReply
 from simmer_tui.links.backend import Message
 from simmer_tui.links.monitored_robot import MonitoredRobot
 from simmer_tui.links.protocol.packets import STOP
+from simmer_tui.links.real_robot import as_real
 from simmer_tui.robot.sessions import Answered, LoopTimer, Session
 from simmer_tui.run.events import NoticeKind
 from simmer_tui.sim.command import PEOPLE, WORD, Command, cut, parse_value
@@ -250,7 +251,7 @@ class DialectRobot(MonitoredRobot):
 
     def _give_up(self, request: _Request, reason: str) -> None:
         known = request.result or self._result(request.command, Status.UNANSWERED, math.nan)
-        result = replace(known, status=Status.UNANSWERED, reply=math.nan, reason=reason)
+        result = as_real(known, status=Status.UNANSWERED, reply=math.nan, reason=reason)
         self.engine.tell(result)
         self._over(request, result)
 
@@ -305,7 +306,8 @@ class DialectRobot(MonitoredRobot):
     def _stop_for(self, request: _Request) -> None:
         self.stop()
         self.engine.stop_motion("a stop for the robot")
-        result = replace(self.engine.peek(request.command), status=Status.STOPPED, reply=math.inf, reason="")
+        twin = self.engine.peek(request.command)
+        result = as_real(twin, status=Status.STOPPED, reply=math.inf, reason="")
         self.engine.tell(result)
         request.answer(result)
 

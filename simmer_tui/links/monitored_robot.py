@@ -10,8 +10,6 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from msgspec.structs import replace
-
 from simmer_tui.dialect.device import DialectDevice, MoveEnd
 from simmer_tui.dialect.dialect_rules import DialectRules, MessageRule
 from simmer_tui.dialect.expressions import FieldValue
@@ -24,7 +22,7 @@ from simmer_tui.links.dialect_link import (
     note_motion,
     reply_value,
 )
-from simmer_tui.links.real_robot import RealRobot
+from simmer_tui.links.real_robot import RealRobot, as_real, real_reading
 from simmer_tui.robot.engine import Engine
 from simmer_tui.robot.sessions import LoopTimer
 from simmer_tui.run.events import (
@@ -233,7 +231,7 @@ class MonitoredRobot(RealRobot):
             result = read or self.engine.peek(parse_command(code, self._twin.source))
             if result.reading is None:
                 continue
-            real = replace(result, reply=value, reading=replace(result.reading, value=value, scan=None))
+            real = as_real(result, reply=value, reading=real_reading(result.reading, value))
             # The pose of a reading during a movement is not known: calibration uses those at stops.
             if not (self._device.moves or self.engine.simulator.moving):
                 self.engine.tell(real)

@@ -13,6 +13,7 @@ from simmer_tui.robot.engine import Engine
 from simmer_tui.robot.sessions import LoopTimer
 from simmer_tui.run.events import ActionDone, ActionName, EventHandler, Notice, NoticeKind
 from simmer_tui.sim.command import cut
+from simmer_tui.sim.records import CommandResult, LidarScan, Reading, Status
 
 # Judged: the pieces of a greeting come closer together. After its messages the boot loader of an ESP32 takes
 # less to begin the sketch.
@@ -24,6 +25,48 @@ _LEAST_WORDS = 2
 # Several lines of a greeting: more is cut when it is shown.
 MOST_SAID = 1024
 """Most bytes kept of a board that starts."""
+
+
+# Field by field: what only the simulator knows, such as a field that is added later, is not the robot's.
+def as_real(
+    twin: CommandResult,
+    *,
+    reply: float,
+    status: Status | None = None,
+    reason: str | None = None,
+    reading: Reading | None = None,
+) -> CommandResult:
+    """The real robot's result for a command that its twin did too.
+
+    Args:
+        twin: The twin's result; its number, times, poses and motion are the best that is known.
+        reply: The robot's reply, NaN for none.
+        status: The robot's, None for the twin's.
+        reason: The robot's, None for the twin's.
+        reading: The robot's reading: see `real_reading`.
+    """
+    return CommandResult(
+        number=twin.number,
+        time=twin.time,
+        command=twin.command,
+        status=twin.status if status is None else status,
+        reply=reply,
+        before=twin.before,
+        pose=twin.pose,
+        reason=twin.reason if reason is None else reason,
+        reading=reading,
+        trajectory=twin.trajectory,
+        grip=twin.grip,
+        taken=twin.taken,
+        link=twin.link,
+        velocity=twin.velocity,
+        waits=twin.waits,
+    )
+
+
+def real_reading(twin: Reading, value: float, scan: LidarScan | None = None) -> Reading:
+    """The real robot's reading beside its twin's: the robot's value, or scan, and the twin's true value."""
+    return Reading(sensor=twin.sensor, value=value, true=twin.true, view=twin.view, took=twin.took, scan=scan)
 
 
 @dataclass(eq=False)

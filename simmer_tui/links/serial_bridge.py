@@ -28,7 +28,7 @@ from simmer_tui.links.protocol.replies import (
     RobotAnswer,
     read_numbers,
 )
-from simmer_tui.links.real_robot import RealRobot
+from simmer_tui.links.real_robot import RealRobot, as_real, real_reading
 from simmer_tui.robot.sessions import Answered, LoopTimer, Session
 from simmer_tui.run.events import NoticeKind, TwinReading
 from simmer_tui.sim.arrays import FloatArray
@@ -266,8 +266,7 @@ class SerialBridge(RealRobot):
         if exchange.pause:
             self._paused[exchange] = self._loop.call_later(exchange.pause, self._resume, exchange)
             return
-        self._simulate(exchange)
-        self._finish(exchange, exchange.simulated, None)
+        self._answer_here(exchange)
 
     def _resume(self, exchange: _Exchange) -> None:
         """End a wait that is over, or cut."""
@@ -275,9 +274,14 @@ class SerialBridge(RealRobot):
         if alarm is None:  # another sender, answered before this one, has sent a stop
             return
         alarm.cancel()
-        self._simulate(exchange)
-        self._finish(exchange, exchange.simulated, None)
+        self._answer_here(exchange)
         self._advance()
+
+    def _answer_here(self, exchange: _Exchange) -> None:
+        """Answer a message that the robot never gets, as its twin does."""
+        self._simulate(exchange)
+        results = [as_real(each, reply=each.reply) for each in exchange.simulated]
+        self._finish(exchange, results, None)
 
     def _next(self) -> _Exchange | None:
         """The next message to send.
@@ -494,10 +498,7 @@ class SerialBridge(RealRobot):
     def _answer_in_its_place(self, exchange: _Exchange, reason: str) -> None:
         simulator = self.engine.simulator
         known = exchange.simulated or [_unsent(simulator, command) for command in exchange.commands]
-        results = [
-            replace(each, status=Status.UNANSWERED, reply=math.nan, reason=reason, reading=None)
-            for each in known
-        ]
+        results = [as_real(each, status=Status.UNANSWERED, reply=math.nan, reason=reason) for each in known]
         # Removed first, so that a reply that still comes does not answer it twice.
         answered, exchange.answered = exchange.answered, None
         for result in results:
@@ -538,14 +539,14 @@ def _real(simulated: CommandResult, answer: RobotAnswer, reads_sensor: bool, is_
     # A single number in place of a scan is the first ray's, as in the simulated robot.
     number = answer if isinstance(answer, float) else float(answer[0])
     if reading is not None:
-        return replace(simulated, reply=number, reading=replace(reading, value=number, scan=scan))
+        return as_real(simulated, reply=number, reading=real_reading(reading, number, scan))
     if is_stop:
-        return replace(simulated, status=Status.STOPPED, reply=number, reason="")
+        return as_real(simulated, status=Status.STOPPED, reply=number, reason="")
     # NaN is the refusal of a command in every dialect.
     if math.isnan(number):
-        return replace(simulated, status=Status.REFUSED, reply=number, reason="the robot answered NaN")
+        return as_real(simulated, status=Status.REFUSED, reply=number, reason="the robot answered NaN")
     status = Status.READING if reads_sensor else Status.DONE
-    return replace(simulated, status=status, reply=number, reason="")
+    return as_real(simulated, status=status, reply=number, reason="")
 
 
 def _real_scan(reading: Reading, ranges: FloatArray) -> LidarScan | None:

@@ -464,6 +464,8 @@ class Server:
         self.stop_log()
         self._log = log
         self.engine.watch(log)
+        if self.boards is not None:
+            self.boards.tell_shown()
         return path
 
     async def begin_log(self, file: str) -> Path:
@@ -749,7 +751,7 @@ class Server:
         """A board has died or hangs: a mission has failed, and the run is over, as after a crash."""
         assert self.boards is not None, "boards have ended"
         if self.referee is not None:
-            self.referee.end(self.boards.failed)
+            self.referee.end(self.boards.failed, self.simulator.time)
         self.boards_ended()
 
     def _tick(self, period: float) -> None:

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
+from msgspec import Struct
 from msgspec.structs import replace
 
 from simmer_tui.live.route import Route, RouteKeeper
@@ -19,6 +20,7 @@ from simmer_tui.run.events import (
     ActionDone,
     Belief,
     CommandResult,
+    DisplayChanged,
     Event,
     EventHandler,
     LegBegun,
@@ -60,8 +62,7 @@ _NOTHING = np.empty(0)
 """The true ranges of a scan in an entry: none are kept."""
 
 
-@dataclass(frozen=True, slots=True)
-class LogEntry:
+class LogEntry(Struct, frozen=True):
     """An event of the list, or the readings between two such events.
 
     `number` is the running number of the (latest) event, `real_time` the time of day (seconds since the
@@ -246,6 +247,9 @@ class EventFeed(EventHandler[None]):
             self.other(light)
         else:
             self._fold(light).beliefs += 1
+
+    def on_display(self, event: DisplayChanged) -> None:
+        """No entry: the boards' panel shows it."""
 
     def on_twin(self, event: TwinReading) -> None:
         self._fold(event, counted=False)

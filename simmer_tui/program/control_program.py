@@ -18,6 +18,7 @@ from simmer_tui.program.kept_process import Keeper, KeptProcess
 from simmer_tui.program.program_command import (
     console_variables,
     missing_program,
+    runs_python,
     start_advice,
     with_hook,
     words_of,
@@ -108,11 +109,13 @@ class Program(RunningProgram):
             from simmer_tui.program.job_process import console_code_page
 
             unbuffered = console_variables(command, console_code_page())
-        variables = with_hook({**unbuffered, **os.environ, **environment})
+        output = output or ProgramOutput()
+        stacks = output.stacks.variables if runs_python(command) else {}
+        variables = with_hook({**unbuffered, **os.environ, **environment, **stacks})
         has_input = on_line is None
         process: KeptProcess | JobProcess
         try:
-            route = OutputRoute(output or ProgramOutput(), on_line, at_once=bool(unbuffered))
+            route = OutputRoute(output, on_line, at_once=bool(unbuffered))
             try:
                 if platform_has.POSIX:
                     words = words_of(command)

@@ -17,7 +17,9 @@ from simmer_tui.sim.rules import did_you_mean
 HOOK_FOLDER = Path(__file__).resolve().parent / "hook"
 """The folder with our sitecustomize.py. First on the path of a Python program, it replaces the program's
 clock and serial port."""
-HOOKED = ("SIMMER_CLOCK_PORT", "SIMMER_DIALECT_PORT")
+STACK = "SIMMER_STACK_FILE"
+"""Variable with the file to which a Python program writes its stacks when it is ended."""
+HOOKED = ("SIMMER_CLOCK_PORT", "SIMMER_DIALECT_PORT", STACK)
 """Variables of programs that need it."""
 _PATH = "PYTHONPATH"
 SCRIPTS = (".py", ".m", ".sh", ".jar")
@@ -45,6 +47,11 @@ def with_hook(environment: Mapping[str, str], folder: str = str(HOOK_FOLDER)) ->
 def is_python(word: str) -> bool:
     """True if the first word of a command is Python, of any version, with a folder or without."""
     return _program_name(word).rstrip("0123456789.") in ("py", "python")
+
+
+def runs_python(command: str) -> bool:
+    """True if a command starts Python."""
+    return is_python(_first_word(command.strip()))
 
 
 def _program_name(word: str) -> str:
@@ -139,7 +146,7 @@ def _first_word(line: str) -> str:
 def console_variables(command: str, code_page: int) -> dict[str, str]:
     """Environment with which a program writes to a pipe as to a console of Windows: at once, and in the
     console's code page. Only Python has such variables; it is empty for other commands."""
-    if not is_python(_first_word(command.strip())):
+    if not runs_python(command):
         return {}
     return {"PYTHONUNBUFFERED": "1", "PYTHONIOENCODING": f"cp{code_page}:backslashreplace"}
 

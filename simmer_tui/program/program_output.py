@@ -21,6 +21,7 @@ from msgspec import Struct, field
 from simmer_tui import platform_has
 from simmer_tui.errors import ProgramError, is_disk_full, reason_of
 from simmer_tui.program.crash_parts import without_escapes
+from simmer_tui.program.stack_dump import StackDump
 from simmer_tui.run.events import NOT_STARTED, OutputLine, ProgramEnded
 
 if platform_has.POSIX:
@@ -44,6 +45,8 @@ _AT_ONCE = 65536
 # An interpreter writes both within microseconds; a person does not notice that a prompt comes later.
 _LINE_END = 0.01
 """Seconds to wait for the rest of a line before a part of it is passed on."""
+_NOTHING = bytes(4)
+"""The count of bytes of a pipe that is empty, as the system gives it."""
 _STDOUT, _STDERR = 1, 2
 """Descriptors of the standard streams (POSIX)."""
 # A reader of our output may stop for a moment: at load 17 on two processors once for 0.2 s in 400 runs. A
@@ -101,6 +104,8 @@ class ProgramOutput:
         self.stderr = OutputTail(now)
         self.stdout = OutputTail(now)
         self.on_lost = on_lost
+        self.stacks = StackDump()
+        """Stacks of the program when it was ended."""
         self._reader: OutputReader | None = None
 
     def begin(self, streams: list[_Stream], *, windows: bool = not platform_has.POSIX) -> OutputReader:
@@ -143,7 +148,7 @@ class ProgramOutput:
             signal=signal_name(code),
             stopped=stopped,
             error=crash.error,
-            place=crash.place,
+            place=self.stacks.place() if stopped else crash.place,
             stderr=tuple(stderr[-LAST_LINES:]),
             stdout=tuple(stdout[-LAST_LINES:]),
         )
@@ -226,10 +231,11 @@ class _Stream(Struct):
         with self.lock:
             if self.source < 0:
                 return False
-            count = bytearray(4)
-            with contextlib.suppress(OSError):
-                fcntl.ioctl(self.source, termios.FIONREAD, count)
-            return any(count)
+            # Asked for whenever time moves, thousands of times a second.
+            try:
+                return fcntl.ioctl(self.source, termios.FIONREAD, _NOTHING) != _NOTHING
+            except OSError:
+                return False
 
     def _lines(self, data: bytes) -> Iterator[bytes]:
         """Whole lines, and long ones in pieces; at the end the last one."""

@@ -40,8 +40,8 @@ from simmer_tui.sim.specs import DriveSpec, SensorSpec, SimulationSpec
 
 _MOUNTING = ("x", "y", "z", "rotation", "field_of_view", "rays", "vertical_field_of_view")
 """Fields of a sensor's row for its place and direction."""
-# Its effect on a range is in the truth of the log, as that of the mounting is.
-_IN_TRUTH = ("incidence_limit",)
+# Effects on a range that are told apart, or are in the truth of the log, as that of the mounting is.
+_IN_TRUTH = ("incidence_limit", "min_range")
 # Share of sensors that are elsewhere above which it is another robot: each is then meant to be where it is.
 _ELSEWHERE = 0.5
 
@@ -95,7 +95,7 @@ def _nominal_sensor_tests(
         value, unit = (own.bias, own.unit) if turned is FindingKind.STUCK else (-1.0, "")
         what = change_text(own, turned, value)
         return [device.claim(0.0, turned, value, what, len(rows), unit=unit)]
-    tests = list(_mounted(history, rows, own, row, nominal))
+    tests = [*_mounted(history, rows, own, row, nominal), *_blind(own, row, rows, nominal)]
     taken = (*_MOUNTING, *_IN_TRUTH)
     placed = {name: getattr(own, name) for name in own.__struct_fields__ if name in taken}
     # Another kind of sensor under this code measures something else altogether.
@@ -209,6 +209,15 @@ def _mounted(
     if own.kind.has("z") and abs(higher) >= LEAST_INCHES:
         what = f"is mounted at Z {own.z:g} in, in {_by(nominal)} at {row.z:g} in"
         yield device.claim(0.0, FindingKind.MOUNTING, higher, what, count, unit="in")
+
+
+def _blind(own: SensorSpec, row: SensorSpec, rows: Columns, nominal: Nominal) -> Iterator[Claim]:
+    """A range sensor that reads nothing as near as in the nominal set, and met something nearer."""
+    met = int((rows["true"] < own.min_range).sum())
+    if row.kind is own.kind and own.min_range - row.min_range >= LEAST_INCHES and met:
+        device = DeviceUnderTest(own.code, "reading", Basis.NOMINAL)
+        what = f"reads nothing nearer than {own.min_range:g} in, unlike in {_by(nominal)}"
+        yield device.claim(0.0, FindingKind.MISSED, own.min_range, what, met, unit="in")
 
 
 def is_another_robot(spec: SimulationSpec, nominal: SimulationSpec) -> bool:

@@ -156,6 +156,13 @@ class BeliefFacts:
         made = ((each, modelled_sensor(each)) for each in self._seen.spec.sensors if each.code in read)
         return tuple(each.code for each, it in made if isinstance(it, ObservingSensor) and it.period)
 
+    @property
+    def unread_compass(self) -> str:
+        """Code of a compass of the set that was never read; empty without one, or if another was read."""
+        made = ((each, modelled_sensor(each)) for each in self._seen.spec.sensors if each.enabled)
+        codes = [each.code for each, it in made if isinstance(it, ObservingSensor) and it.period]
+        return "" if self._compasses or not codes else codes[0]
+
     @cached_property
     def steps(self) -> list[Disagreement]:
         """The devices that explain believed steps best; none where these are right."""

@@ -31,7 +31,7 @@ from simmer_tui.sim.command import parse_value
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.obstacles import Obstacles
-from simmer_tui.sim.specs import CELL_SIZE, SensorSpec
+from simmer_tui.sim.specs import CELL_SIZE, WALL, SensorSpec
 from simmer_tui.sim.velocity_commands import WAIT
 
 # Judged: after a third of a cell, or half a quarter turn, a sensor sees other obstacles.
@@ -248,6 +248,19 @@ class ContactEvidence:
         if own - usual < _LARGER:
             return ""
         return f" The robot reaches {own:.3g} in from its centre, in the set {nominal.name} {usual:.3g} in."
+
+    @property
+    def new_wall_text(self) -> str:
+        """A sentence, with a space before it, on a wall that the nominal set's maze does not have."""
+        nominal, cell = self._seen.history.nominal, self.met.contact.cell
+        if nominal is None or cell is None or self.is_outer_wall:
+            return ""
+        row, column = cell
+        cells = nominal.spec.maze.cells
+        is_same = len(cells) == self._seen.spec.maze.rows and len(cells[0]) == self._seen.spec.maze.columns
+        if not is_same or cells[row - 1][column - 1] == WALL:
+            return ""
+        return f" In the set {nominal.name} there is no wall."
 
     @cached_property
     def narrow_text(self) -> str:

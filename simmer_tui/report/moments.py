@@ -10,14 +10,14 @@ from msgspec.structs import replace
 
 from simmer_tui.document.formats import COUNT, PASSAGE, Format, number
 from simmer_tui.document.model import DataColumn, DataTable, data_table
-from simmer_tui.report.cause_order import lost_text
+from simmer_tui.report.cause_text import lost_text
 from simmer_tui.report.causes import Cause, MomentKind
 from simmer_tui.report.run_evidence import RunEvidence
 from simmer_tui.report.why import looks_there, shown_range
-from simmer_tui.run.events import NoticeKind, Result
+from simmer_tui.run.events import ActionName, NoticeKind, Result
 from simmer_tui.run.facts import ALIKE
 from simmer_tui.run.history_rows import NoticeRow
-from simmer_tui.run.phrases import grip_ending, place_text, pose_text, program_end_text, sent_text
+from simmer_tui.run.phrases import grip_ending, place_text, pose_text, program_end_text, sent_by_text
 from simmer_tui.sim.command import WORD, counted, cut
 
 MOST_MOMENTS = 7
@@ -177,6 +177,10 @@ def _person(run: RunEvidence) -> Iterator[Moment]:
         has_acted = row.order > began and name.helps
         if not row.done.refused and (has_acted or (row.order == began and name.restarts)):
             text = f"a person used {name.value}: {row.done.text}"
+            if name is ActionName.TELEPORT:
+                text = f"a person moved the robot to {place_text(row.done.pose.x, row.done.pose.y)}"
+            elif name is ActionName.BLOCK:
+                text = f"a person moved the block to {place_text(*row.done.action.arguments[:2])}"
             yield Moment(MomentKind.PERSON, row.elapsed, text, row.line)
 
 
@@ -195,7 +199,7 @@ def _deciding(run: RunEvidence) -> Iterator[Moment]:
     if met is not None and (run.has_contact or seen.task is None):
         row, last = met.met.row, met.facing
         code = row.ended.command.code
-        sent = sent_text(row.ended.command.source, row.shown)
+        sent = sent_by_text(row.ended.command.source, row.shown)
         yield Moment(MomentKind.COMMAND, met.sent, sent, row.line, code)
         text, sight, at = "no sensor looks at the place that was touched", "", met.sent
         if met.looks is not None and looks_there(met.looks):

@@ -34,6 +34,7 @@ function simmerPlayer(recording, live) {
 
   function clear() {
     for (const name of ["t", "x", "y", "h", "beliefs", "blocks", "marks", "commands"]) run[name] = [];
+    run.boards = new Map(); // what each has shown
     run.sensors.forEach((sensor) => Object.assign(sensor, { readings: [], scans: [] }));
     drawnScans = [];
     run.one_in = 1;
@@ -73,6 +74,10 @@ function simmerPlayer(recording, live) {
       run.sensors[sensor].scans.push({ t: t / 1000, begin: begin / 1000, span: span / 1000, first: first / 10, turn, ranges });
     }
     append(run.blocks, data.blocks.map(([t, held, x, y, h]) => ({ t: t / 1000, held, x: x / 100, y: y / 100, h: h / 10 })));
+    for (const [t, board, pin, led, displays] of data.displays) {
+      if (!run.boards.has(board)) run.boards.set(board, []);
+      run.boards.get(board).push({ t: t / 1000, pin, led, displays });
+    }
     append(run.marks, data.marks.map(([t, kind, text, x, y]) => ({ t: t / 1000, kind, text, x, y })));
     run.marks.sort((a, b) => a.t - b.t);
     append(run.commands, data.commands.map(([t, text]) => ({ t: t / 1000, text })));
@@ -87,7 +92,7 @@ function simmerPlayer(recording, live) {
     const before = (items, t) => placeOf(items, t - 1e-6, (each) => each.t);
     const drop = (items, count) => count > 0 && items.splice(0, count);
     for (const items of [...run.sensors.flatMap((sensor) => [sensor.readings, sensor.scans]), run.beliefs, run.marks]) drop(items, before(items, run.begin) + 1);
-    drop(run.blocks, before(run.blocks, run.begin));
+    for (const items of [run.blocks, ...run.boards.values()]) drop(items, before(items, run.begin));
     drop(run.commands, before(run.commands, since));
     const gone = placeOf(run.t, since - 1e-6) + 1;
     if (gone <= 0) return;
@@ -181,6 +186,7 @@ function simmerPlayer(recording, live) {
   const decided = button("deciding moment", "m: the moment that decided", toMoment);
   const earlier = button("◂ event", "N, or shift and n", () => toMark(-1)), later = button("event ▸", "n", () => toMark(1));
   const clock = element("output", { class: "clock" }), words = element("p", { class: "words" });
+  const boards = element("div", { class: "boards" });
   const happened = element("p", { class: "happened" }), tip = element("div", { class: "tip", hidden: "" });
   const slider = element("input", {
     type: "range", min: run.begin, max: run.end, step: 0.01, "aria-label": "time",
@@ -218,7 +224,7 @@ function simmerPlayer(recording, live) {
       element("div", { class: "buttons" }, play, rates, clock, ...(live ? [goLive] : []), decided, earlier, later,
         ...(live ? [] : [button("whole path", "w", wholeWay)]), button("light / dark", "d", changeTheme))));
   (legend?.matches(".legend") ? legend : document.querySelector(".controls")).after(
-    element("div", { class: "now" }, words, happened, readings,
+    element("div", { class: "now" }, words, happened, boards, readings,
       element("details", { class: "keys" }, element("summary", {}, "Keys and colours"),
         (live ? "L returns to what happens now. " : "") +
         "Space plays, arrows 1 s (with shift 10 s), [ ] playback rate, n N events, c C contacts, m the moment that decided, home end, " +
@@ -267,6 +273,7 @@ function simmerPlayer(recording, live) {
     showRays();
     showScans();
     showTouches();
+    showBoards();
     for (const [sensor, { value, truth, box }] of chips) showChip(latest(sensor.readings, now), sensor, value, truth, box);
     clock.textContent = `${now.toFixed(2)} / ${run.end.toFixed(1)} s`;
     const told = [`at (${pose.x.toFixed(2)}, ${pose.y.toFixed(2)}) heading ${angle(pose.h)}°`];
@@ -331,6 +338,16 @@ function simmerPlayer(recording, live) {
     if (until) part(texts, until - 1, pose.x, pose.y, now);
     texts.forEach((text, i) => text === trailsDrawn[i] || set(trails[i], { d: text }));
     trailsDrawn = texts;
+  }
+
+  let boardsShown = [];
+  function showBoards() {
+    const shown = [...run.boards].map(([name, items]) => [name, latest(items, now)]).filter(([, item]) => item);
+    if (shown.length === boardsShown.length && shown.every(([, item], i) => item === boardsShown[i])) return;
+    boardsShown = shown.map(([, item]) => item);
+    boards.replaceChildren(...shown.map(([name, { pin, led, displays }]) =>
+      element("div", {}, element("span", {}, `${name}  ·  LED ${pin} ${led ? "on" : "off"}`),
+        ...displays.map((rows) => element("pre", {}, rows.join("\n"))))));
   }
 
   let touched = "";

@@ -23,6 +23,7 @@ from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.report.traces import page_clock
 from simmer_tui.run.belief_grid import GridBelief, SmallMap
 from simmer_tui.run.facts import deviation
+from simmer_tui.run.history_rows import DisplayRow
 from simmer_tui.run.paths import BeliefCloud
 from simmer_tui.run.scan_traces import ScanTrace, range_step
 from simmer_tui.run.table import Newest, TimedItem
@@ -30,6 +31,7 @@ from simmer_tui.sim.block import Block
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import CELL_SIZE, WALL, SensorSpec, SimulationSpec
+from simmer_tui.sketch.board_view import logged_view
 
 PlainNumber = float | str | None
 """A number in the recording: finite, an infinity as text, or null."""
@@ -185,8 +187,8 @@ class RecordingEncoder:
         }
 
     def _rows(self) -> dict[str, Any]:
-        """Tables by row: beliefs, places of the block, marks and commands. `doing` is the command of the
-        movement under way."""
+        """Tables by row: beliefs, places of the block, what boards show, marks and commands. `doing` is the
+        command of the movement under way."""
         recording = self._recording
         doing = recording.under_way
         return {
@@ -195,6 +197,7 @@ class RecordingEncoder:
                 [_ms(each.elapsed), int(each.held), *_place(each.block)]
                 for each in self._new("blocks", recording.blocks, since=0.0)
             ],
+            "displays": [_display(each) for each in self._new("displays", recording.displays, since=0.0)],
             "scans": [
                 [
                     self._places[each.code],
@@ -249,6 +252,12 @@ def _belief(cloud: BeliefCloud) -> list[Any]:
         particles,
         *([] if cloud.belief.grid is None else [_grid(cloud.belief.grid, cloud.heat)]),
     ]
+
+
+def _display(row: DisplayRow) -> list[Any]:
+    """Time, board, the pin of its LED, 1 if that is on, and the rows on each of its displays."""
+    view = logged_view(row.event)
+    return [_ms(row.elapsed), view.name, view.led_pin, int(view.led), view.displays]
 
 
 def _grid(grid: GridBelief, heat: SmallMap | None) -> list[Any]:

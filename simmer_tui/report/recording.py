@@ -100,6 +100,7 @@ class Recording:
         self.beliefs = paths.beliefs
         self.scans = paths.scans
         self.blocks = history.blocks
+        self.displays = history.displays
         self.marks: Newest[Mark] = Newest(MARKS)
         self.commands: Newest[MovementPath] = Newest(MOVEMENTS)
         """The movements, without the jumps between them."""

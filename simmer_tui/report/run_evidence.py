@@ -18,7 +18,7 @@ from simmer_tui.report.belief_facts import (
 )
 from simmer_tui.report.command_audit import multiplied_corrections
 from simmer_tui.report.contact_evidence import ContactEvidence
-from simmer_tui.report.finding import FEWEST, Basis, Disagreement, Finding, kept_disagreements
+from simmer_tui.report.finding import FEWEST, Basis, Disagreement, Finding, FindingKind, kept_disagreements
 from simmer_tui.report.robust_fit import median_of
 from simmer_tui.report.sensor_sample import world_without_block
 from simmer_tui.report.set_errors import set_errors
@@ -28,6 +28,7 @@ from simmer_tui.run.events import Goal, NoticeKind, ProgramEnded
 from simmer_tui.run.facts import missed_zone
 from simmer_tui.run.history_rows import BeliefRow, GripRow, MissionRow, MovementRow, NoticeRow, RefusalRow
 from simmer_tui.run.phrases import REAL_TIME_LIMIT, last_output, times_text
+from simmer_tui.run.run_history import OTHER_CODES
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.block import Block
@@ -47,6 +48,10 @@ _CODES = 3
 """Codes of movements that are named in a sentence."""
 _STOPS = 3
 """Movements that end at the block from which it was no chance, before any goal. Judged."""
+_BOTH = 0.25
+"""Share of movements to each side from which they go to and fro. Judged."""
+_HALF_TURN = 181.0
+"""Degrees from which a turn is longer than the one to the other side, errors of the heading apart."""
 _POSES = 400
 """Most poses from which it is computed who sees the block: the strip between two is then an inch or two."""
 
@@ -161,6 +166,31 @@ class RunEvidence:
                 return *seen.refused_drives(since, every=True), float(first), rows[0]
         return None
 
+    @cached_property
+    def unknown_code(self) -> tuple[int, int, RefusalRow] | None:
+        """The number of commands by a code that no device has, of all commands, and one of them; None where
+        there is none that was kept."""
+        seen, spec = self.seen, self.seen.spec
+        rows = seen.within(seen.history.commands)
+        names = np.array(seen.history.code_names)
+        of_others = rows["refused"] & np.isin(rows["code"], np.flatnonzero(names == OTHER_CODES))
+        known = {each.code for each in (*spec.sensors, *spec.drive_rows, *spec.velocities)}
+        row = next((each for each in seen.refusals if each.result.command.code not in known), None)
+        return None if row is None else (int(of_others.sum()), len(rows), row)
+
+    @property
+    def long_turns(self) -> str:
+        """A sentence on turns by more than half a turn: the other way is shorter. Empty without one."""
+        seen, names = self.seen, self.seen.history.code_names
+        turning = {each.code for each in seen.spec.drives if each.kind.turns}
+        moves = seen.within(seen.history.movements)
+        moves = moves[np.isin(moves["code"], [place for place, name in enumerate(names) if name in turning])]
+        moves = moves[np.abs(moves["asked"]) > _HALF_TURN]
+        if not len(moves):
+            return ""
+        first = f"{names[moves['code'][0]]}-{moves['asked'][0]:.4g} at {float(moves['begin'][0]):.1f} s"
+        return f"{counted(len(moves), 'turn')} by more than {_HALF_TURN:g} deg, the first {first}."
+
     @property
     def refused_action(self) -> RefusalRow | None:
         """The last command of the run for a drive or the gripper, if it was refused."""
@@ -217,6 +247,12 @@ class RunEvidence:
         itself with an exit code."""
         rows = (row for row in self._connections if row.notice.kind is NoticeKind.TURNED_AWAY)
         return next(rows, None) if self.exit_code and not self.goals else None
+
+    @property
+    def ended_at(self) -> str:
+        """The line at which the program was when the simulator ended it; empty if that is not known."""
+        ended = self.seen.history.programs.items
+        return ended[-1].event.place if ended and ended[-1].event.stopped else ""
 
     @property
     def _connections(self) -> list[NoticeRow]:
@@ -402,6 +438,11 @@ class RunEvidence:
         return first
 
     @property
+    def link_time(self) -> float:
+        """Mean simulated seconds that a command and its reply spent on the link."""
+        return self.seen.spent.link / max(self.seen.commands, 1)
+
+    @property
     def velocities_left(self) -> int:
         """Number of connections of a program that drove by velocities and connected for nearly each command:
         a velocity ends with its connection. Else 0."""
@@ -473,8 +514,10 @@ class RunEvidence:
         numbers, counts = np.unique(moves["code"], return_counts=True)
         told = []
         for place in np.argsort(-counts)[:_CODES]:
-            usual = median_of(np.abs(moves["asked"][moves["code"] == numbers[place]]))
-            told.append(f"{names[numbers[place]]} {times_text(int(counts[place]))}, mostly by {usual:.2g}")
+            asked = moves["asked"][moves["code"] == numbers[place]]
+            sign = "+-" if _BOTH <= float((asked < 0.0).mean()) <= 1.0 - _BOTH else ""
+            usual = f"{sign}{median_of(np.abs(asked)):.2g}"
+            told.append(f"{names[numbers[place]]} {times_text(int(counts[place]))}, mostly by {usual}")
         return "; ".join(told)
 
     def looked_before(self, belief: BeliefRow) -> bool:
@@ -506,4 +549,7 @@ def _one_each(findings: Sequence[Finding]) -> list[Finding]:
     found: dict[tuple[str, str], Finding] = {}
     for each in sorted(findings, key=lambda one: one.basis is not Basis.SET):
         found.setdefault((each.of, each.kind), each)
-    return [each for each in findings if each in found.values()]
+    kept = [each for each in findings if each in found.values()]
+    # What a device reads wrongly may scatter for that reason.
+    devices = [each.of for each in kept]
+    return sorted(kept, key=lambda each: (devices.index(each.of), each.kind is FindingKind.NOISE))

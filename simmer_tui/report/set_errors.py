@@ -1,5 +1,5 @@
-"""Large errors that a run's own set declares: a device does as its set says, and misleads a program all the
-same."""
+"""Large errors that a run's own set declares, and its differences from the nominal set: a device, a maze or a
+block is as its set says, and misleads a program all the same."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.angles import half_turn
-from simmer_tui.sim.specs import CELL_SIZE, GripperSpec, SensorSpec, SimulationSpec
+from simmer_tui.sim.specs import CELL_SIZE, WALL, GripperSpec, SensorSpec, SimulationSpec
 
 # Judged: an inch is a third of the way beside a robot in a corridor; 5 degrees lead an inch aside in a cell.
 _LARGE = {"in": 1.0, "deg": 5.0}
@@ -27,6 +27,10 @@ _SLOW = 1.0
 """Seconds by which a reading takes longer than in another set, from which that is named. Judged."""
 _REACH = 0.25
 """Inches by which a gripper reaches less far than in another set, from which that is named. Judged."""
+_SPEED = 2.0
+"""Factor by which a drive is faster or slower than in the nominal set, from which that is told. Judged."""
+_CELLS = 2
+"""Cells with another wall that are named."""
 _SYSTEMATIC = ("bias", "drift", "hard_iron", "soft_iron", "random_walk", "cross_talk", "incidence_limit")
 """Fields of a sensor's row that declare an error of one sign."""
 
@@ -117,3 +121,48 @@ def _of_drives(seen: Attempt) -> Iterator[tuple[str, str]]:
         other, where = GripperSpec(code=gripper.code), "by default"
     if other.reach - gripper.reach >= _REACH:
         yield gripper.code, f"reaches {gripper.reach:g} in ahead of the robot, {where} {other.reach:g} in"
+
+
+def set_differences(seen: Attempt, *, with_limit: bool = True) -> str:
+    """A sentence on what the run's set has otherwise than the nominal one, its sensors apart; empty without a
+    nominal set, or a difference. The time limit may be told elsewhere."""
+    nominal = seen.history.nominal
+    if nominal is None:
+        return ""
+    own, usual = seen.spec, nominal.spec
+    parts = [*_of_maze(own, usual)]
+    if own.block_size != usual.block_size:
+        parts.append(f"the block is {own.block_size:g} in wide, not {usual.block_size:g} in")
+    grip, other = own.gripper, usual.gripper
+    if grip is not None and other is not None:
+        if grip.reach != other.reach:
+            parts.append(f"the gripper reaches {grip.reach:g} in, not {other.reach:g} in")
+        if grip.width != other.width:
+            parts.append(f"the gripper is {grip.width:g} in wide, not {other.width:g} in")
+        if not 1 / _SPEED < grip.speed / other.speed < _SPEED:
+            parts.append(f"the gripper takes {1 / grip.speed:g} s to close, not {1 / other.speed:g} s")
+    drives = {each.code: each for each in usual.drives}
+    for each in own.drives:
+        row = drives.get(each.code)
+        if row is not None and row.kind is each.kind and not 1 / _SPEED < each.speed / row.speed < _SPEED:
+            unit = "deg/s" if each.kind.turns else "in/s"
+            parts.append(f"{each.code} moves at {each.speed:g} {unit}, not {row.speed:g} {unit}")
+    if with_limit and seen.task is not None and nominal.time_limit not in (None, seen.task.time_limit):
+        parts.append(f"the time limit is {seen.task.time_limit:g} s, not {nominal.time_limit:g} s")
+    return f"Unlike in the set {nominal.name}, {'; '.join(parts)}." if parts else ""
+
+
+def _of_maze(own: SimulationSpec, usual: SimulationSpec) -> list[str]:
+    """Differences between the walls of two mazes, in words."""
+    mine, other = (np.array(each.maze.cells) == WALL for each in (own, usual))
+    if mine.shape != other.shape:
+        return [f"the maze has {own.maze.rows} by {own.maze.columns} cells"]
+    places = np.argwhere(mine != other).tolist()
+    if len(places) > _CELLS:
+        return [f"{len(places)} cells of the maze are another kind"]
+    has = {True: "is a wall", False: "is no wall"}
+    # Rows count from the top, as in maze.csv.
+    return [
+        f"there {has[bool(mine[row, column])]} in row {row + 1}, column {column + 1}"
+        for row, column in places
+    ]

@@ -12,16 +12,10 @@ from enum import StrEnum
 from msgspec import Struct
 
 from simmer_tui.report.audit import audit
-from simmer_tui.report.cause_order import (
-    CONNECT_ADVICE,
-    LINK_ADVICE,
-    LINK_ENDED,
-    LINK_WAITED,
-    cause_of,
-    cause_so_far,
-    waited_text,
-)
+from simmer_tui.report.cause_order import cause_of, cause_so_far
+from simmer_tui.report.cause_text import ended_by_link, waited_text
 from simmer_tui.report.causes import Cause, Kind
+from simmer_tui.report.ending_causes import CONNECT_ADVICE, LINK_ADVICE
 from simmer_tui.report.finding import Finding
 from simmer_tui.report.moments import Moment, moments_of
 from simmer_tui.report.run_evidence import RunEvidence
@@ -319,11 +313,15 @@ class _Judge:
         if program.error.startswith(_NO_PACKAGE):
             return f"Try: {_OTHER_PYTHON}."
         if program.crashed:
-            if program.error.startswith((*LINK_ENDED, *LINK_WAITED)):
+            if ended_by_link(program.error):
                 if self._attempt.is_silent:
                     return f"Try: {CONNECT_ADVICE}"
                 return f"Try: look at the link: {LINK_ADVICE}"
             place = program.place
+            if program.error.startswith("KeyboardInterrupt"):
+                return ""
+            if program.error.startswith("EOFError"):
+                return "Try: take the question out of your program: nobody can type under --run."
             if program.error.startswith(_OF_VALUES) and place:
                 return f"Try: print what {place} is given, and what was sent and received before it."
             return f"Try: mend the error in {place}." if place else ""

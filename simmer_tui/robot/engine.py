@@ -106,6 +106,7 @@ class Engine:
         self._origin = 0.0
         self._stands = False
         """True inside `moment`."""
+        self._time_is_over = False
         self._movement: _Movement | None = None
         self._end = LoopTimer(self._movement_over)
         self._held: list[Session] = []
@@ -218,6 +219,10 @@ class Engine:
             return max((self._loop.time() - self._origin) * self.time_scale, self.simulator.time)
         return self.simulator.time
 
+    def end_time(self) -> None:
+        """Let simulated time stand still until the run restarts: its robot can do nothing more."""
+        self._time_is_over = True
+
     def clock_time(self, time: float) -> float:
         """The loop's time of a simulated time, in timed motion."""
         return self._origin + time / self.time_scale
@@ -316,6 +321,7 @@ class Engine:
         if action.name is ActionName.TIME_SCALE:
             self.time_scale = action.arguments[0]
         elif action.name.restarts:
+            self._time_is_over = False
             self.restart_link()
         elif action.name in (ActionName.PAUSE, ActionName.RESUME):
             self._scheduler.paused = action.name is ActionName.PAUSE
@@ -477,7 +483,7 @@ class Engine:
     @property
     def _passes(self) -> bool:
         """True while simulated time follows the clock."""
-        return self.timed and not self.paused
+        return self.timed and not (self.paused or self._time_is_over)
 
     def _go_on_at(self, time: float, session: Session, step: Callable[..., None], *arguments: object) -> None:
         """Let a session wait until a simulated time, then call `step`."""

@@ -34,15 +34,17 @@ class ProgramWait(Struct, eq=False):
     """A process of the program. `wake` lets it continue, and is given the time.
 
     It waits until the time `until`, or computes (None). With `listens` it waits for a reply too, or for what
-    another process does, and `looks` once something has happened. `outside` is true if something outside of
-    the simulation may end its wait. With `away` it waits for a process, `parent` of which it is, that may
-    have no clock: no time passes but that of its own descendants.
+    another process does, and `looks` once something has happened. Its wait for a reply may begin later, at
+    `begin`: what happens before ends it only if bytes were sent to it, and at that time. `outside` is true
+    if something outside of the simulation may end its wait. With `away` it waits for a process, `parent` of
+    which it is, that may have no clock: no time passes but that of its own descendants.
     `written` are counts of the bytes that were sent to the program since then, by the program's ports.
     """
 
     wake: Callable[[float], None]
     stuck: Callable[[], None]
     until: float | None = None
+    begin: float | None = None
     listens: bool = False
     looks: bool = False
     outside: bool = False
@@ -115,12 +117,15 @@ class ProgramClock:
         sent: int,
         again: bool = False,
         outside: bool = False,
+        begin: float | None = None,
     ) -> None:
         """Note that a process waits until a time, or for a reply, and how many bytes it has sent.
 
-        It waits `again` if it has only looked, and done nothing that another process may wait for.
+        It waits `again` if it has only looked, and done nothing that another process may wait for. `begin` is
+        the time at which it begins to wait, if that is not now.
         """
         process.until, process.listens, process.outside = max(until, self.now), listens, outside
+        process.begin = begin
         if not again:
             self._waits += 1
             process.since = self._waits
@@ -185,9 +190,10 @@ class ProgramClock:
         if self.frozen or not waiting:
             return False
         self._settle_output()
-        until = min(_end_of(each) for each in waiting)
+        self._begin_waits()
+        until = min(self._end_of(each) for each in waiting)
         # Only the processes know whose reply it is.
-        if not any(each.looks and each.listens for each in waiting):
+        if not any(_may_have_reply(each) for each in waiting):
             if min(until, timer) == math.inf and self.boards is None:
                 if any(each.away for each in self._processes):
                     return False  # it will come back, and may end their waits
@@ -196,11 +202,11 @@ class ProgramClock:
             if self.boards is not None and not self._run_boards(self.boards, min(timer, until)):
                 return True
             self.now = max(self.now, min(timer, until))
+            self._begin_waits()
             if timer <= until:
                 self.note()
                 return True
-        self._wake_one(waiting)
-        return False
+        return not self._wake_one(waiting)
 
     def _run_boards(self, run: Callable[[float], float], until: float) -> bool:
         """Let the boards run, and the time with them. False if they have not reached `until` yet."""
@@ -210,6 +216,20 @@ class ProgramClock:
             return True
         self.now = max(self.now, reached)
         return False
+
+    def _begin_waits(self) -> None:
+        """Begin the waits whose time has come. One whose reply is there is over at once."""
+        for each in self._processes:
+            if each.begin is not None and each.begin <= self.now + _HAIR:
+                each.begin, each.looks = None, bool(each.written)
+
+    def _end_of(self, process: ProgramWait) -> float:
+        """The time at which a wait ends, if nothing happens."""
+        assert process.until is not None, "it waits"
+        # Boards run on beyond the beginning of a wait, until they send something.
+        if process.begin is not None and (process.written or self.boards is None):
+            return process.begin
+        return process.until
 
     def _waiting(self) -> list[ProgramWait]:
         """The processes that wait, but not for the end of another one; none while one computes or ends."""
@@ -225,21 +245,25 @@ class ProgramClock:
         if self.settle_output is not None and not self.settle_output():
             self.settle_output = None
 
-    def _wake_one(self, waiting: list[ProgramWait]) -> None:
-        """Let the process continue whose time came first, and of those the one that waits longest."""
+    def _wake_one(self, waiting: list[ProgramWait]) -> bool:
+        """Let the process continue whose time came first, and of those the one that waits longest. False if
+        the wait of none is over: one has begun."""
         ready = [
-            (min(_end_of(each), self.now), each.since, each)
+            (min(self._end_of(each), self.now), each.since, each)
             for each in waiting
-            if (each.looks and each.listens) or _end_of(each) <= self.now + _HAIR
+            if _may_have_reply(each) or self._end_of(each) <= self.now + _HAIR
         ]
+        if not ready:
+            return False
         process = min(ready, key=lambda each: each[:2])[2]
         process.until, process.listens, process.looks = None, False, False
         process.wake(self.now)
+        return True
 
 
-def _end_of(process: ProgramWait) -> float:
-    assert process.until is not None, "it waits"
-    return process.until
+def _may_have_reply(process: ProgramWait) -> bool:
+    """True if something has happened since the process began to wait for a reply."""
+    return process.looks and process.listens and process.begin is None
 
 
 class ProgramClockLoop(asyncio.SelectorEventLoop):

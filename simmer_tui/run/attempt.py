@@ -394,11 +394,17 @@ class Attempt:
     def moved(self) -> ActionRow | None:
         """The last time that a person moved the robot, unless a belief has been right since. A reset moves it
         too, if the program continues."""
-        row = self._by_hand(ActionName.TELEPORT) or self._reset
+        row = self._by_hand(ActionName.TELEPORT) or self.reset
         return None if row is None or self._is_right_since(row.order) else row
 
     @property
-    def _reset(self) -> ActionRow | None:
+    def emptied(self) -> bool:
+        """True if the reset with which the run begins took the block out of the gripper."""
+        before = [row for row in self.history.blocks.items if row.order < self._began]
+        return self.reset is not None and bool(before) and before[-1].held
+
+    @property
+    def reset(self) -> ActionRow | None:
         """The reset with which the run begins, if a program that had driven before it continues."""
         history, row = self.history, self._restart
         if row is None or not history.commands.place_of(self._began):

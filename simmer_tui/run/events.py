@@ -94,7 +94,8 @@ class ProgramEnded(Struct, frozen=True):
 
     `exit_code` is 128 and the signal's number for one that a signal ended; `signal` is then its name.
     `stopped` is true if the simulator ended it, not the program itself. `error` is the error of a crash,
-    `place` the last line of its own code that led there (`robot.py:12`); both are empty without a crash.
+    `place` the last line of its own code that led there (`robot.py:12`), or of a Python program that was
+    stopped the line at which it was; both may be empty.
     `stderr` and `stdout` hold the last lines of its output.
     """
 
@@ -251,6 +252,23 @@ class TwinReading(Struct, frozen=True):
     simulated: float
 
 
+class DisplayChanged(Struct, frozen=True, omit_defaults=True):
+    """A board shows something else from a simulated time on (key `t` in a log).
+
+    Attributes:
+        board: its name.
+        led: true if its own LED is on.
+        led_pin: the pin of that LED.
+        displays: the rows of text on each of its displays.
+    """
+
+    time: Real = field(name="t")
+    board: str
+    led: bool = False
+    led_pin: str = "13"
+    displays: tuple[tuple[str, ...], ...] = ()
+
+
 class MovementPlanned(Struct, frozen=True):
     """A movement begins, or its rest is planned again because the block was moved.
 
@@ -383,6 +401,7 @@ Event = (
     | MissionEvent
     | ProgramEnded
     | WireMessage
+    | DisplayChanged
 )
 Watcher = Callable[[Event], None]
 Made = TypeVar("Made")
@@ -441,6 +460,9 @@ class EventHandler(Generic[Made]):
         return self.other(event)
 
     def on_wire(self, event: WireMessage) -> Made:
+        return self.other(event)
+
+    def on_display(self, event: DisplayChanged) -> Made:
         return self.other(event)
 
 

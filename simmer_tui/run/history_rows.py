@@ -11,7 +11,15 @@ from typing import NamedTuple
 
 from msgspec import Struct
 
-from simmer_tui.run.events import ActionDone, CommandResult, MissionEvent, MovementEnded, Notice, ProgramEnded
+from simmer_tui.run.events import (
+    ActionDone,
+    CommandResult,
+    DisplayChanged,
+    MissionEvent,
+    MovementEnded,
+    Notice,
+    ProgramEnded,
+)
 from simmer_tui.run.facts import NO_HEADING, UNSURE, Deviation, degrees_beside
 from simmer_tui.run.table import Index, Single
 from simmer_tui.sim.block import Block
@@ -289,6 +297,12 @@ class NoticeRow(LoggedRow, frozen=True):
     def text(self) -> str:
         """Sentence of the notice."""
         return self.notice.text
+
+
+class DisplayRow(LoggedRow, frozen=True):
+    """A board shows something else."""
+
+    event: DisplayChanged
 
 
 class MissionRow(LoggedRow, frozen=True):

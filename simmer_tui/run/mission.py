@@ -288,10 +288,11 @@ class Referee(EventHandler[bool]):
             pose = self._reducer.pose_at(now)
             self._reach([(pose.x, pose.y)], now)
 
-    def end(self, reason: str) -> None:
-        """Fail the mission, unless it is over: nobody drives the robot any more."""
+    def end(self, reason: str, now: float | None = None) -> None:
+        """Fail the mission, unless it is over: nobody drives the robot any more. Without a time, simulated
+        seconds, it ends with its last event."""
         if self._final is None:
-            self._end(Result.FAILED, reason, self._reducer.time)
+            self._end(Result.FAILED, reason, self._reducer.time if now is None else now)
 
     def state(self, now: float | None = None) -> MissionState:
         """The mission at a simulated time, or at its end."""

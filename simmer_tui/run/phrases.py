@@ -16,7 +16,7 @@ from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import Grip, LidarScan
 from simmer_tui.sim.scan_rays import extremes
-from simmer_tui.sim.specs import DriveKind, SimulationSpec
+from simmer_tui.sim.specs import CELL_SIZE, DriveKind, SimulationSpec
 from simmer_tui.sim.trajectory import Trajectory
 
 BOARD_SOURCE = "boards"
@@ -38,7 +38,7 @@ def board_place(source: str) -> str:
     return f"board {place}" if place and is_of_boards(source) else ""
 
 
-def sent_text(source: str, shown: str) -> str:
+def sent_by_text(source: str, shown: str) -> str:
     """The sender's action, for a command as it is shown: a program sends it, a board sets its speeds."""
     if is_of_boards(source):
         return f"{board_place(source) or 'a board'} set {shown}"
@@ -280,6 +280,9 @@ def miss_text(missed: tuple[float, float]) -> str:
         missed: As in `Grip.missed`, inches in the robot's frame: ahead, left.
     """
     beyond, left = missed
+    away = math.hypot(beyond, left)
+    if away > CELL_SIZE:
+        return f"the block lay {away:.0f} in away"
     parts = []
     if abs(beyond) > _SHOWN_MISS:
         parts.append(f"{abs(beyond):.2f} in too {'far ahead' if beyond > 0 else 'near'}")

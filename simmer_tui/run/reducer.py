@@ -24,6 +24,7 @@ from simmer_tui.run.events import (
     ActionName,
     Belief,
     CommandResult,
+    DisplayChanged,
     Event,
     Goal,
     LegBegun,
@@ -345,7 +346,13 @@ class Reducer:
     def _restart(self, seed: int) -> None:
         mission = None if self._now.mission is None else MissionProgress()
         self._now = replace(
-            self._now, seed=seed, contacts=0, contact_points=(), distance=0.0, mission=mission
+            self._now,
+            seed=seed,
+            contacts=0,
+            contact_points=(),
+            distance=0.0,
+            mission=mission,
+            displays=(),
         )
         self.time = 0.0
         self._commands = 0
@@ -357,6 +364,13 @@ class Reducer:
         """Messages over the line change nothing: their commands do."""
         if self.history is not None:
             self.history.add_wire(message)
+
+    def _take_display(self, change: DisplayChanged) -> None:
+        others = (each for each in self._now.displays if each.board != change.board)
+        displays = sorted((*others, change), key=lambda each: each.board)
+        self._now = replace(self._now, displays=tuple(displays))
+        if self.history is not None:
+            self.history.add_display(change)
 
     def _take_notice(self, notice: Notice) -> None:
         if notice.kind is NoticeKind.CONNECTED:
@@ -400,6 +414,7 @@ class Reducer:
         MissionEvent: _take_mission,
         ProgramEnded: _take_program_end,
         WireMessage: _take_wire,
+        DisplayChanged: _take_display,
     }
 
     # -- the state -----------------------------------------------------------------------------

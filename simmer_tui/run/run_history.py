@@ -24,6 +24,7 @@ from simmer_tui.run.events import (
     ActionDone,
     Belief,
     CommandResult,
+    DisplayChanged,
     LegBegun,
     LegEnded,
     MissionEvent,
@@ -42,6 +43,7 @@ from simmer_tui.run.history_rows import (
     BlockPose,
     CommandRow,
     ContactRow,
+    DisplayRow,
     GripRow,
     MissionRow,
     MovementRow,
@@ -78,6 +80,8 @@ KEPT_OBJECTS = 500
 # A dialect has some twenty commands; a program that speaks another language sends anything.
 KEPT_MESSAGES = 60
 """Messages of a dialect that are counted separately; all others are counted together."""
+KEPT_DISPLAYS = 4000
+"""Changes of what boards show: a mission of 300 s has 3,000 of one that counts."""
 KEPT_BLOCKS = 6000
 """Poses of the block: two for each movement that a player shows."""
 TRACE_POINTS = 800
@@ -225,7 +229,7 @@ class RunHistory:
         *("order", "line", "real_time", "_first", "_totals", "_trail", "_names", "_velocities"),
         *("_codes", "_sensors", "_sources", "code_names", "source_names", "sensor_codes"),
         *("readings", "movements", "beliefs", "commands", "contacts", "refusals", "actions", "grips"),
-        *("notices", "faults", "missions", "programs", "blocks", "biases", "repeated", "newest"),
+        *("notices", "faults", "missions", "displays", "programs", "blocks", "biases", "repeated", "newest"),
         *("newest_legs", "is_over", "episodes", "wedged", "began", "placed"),
         *("_truth", "_gone", "_turned", "_holding", "_blocked"),
     )
@@ -290,6 +294,8 @@ class RunHistory:
         self.notices: Newest[NoticeRow] = Newest(KEPT_OBJECTS)
         self.faults: Newest[NoticeRow] = Newest(KEPT_OBJECTS)
         self.missions: Newest[MissionRow] = Newest(KEPT_OBJECTS)
+        self.displays: Newest[DisplayRow] = Newest(KEPT_DISPLAYS)
+        """LEDs and displays of boards, as they have changed."""
         self.programs: Newest[ProgramRow] = Newest(KEPT_OBJECTS)
         """Ends of the programs that the simulator started."""
         self.blocks: Newest[BlockPose] = Newest(KEPT_BLOCKS)
@@ -642,6 +648,10 @@ class RunHistory:
         if key not in counts and len(counts) >= KEPT_MESSAGES:
             key = (OTHER_CODES, "")
         counts[key] += 1
+
+    def add_display(self, event: DisplayChanged) -> None:
+        elapsed = self.clock.before + event.time if self.is_over else self.clock.advance(event.time)
+        self.displays.add(DisplayRow(self.order, self.line, max(elapsed, self.elapsed), event))
 
     def add_mission(self, event: MissionEvent) -> None:
         self.is_over |= event.over

@@ -10,6 +10,7 @@ from msgspec import Struct, field
 from simmer_tui.run.events import (
     Belief,
     CommandResult,
+    DisplayChanged,
     Goal,
     MovementEnded,
     MovementPlanned,
@@ -114,6 +115,8 @@ class Checkpoint(Struct, frozen=True, kw_only=True):
     mission: MissionProgress | None = None
     spent: TimeSpent = TimeSpent()
     bias: Mapping[DriveKind, Axes] = field(default_factory=dict)
+    displays: tuple[DisplayChanged, ...] = ()
+    """The newest change of each board that has shown something."""
 
 
 def checkpoint_of(simulator: Simulator, *, mission: bool = False, time_scale: float = 1.0) -> Checkpoint:

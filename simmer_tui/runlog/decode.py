@@ -16,6 +16,7 @@ from simmer_tui.run.events import (
     ActionDone,
     Belief,
     CommandResult,
+    DisplayChanged,
     Event,
     LegBegun,
     LegEnded,
@@ -39,6 +40,7 @@ from simmer_tui.runlog.log_records import (
     AnyRecord,
     BeliefRecord,
     CheckpointRecord,
+    DisplayRecord,
     EndRecord,
     GripFields,
     LegEndRecord,
@@ -85,6 +87,7 @@ _EVENTS: dict[type, Callable[..., Event]] = {
     ProgramRecord: ProgramEnded,
     VelocityEndRecord: VelocityEnded,
     WireRecord: WireMessage,
+    DisplayRecord: DisplayChanged,
 }
 """The kind of event of each kind of record that `line_form` reads."""
 

@@ -17,6 +17,7 @@ from simmer_tui.run.events import (
     ActionDone,
     Belief,
     CommandResult,
+    DisplayChanged,
     Event,
     LegBegun,
     LegEnded,
@@ -36,6 +37,7 @@ from simmer_tui.runlog.log_records import (
     AnswerRecord,
     BeliefRecord,
     CheckpointRecord,
+    DisplayRecord,
     EndRecord,
     LegEndRecord,
     LegRecord,
@@ -68,6 +70,7 @@ _RECORDS: dict[type, type[LogRecord]] = {
     ProgramEnded: ProgramRecord,
     TwinReading: TwinRecord,
     WireMessage: WireRecord,
+    DisplayChanged: DisplayRecord,
 }
 """The records of events that have all that their record needs."""
 

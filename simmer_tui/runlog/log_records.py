@@ -25,6 +25,7 @@ from simmer_tui.run.belief_grid import GridBelief
 from simmer_tui.run.events import (
     LARGEST_NUMBER,
     ActionName,
+    DisplayChanged,
     Goal,
     NoticeKind,
     OutputLine,
@@ -346,6 +347,15 @@ class WireRecord(LogRecord, tag="wire", frozen=True, kw_only=True):
     meaning: str = ""
 
 
+class DisplayRecord(LogRecord, tag="display", frozen=True, kw_only=True):
+    """A board's LED, and the rows of each of its displays, from a time on."""
+
+    board: str
+    led: bool = False
+    led_pin: str = "13"
+    displays: tuple[tuple[str, ...], ...] = ()
+
+
 class MissionRecord(LogRecord, tag="mission", frozen=True, kw_only=True):
     """A goal met, or a mission's beginning or end."""
 
@@ -432,6 +442,7 @@ class CheckpointRecord(LogRecord, tag="checkpoint", frozen=True, kw_only=True):
     driving: Annotated[Real, At("spent.driving")] = 0.0
     link: Annotated[Real, At("spent.link")] = 0.0
     reading: Annotated[dict[str, Real], At("spent.by_sensor", _COPY)] = {}
+    displays: tuple[DisplayChanged, ...] = ()
 
 
 @final
@@ -461,6 +472,7 @@ AnyRecord = (
     | LegEndRecord
     | VelocityEndRecord
     | WireRecord
+    | DisplayRecord
 )
 _LINE: TypedJson[AnyRecord] = TypedJson(AnyRecord)
 # Some numbers of a run are NumPy scalars.

@@ -63,38 +63,36 @@ def _events(footprint: Footprint, obstacles: Obstacles, arc: Arc, last: float) -
         return None
     velocity = np.array(arc.velocity)
     found: list[FloatArray] = []
-    if footprint.radius:
-        beside = faces.beside(footprint.radius)
-        found.append(_line_crossings(start[None, :], velocity[None, :], w, beside))
-        found.append(_disc_at_corners(start - corners, velocity, w, footprint.radius))
-    if len(footprint.vertices):
-        cos, sin = cos_sin(arc.start.heading)
-        arms = turned(footprint.vertices, cos, sin)
-        found.append(_line_crossings(start + arms, velocity + w * _left(arms), w, faces))
-        # Seen from the robot the corners move by the inverse twist.
-        seen = turned(corners - start, cos, -sin)
-        own = turned(velocity[None, :], cos, -sin)
-        found.append(_line_crossings(seen, -(own + w * _left(seen)), -w, footprint.edges))
-    every = np.concatenate(found)
-    with np.errstate(invalid="ignore"):
+    # Once for all: lines that are never crossed give numbers that are not finite.
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        if footprint.radius:
+            beside = faces.beside(footprint.radius)
+            found.append(_line_crossings(start[None, :], velocity[None, :], w, beside))
+            found.append(_disc_at_corners(start - corners, velocity, w, footprint.radius))
+        if len(footprint.vertices):
+            cos, sin = cos_sin(arc.start.heading)
+            arms = turned(footprint.vertices, cos, sin)
+            found.append(_line_crossings(start + arms, velocity + w * _left(arms), w, faces))
+            # Seen from the robot the corners move by the inverse twist.
+            seen = turned(corners - start, cos, -sin)
+            own = turned(velocity[None, :], cos, -sin)
+            found.append(_line_crossings(seen, -(own + w * _left(seen)), -w, footprint.edges))
+        every = np.concatenate(found)
         inside = every[(every > 0.0) & (every < last)]
-    return [0.0, *np.unique(inside).tolist(), last]
+    # Mostly fewer than ten, for which np.unique takes longer than all of the above.
+    return [0.0, *sorted(set(inside.tolist())), last]
 
 
 def _line_crossings(points: FloatArray, velocities: FloatArray, w: float, edges: Edges) -> FloatArray:
     """Numbers h at which points (v, 2) with velocities (v, 2), turning at `w` rad/s, are on edges: (n,)."""
     across, along = edges.places(points)
     speed, speed_along = edges.places(velocities)
-    bend, bend_along = edges.places(_left(velocities))
+    bend, bend_along = edges.places_of(-velocities[:, 1], velocities[:, 0])
     gap = across - edges.offset
-    roots = _roots(gap * (w * w / 4.0) + bend * (w / 2.0), speed, gap, np.abs(gap) <= TOUCHING)
-    low, high = edges.low - TOUCHING, edges.high + TOUCHING
-    found = []
-    for h in roots:
-        with np.errstate(invalid="ignore", over="ignore"):
-            place = along + h * (speed_along + (w / 2.0) * h * bend_along) / (1.0 + (w * w / 4.0) * h * h)
-            found.append(h[(place >= low) & (place <= high)])
-    return np.concatenate(found)
+    h = _roots(gap * (w * w / 4.0) + bend * (w / 2.0), speed, gap, np.abs(gap) <= TOUCHING)
+    place = along + h * (speed_along + (w / 2.0) * h * bend_along) / (1.0 + (w * w / 4.0) * h * h)
+    crossed: FloatArray = h[(place >= edges.low - TOUCHING) & (place <= edges.high + TOUCHING)]
+    return crossed
 
 
 def _disc_at_corners(apart: FloatArray, velocity: FloatArray, w: float, radius: float) -> FloatArray:
@@ -108,19 +106,21 @@ def _disc_at_corners(apart: FloatArray, velocity: FloatArray, w: float, radius: 
     ahead = apart[:, 0] * x + apart[:, 1] * y
     aside = apart[:, 1] * x - apart[:, 0] * y
     square = gap * (w * w / 4.0) + w * aside + (x * x + y * y)
-    return np.concatenate(_roots(square, 2.0 * ahead, gap, np.abs(distance - radius) <= TOUCHING))
+    return _roots(square, 2.0 * ahead, gap, np.abs(distance - radius) <= TOUCHING).ravel()
 
 
-def _roots(a: FloatArray, b: FloatArray, c: FloatArray, touching: BoolArray) -> tuple[FloatArray, FloatArray]:
-    """Both roots of a h^2 + b h + c = 0, not finite where there is none; 0 and -b / a where it touches at
-    the start."""
+def _roots(a: FloatArray, b: FloatArray, c: FloatArray, touching: BoolArray) -> FloatArray:
+    """Both roots (2, ...) of a h^2 + b h + c = 0, not finite where there is none; 0 and -b / a where it
+    touches at the start."""
     # The textbook form for roots without cancellation (Press et al., Numerical Recipes, 5.6).
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        q = -0.5 * (b + np.copysign(np.sqrt(b * b - 4.0 * a * c), b))
-        first, second = np.where(touching, 0.0, c / q), np.where(touching, -b / a, q / a)
-    return first, second
+    q = -0.5 * (b + np.copysign(np.sqrt(b * b - 4.0 * a * c), b))
+    roots = np.empty((2, *q.shape))
+    roots[0], roots[1] = np.where(touching, 0.0, c / q), np.where(touching, -b / a, q / a)
+    return roots
 
 
 def _left(vectors: FloatArray) -> FloatArray:
     """(n, 2) vectors turned left by 90 degrees."""
-    return np.column_stack((-vectors[:, 1], vectors[:, 0]))
+    turned_left = np.empty_like(vectors)
+    turned_left[:, 0], turned_left[:, 1] = -vectors[:, 1], vectors[:, 0]
+    return turned_left

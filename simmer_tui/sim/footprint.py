@@ -48,8 +48,12 @@ class Edges(Struct, frozen=True, dict=True):
 
     def places(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Coordinates of points (..., 2) along the normals and along the tangents, both (..., n)."""
+        return self.places_of(points[..., 0], points[..., 1])
+
+    def places_of(self, across: FloatArray, up: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The same of points with x `across` and y `up`, both (...)."""
         x, y = self._axes
-        both = points[..., 0, None] * x + points[..., 1, None] * y
+        both = across[..., None] * x + up[..., None] * y
         return both[..., : len(self.offset)], both[..., len(self.offset) :]
 
     def select(self, chosen: BoolArray) -> "Edges":

@@ -24,6 +24,10 @@ from simmer_tui.sim.specs import CELL_SIZE, SimulationSpec
 SKIN = 1e-10
 """The robot overlaps an obstacle when it is deeper in than this, inches; less is rounding."""
 
+# A robot has the same walls around it for most of its legs. The bundled maze has some 200 such sets.
+_KEPT = 300
+"""Sets of faces and corners that are kept."""
+
 
 class Obstruction(Struct, frozen=True):
     """An obstacle that the robot touches: its point (inches, global), True for `held_block` if the held block
@@ -78,19 +82,34 @@ class Obstacles(Struct, frozen=True, dict=True):
         )
 
     @cached_property
-    def _face_bounds(self) -> tuple[FloatArray, FloatArray]:
+    def _bounds_of_all(self) -> tuple[FloatArray, FloatArray]:
+        """Least and greatest x and y of all faces, then of all corners, each (n, 2)."""
         faces = self.faces
         foot = faces.normal * faces.offset[:, None]
         start = foot + faces.tangent * faces.low[:, None]
         end = foot + faces.tangent * faces.high[:, None]
-        return np.minimum(start, end), np.maximum(start, end)
+        return (
+            np.concatenate((np.minimum(start, end), self.corners)),
+            np.concatenate((np.maximum(start, end), self.corners)),
+        )
+
+    @cached_property
+    def _near(self) -> dict[bytes, tuple[Edges, FloatArray]]:
+        """Faces and corners that `near` has found, by the mask of those that it has chosen."""
+        return {}
 
     def near(self, low: FloatArray, high: FloatArray) -> tuple[Edges, FloatArray]:
         """Faces and corners that reach into the box from `low` to `high`, each (2,)."""
-        face_low, face_high = self._face_bounds
-        chosen = np.all((face_low <= high) & (face_high >= low), axis=1)
-        corners = self.corners[((self.corners <= high) & (self.corners >= low)).all(axis=1)]
-        return self.faces.select(np.asarray(chosen)), corners
+        all_low, all_high = self._bounds_of_all
+        chosen = np.asarray(((all_low <= high) & (all_high >= low)).all(axis=1))
+        key = chosen.tobytes()
+        found = self._near.get(key)
+        if found is None:
+            if len(self._near) >= _KEPT:
+                self._near.clear()
+            faces = len(self.faces.offset)
+            found = self._near[key] = self.faces.select(chosen[:faces]), self.corners[chosen[faces:]]
+        return found
 
     def clearance(self, x: float, y: float) -> float:
         """Distance of a place from the nearest obstacle, inches."""

@@ -34,8 +34,8 @@ _CALLS = {
 
 
 class BoardFacts:
-    """Tells the facts of a run's boards. Each kind is told at its place the first time, the tenth, the
-    hundredth: so a log stays small."""
+    """Tells the facts of a run's boards, each at its own time, nanoseconds. Each kind is told at its place
+    the first time, the tenth, the hundredth: so a log stays small."""
 
     def __init__(self, engine: Engine) -> None:
         self._engine = engine
@@ -76,15 +76,14 @@ class BoardFacts:
             if waiting:
                 text += f", and {bytes(waiting).decode('latin-1')!r} of the program waited to be read"
             if self._is_due("contact", line):
-                self._tell(text, line)
+                self._tell(text, line, at)
 
     def was_late(self, board: Board, record: BoardRecord, until: int) -> None:
         """Tell that a board has read a byte long after it had arrived, if the robot went on meanwhile."""
         gone = self._gone(record.time / SECOND, until / SECOND)
         if gone < _TOLD_DISTANCE:
             return
-        line = board.process.line_of(record.value & 0xFFFFFFFF)
-        place = record.value & 0xFFFFFFFF
+        line, place = _line_of(board, record), record.value & 0xFFFFFFFF
         wait = next((each for each in board.waited if each.place == place and each.end > record.time), None)
         is_farther = gone > 2 * self._farthest
         self._farthest = max(self._farthest, gone)
@@ -97,36 +96,46 @@ class BoardFacts:
             where = _call(board, wait, line)
         took = (until - record.time) / 1e6
         text = f"{which} waited {took:.0f} ms to be read: board {board.name} was {where}"
-        self._tell(f"{text}; the robot went {gone:.1f} in meanwhile", line)
+        self._tell(f"{text}; the robot went {gone:.1f} in meanwhile", line, until)
 
-    def fifo_overflow(self, board: Board, part: str, place: int) -> None:
+    def fifo_overflow(self, board: Board, part: str, record: BoardRecord, time: int) -> None:
         """Tell that the FIFO of a part has lost packets, which the sketch has not read in time."""
-        line = board.process.line_of(place)
+        line = _line_of(board, record)
         if self._is_due(f"fifo {part}", line):
             where = f" at {line}" if line else ""
             held = "it holds 1,024 bytes of packets, one each 10 ms, and nothing read them"
             text = f"the FIFO of {part} overflowed{where}: {held}"
-            self._tell(f"board {board.name}: {text}", line)
+            self._tell(f"board {board.name}: {text}", line, time)
 
-    def bus_stuck(self, board: Board, place: int) -> None:
+    def bus_stuck(self, board: Board, record: BoardRecord, time: int) -> None:
         """Tell that a board waits for its bus, and goes on waiting: interrupts are off."""
-        line = board.process.line_of(place)
+        line = _line_of(board, record)
         if not self._is_due(f"bus {board.name}", line):
             return
-        where = (f" at {line}" if line else "") + in_task(board, board.process.task)
+        where = (f" at {line}" if line else "") + in_task(board, record.task)
         because = "Wire needs interrupts, which are off there, as in an interrupt's function"
-        self._tell(f"board {board.name} waits without end{where}: {because}", line)
+        self._tell(f"board {board.name} waits without end{where}: {because}", line, time)
 
-    def lost_edge(self, board: Board, pin: str, place: int, edges: int) -> None:
+    def lost_byte(self, board: Board, pin: str, record: BoardRecord, time: int) -> None:
+        """Tell the first byte that is lost at a pin, the tenth, the hundredth ..."""
+        line, key = _line_of(board, record), (f"byte {board.name}", pin)
+        if not self._is_due(*key):
+            return
+        where = f" at {line}" if line else ""
+        text = f"a byte at pin {pin} was lost{where}: the queue was full, or interrupts were off"
+        more = f"; {self._counts[key]} so far" if self._counts[key] > 1 else ""
+        self._tell(f"board {board.name}: {text}{more}", line, time)
+
+    def lost_edge(self, board: Board, pin: str, record: BoardRecord, edges: int, time: int) -> None:
         """Count an edge that a board has lost, one of so many at a pin."""
         key = (board.name, pin)
         lost, _, lines = self._edges.get(key, (0, 0, Counter()))
-        lines[board.process.line_of(place)] += 1
+        lines[_line_of(board, record)] += 1
         self._edges[key] = lost + 1, edges, lines
         if is_told(lost + 1):
-            self._tell_edges(key)
+            self._tell_edges(key, time)
 
-    def missed_step(self, stepper: WiredStepper, kind: BoardKind, line: str, reason: str) -> None:
+    def missed_step(self, stepper: WiredStepper, kind: BoardKind, line: str, reason: str, time: int) -> None:
         """Tell a step that moves nothing: its driver is not enabled, or the wheel cannot follow."""
         key = (f"{reason} {stepper.label}", line)
         if not self._is_due(*key):
@@ -141,15 +150,15 @@ class BoardFacts:
         else:
             were = "was" if count == 1 else "were"
             what = f"{were} lost{where}: faster than the wheel, {stepper.top_speed:g} in/s"
-        self._tell(f"board {stepper.board}: {steps} {what}", line)
+        self._tell(f"board {stepper.board}: {steps} {what}", line, time)
 
-    def tell_totals(self) -> None:
+    def tell_totals(self, time: int) -> None:
         """Tell how many edges were lost in all, at the end of a run."""
         for key, (lost, _, _) in self._edges.items():
             if lost != self._told_edges.get(key):
-                self._tell_edges(key)
+                self._tell_edges(key, time)
 
-    def _tell_edges(self, key: tuple[str, str]) -> None:
+    def _tell_edges(self, key: tuple[str, str], time: int) -> None:
         name, pin = key
         lost, edges, lines = self._edges[key]
         self._told_edges[key] = lost
@@ -161,7 +170,7 @@ class BoardFacts:
         else:
             share = f", {most} of them{where}" if where and most < lost else where
             text = f"{lost} of {edges} edges at pin {pin} were lost{share}: {because}"
-        self._tell(f"board {name}: {text}", line)
+        self._tell(f"board {name}: {text}", line, time)
 
     def _is_due(self, kind: str, line: str) -> bool:
         self._counts[kind, line] += 1
@@ -175,9 +184,13 @@ class BoardFacts:
             legs.append(now)
         return sum(each.travelled(end) - each.travelled(begin) for each in legs)
 
-    def _tell(self, text: str, line: str) -> None:
-        time = self._engine.simulator.time
-        self._engine.tell(Notice(NoticeKind.BOARD, text, line, moment=time))
+    def _tell(self, text: str, line: str, time: int) -> None:
+        self._engine.tell(Notice(NoticeKind.BOARD, text, line, moment=time / SECOND))
+
+
+def _line_of(board: Board, record: BoardRecord) -> str:
+    """The line of the block whose address a record has."""
+    return board.process.line_of(record.value & 0xFFFFFFFF)
 
 
 def _call(board: Board, wait: BoardWait, line: str) -> str:

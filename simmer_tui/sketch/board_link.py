@@ -157,10 +157,9 @@ class BoardLink(PortLink):
                 if place < len(sent) and sent[place][0] - sent[place - 1][0] <= byte:
                     continue
                 piece = sent[start:place]
-                values = (each for _, each in piece)
-                data = bytes(
-                    each if self._instant else sampled(each, board_baud, self._baud) for each in values
-                )
+                data = bytes([value for _, value in piece])
+                if not self._instant and board_baud != self._baud:
+                    data = bytes([sampled(value, board_baud, self._baud) for value in data])
                 begin = engine.clock_time((piece[0][0] - byte) / SECOND)
                 driver.deliver(begin, byte / SECOND / scale, data)
                 start = place

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import re
 import signal
@@ -10,8 +9,9 @@ import struct
 import sys
 import threading
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from enum import IntEnum
+from itertools import repeat
 from pathlib import Path
 from typing import NamedTuple
 
@@ -47,7 +47,7 @@ if sys.platform != "win32" and platform_has.POSIX:
 NEVER = 1 << 62
 """A time that no board reaches."""
 STOP_WHEN_SENT = 0x100
-"""Flag of a grant: a byte sent at the pin in the low byte ends the slice."""
+"""Flag of a grant: the first byte sent at the pin in the low byte ends the slice when it has arrived."""
 ANSWER_HOLDS = 0x200
 """Flag of a grant: the answer stays the same until its horizon, as long as the board changes no output."""
 
@@ -74,8 +74,7 @@ class Reason(IntEnum):
     HORIZON = 0
     OUTPUT = 1
     QUERY = 2
-    SENT = 3
-    FULL = 4
+    FULL = 3
 
 
 class Query(IntEnum):
@@ -219,7 +218,8 @@ class BoardProcess:
             size = _REQUEST.size + count * _RECORD.size
             # A board that dies sends its last words behind a request that has no answer yet.
             told = self._read_more(data, size)[_REQUEST.size : size]
-            records = [BoardRecord._make(each) for each in _RECORD.iter_unpack(told)]
+            # As BoardRecord._make does it, in a third of the time.
+            records = list(map(tuple.__new__, repeat(BoardRecord), _RECORD.iter_unpack(told)))
         self._waits_since = 0.0
         return records
 
@@ -247,19 +247,22 @@ class BoardProcess:
         name = b"".join(self._task_names.get(number, ())).partition(b"\0")[0]
         return "".join(chr(each) if 32 <= each < 127 else "?" for each in name)
 
-    def grant(self, horizon: int, events: Iterable[BoardEvent], answer: float, flags: int) -> None:
+    def grant(self, horizon: int, events: Sequence[BoardEvent], answer: float, flags: int) -> None:
         """Let the board continue to a horizon, nanoseconds. The events replace those of the last grant."""
         host = self._host
         assert host is not None, "a board that was not started has asked for nothing"
         self._horizon = horizon
-        pack = _RECORD.pack
-        parts = [pack(time, kind, pin, 0, value) for time, kind, pin, value in events]
-        data = _GRANT.pack(horizon, answer, len(parts), flags) + b"".join(parts)
+        data = _GRANT.pack(horizon, answer, len(events), flags)
+        if events:
+            pack = _RECORD.pack
+            data += b"".join([pack(time, kind, pin, 0, value) for time, kind, pin, value in events])
         # A board that reads no grants fills the pipe: that is a silence too.
         self._waits_since = time.monotonic()
-        with contextlib.suppress(OSError):  # it has died, which the next read tells
+        try:
             while data:
                 data = data[os.write(host.input, data) :]
+        except OSError:
+            pass  # it has died, which the next read tells
 
     def look(self, now: float) -> None:
         """End the board if it has been silent for too long; any thread may call it."""

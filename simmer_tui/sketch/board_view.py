@@ -1,6 +1,11 @@
 """A board as people see it at one moment."""
 
-from msgspec import Struct
+from msgspec import Struct, structs
+
+from simmer_tui.errors import printable
+from simmer_tui.run.events import DisplayChanged
+from simmer_tui.run.state import State
+from simmer_tui.sketch.text_display import DISPLAY_COLUMNS, DISPLAY_ROWS, MOST_DISPLAYS
 
 
 class PinView(Struct, frozen=True):
@@ -16,7 +21,7 @@ class BoardView(Struct, frozen=True):
     Attributes:
         name: its name in wiring.toml.
         time: its clock, simulated seconds.
-        busy: the share of the last second in which its sketch did not wait in delay().
+        busy: the share of the last second in which its sketch did not wait in delay(); None if nobody knows.
         led: True if its own LED is on.
         line: the last line that it has sent to the laptop; empty if it has none.
         pins: the pins that its sketch has used.
@@ -27,10 +32,36 @@ class BoardView(Struct, frozen=True):
 
     name: str
     time: float
-    busy: float
+    busy: float | None
     led: bool
     line: str
     pins: tuple[PinView, ...] = ()
     failed: str = ""
     displays: tuple[tuple[str, ...], ...] = ()
     led_pin: str = "13"
+
+
+# Judged: more are on no screen.
+_MOST_BOARDS, _LONGEST_NAME = 8, 40
+
+
+def logged_views(state: State, time: float) -> tuple[BoardView, ...]:
+    """The boards of a logged run at a simulated time, by what they showed in the state then."""
+    shown = state.displays[:_MOST_BOARDS]
+    return tuple(structs.replace(logged_view(each), time=time) for each in shown)
+
+
+def logged_view(change: DisplayChanged) -> BoardView:
+    """A board by what it shows. Texts of a log are cut to what a display has."""
+    return BoardView(
+        name=printable(change.board[:_LONGEST_NAME]),
+        time=change.time,
+        busy=None,
+        led=change.led,
+        line="",
+        displays=tuple(
+            tuple(printable(row[:DISPLAY_COLUMNS]) for row in rows[:DISPLAY_ROWS])
+            for rows in change.displays[:MOST_DISPLAYS]
+        ),
+        led_pin=printable(change.led_pin[:_LONGEST_NAME]),
+    )

@@ -29,7 +29,6 @@ from simmer_tui.sketch.board_process import (
 from simmer_tui.sketch.parts import FINEST_DUTY, LARGEST_DUTY, PULSE_PERIOD, SECOND, EncoderState
 from simmer_tui.sketch.shared_processor import SharedProcessor
 from simmer_tui.sketch.steppers import StepperState
-from simmer_tui.sketch.text_display import TextDisplay
 
 BOARD_SLICE = 20_000_000
 """Nanoseconds that a board runs at most at a time, so that a person's stop is not late."""
@@ -46,8 +45,14 @@ REAL_SLICE = 0.02
 # Names of an enumeration take longer to read than its values, thousands of times a second.
 _QUERY = int(Reason.QUERY)
 _RATE = int(Query.RATE)
-_OF_PINS = frozenset(map(int, (Told.LEVEL, Told.DUTY, Told.FINE_DUTY, Told.SERVO, Told.MODE, Told.STEP)))
-_OF_THE_BUS = frozenset((int(Told.FIFO_OVERFLOW), int(Told.BUS_STUCK)))
+_BYTE, _TEXT = int(Told.BYTE), int(Told.TEXT)
+_LEVEL, _DUTY, _FINE_DUTY, _SERVO, _STEP = map(
+    int, (Told.LEVEL, Told.DUTY, Told.FINE_DUTY, Told.SERVO, Told.STEP)
+)
+_OF_PINS = frozenset((_LEVEL, _DUTY, _FINE_DUTY, _SERVO, _STEP, int(Told.MODE)))
+_OF_THE_BUS = frozenset(map(int, (Told.FIFO_OVERFLOW, Told.BUS_STUCK)))
+_FIRST_OF_TWO = frozenset(map(int, (Told.WAITED, Told.LATE_BYTE, Told.LOST_EDGE)))
+"""Records of facts that go on in the next record."""
 
 
 class PinState(Struct):
@@ -70,10 +75,10 @@ class Board(Struct, eq=False):
         sources: the boards whose bytes reach it.
         encoders: encoders at its pins.
         driving: its pins that drive motors or a servo.
+        led: the pin of its own LED.
         steppers: steppers by the pins of theirs.
         events: what will reach it, by time: bytes, and echoes.
         pins: its pins that the sketch has used.
-        displays: its displays of text, by their numbers.
         baud: rates of its ports, by pin.
         records: what it has done, and what has not been done to the world yet.
         granted: its last horizon.
@@ -88,10 +93,10 @@ class Board(Struct, eq=False):
     sources: list[Board] = field(default_factory=list)
     encoders: list[EncoderState] = field(default_factory=list)
     driving: frozenset[int] = frozenset()
+    led: int = -1
     steppers: Mapping[int, Sequence[StepperState]] = {}
     events: list[BoardEvent] = field(default_factory=list)
     pins: dict[int, PinState] = field(default_factory=dict)
-    displays: dict[int, TextDisplay] = field(default_factory=dict)
     baud: dict[int, int] = field(default_factory=dict)
     records: list[BoardRecord] = field(default_factory=list)
     waited: deque[BoardWait] = field(default_factory=lambda: deque(maxlen=_KEPT_WAITS))
@@ -126,7 +131,10 @@ class Board(Struct, eq=False):
 
 
 class LockstepWorld:
-    """The world that boards act on (see `sketch_robot.py`)."""
+    """The world that boards act on (see `sketch_robot.py`).
+
+    It learns facts about a board as soon as they are known: it may not have reached their times yet.
+    """
 
     def advance(self, time: int) -> None:
         """Let the world go on to a time."""
@@ -135,7 +143,7 @@ class LockstepWorld:
         """The boards pause: the world is looked at."""
 
     @property
-    def next_change(self) -> int:
+    def next_wheel_change(self) -> int:
         """Time of the next change of the wheels' speed."""
         return NEVER
 
@@ -153,6 +161,9 @@ class LockstepWorld:
 
     def sent(self, time: int, value: int, byte: int) -> None:
         """A byte arrives at the laptop at a time; `byte` is its duration."""
+
+    def shows(self, board: Board, record: BoardRecord) -> None:
+        """A board may show something else."""
 
     def lost(self, board: Board, record: BoardRecord) -> None:
         """A board has lost a byte."""
@@ -175,10 +186,11 @@ class Lockstep:
         boards: Sequence[Board],
         world: LockstepWorld,
         laptop: tuple[Board, int] | None,
-        slice_length: int = BOARD_SLICE,
-        processor: SharedProcessor | None = None,
+        slice_length: int,
+        processor: SharedProcessor,
     ) -> None:
-        """`laptop` is the board, and its pin, whose bytes go to the laptop's program."""
+        """`laptop` is the board, and its pin, whose bytes go to the laptop's program. `processor` keeps the
+        calling thread: release it in the end."""
         self.boards = tuple(boards)
         self._world = world
         self._laptop = laptop
@@ -189,7 +201,7 @@ class Lockstep:
         """True if `run` returns before the first byte for the laptop arrives."""
         self._drivers = tuple(each for each in self.boards if each.driving or each.steppers)
         self._has_begun = False
-        self._processor = processor or SharedProcessor()
+        self._processor = processor
 
     @property
     def reached(self) -> int:
@@ -231,7 +243,6 @@ class Lockstep:
         """A board begins again at its clock, in another process."""
         board.records.clear()
         board.pins.clear()
-        board.displays.clear()
         board.baud.clear()
         board.waited.clear()
         board.granted, board.waits = board.process.now, False
@@ -271,42 +282,23 @@ class Lockstep:
         now = board.process.now
         self._world.advance(now)
         changed = []
-        before: BoardRecord | None = None
         for record in board.records:
-            if record.kind in (Told.LATE_BYTE, Told.LOST_EDGE):
-                before = record
-                continue
-            if record.kind == Told.UNTIL and before is not None:
-                self._world.was_late(board, before, record.time)
-                continue
-            if record.kind == Told.EDGES and before is not None:
-                self._world.lost_edge(board, before, record.value)
-                continue
-            if record.kind == Told.TEXT:
-                board.displays.setdefault(record.pin, TextDisplay()).change(record.value)
-                continue
             kind = record.kind
-            if kind in _OF_THE_BUS:
-                self._world.bus_told(board, record)
-                continue
             state = board.pin(record.pin)
-            if kind == Told.STEP:
+            if kind == _STEP:
                 state.steps += 1
-            elif kind == Told.LEVEL:
+            elif kind == _LEVEL:
                 state.level = float(record.value)
-            elif kind == Told.DUTY:
+            elif kind == _DUTY:
                 state.level = record.value / LARGEST_DUTY
-            elif kind == Told.FINE_DUTY:
+            elif kind == _FINE_DUTY:
                 state.level = record.value / FINEST_DUTY
-            elif kind == Told.SERVO:
+            elif kind == _SERVO:
                 state.servo = record.value
                 state.level = record.value / PULSE_PERIOD
-            elif kind == Told.MODE:
+            else:
                 state.mode = record.value
                 state.level = 0.0
-            else:
-                self._world.lost(board, record)
-                continue
             changed.append(record.pin)
         board.records.clear()
         if not board.driving.isdisjoint(changed):
@@ -331,7 +323,7 @@ class Lockstep:
             if first < horizon:
                 horizon = first
         if board.encoders:
-            horizon = min(horizon, self._world.next_change)
+            horizon = min(horizon, self._world.next_wheel_change)
             for driver in self._drivers:
                 if driver is not board and driver.process.now < horizon:
                     horizon = driver.process.now
@@ -365,37 +357,59 @@ class Lockstep:
         while events and events[0].time <= now and events[0].time < board.granted:
             del events[0]
         board.waits = process.reason == _QUERY
-        begun: BoardRecord | None = None
+        for states in board.steppers.values():
+            for stepper in states:
+                stepper.known_until = now
+        before: BoardRecord | None = None
         for record in records:
-            if record.kind == Told.BYTE:
+            kind = record.kind
+            if kind == _BYTE:
                 self._pass_on(board, record)
-            elif record.kind == Told.WAITED:
-                begun = record
-            elif record.kind == Told.UNTIL and begun is not None:
-                place = begun.value & 0xFFFFFFFF
-                board.waited.append(BoardWait(begun.pin, place, begun.time, record.time, begun.task))
-                begun = None
-            elif record.kind == Told.TASK_NAME:
-                process.name_task(record)
-            elif record.kind == Told.BAUD:
-                board.baud[record.pin] = record.value if record.value > 0 else _USUAL_BAUD
-            else:
-                # Others have the number of a part in the place of a pin.
-                for stepper in board.steppers.get(record.pin, ()) if record.kind in _OF_PINS else ():
-                    if record.kind != Told.STEP or record.pin == stepper.step_pin:
+            elif kind in _OF_PINS:
+                if record.pin == board.led:
+                    self._world.shows(board, record)
+                for stepper in board.steppers.get(record.pin, ()):
+                    if kind != _STEP or record.pin == stepper.step_pin:
                         stepper.add(record)
                 board.records.append(record)
                 board.waits = True
+            elif kind == _TEXT:
+                self._world.shows(board, record)
+            elif kind in _FIRST_OF_TWO:
+                before = record
+            elif before is not None:
+                self._take_two(board, before, record)
+                before = None
+            elif kind == Told.TASK_NAME:
+                process.name_task(record)
+            elif kind == Told.BAUD:
+                board.baud[record.pin] = record.value if record.value > 0 else _USUAL_BAUD
+            elif kind == Told.LOST_BYTE:
+                self._world.lost(board, record)
+            elif kind in _OF_THE_BUS:
+                self._world.bus_told(board, record)
+
+    def _take_two(self, board: Board, before: BoardRecord, record: BoardRecord) -> None:
+        """Take a fact of two records: the second has its end, or a count."""
+        if before.kind == Told.LATE_BYTE:
+            self._world.was_late(board, before, record.time)
+        elif before.kind == Told.LOST_EDGE:
+            self._world.lost_edge(board, before, record.value)
+        else:
+            place = before.value & 0xFFFFFFFF
+            board.waited.append(BoardWait(before.pin, place, before.time, record.time, before.task))
 
     def _pass_on(self, board: Board, record: BoardRecord) -> None:
         """Bytes on the lines of a board: they arrive when their stop bit is over."""
-        baud = board.baud.get(record.pin, _USUAL_BAUD)
-        arrives = record.time + max(board.byte - _BITS * SECOND // baud, 0)
-        for other, rx in board.lines.get(record.pin, ()):
-            self.put(other, BoardEvent(arrives, BYTE, rx, record.value | baud << 8))
-        if self._laptop is not None and self._laptop[0] is board and self._laptop[1] == record.pin:
-            self.sent.append((arrives, record.value))
-            self._world.sent(arrives, record.value, _BITS * SECOND // baud)
+        time, _, pin, _, value = record
+        baud = board.baud.get(pin, _USUAL_BAUD)
+        byte = _BITS * SECOND // baud
+        arrives = time if byte >= board.byte else time + board.byte - byte
+        for other, rx in board.lines.get(pin, ()):
+            self.put(other, BoardEvent(arrives, BYTE, rx, value | baud << 8))
+        if self._laptop is not None and self._laptop[0] is board and self._laptop[1] == pin:
+            self.sent.append((arrives, value))
+            self._world.sent(arrives, value, byte)
 
 
 def _clock(board: Board) -> int:

@@ -88,9 +88,15 @@ class RobotWorld:
 
     @property
     def next_change(self) -> int:
-        """The time of the next change of the wheels' speed that is known."""
+        """The time of the next change of the wheels' speed, or of the robot's, that is known."""
         due = math.ceil(self._due * SECOND) if self._due < math.inf else NEVER
         return min(due, self._next_step)
+
+    @property
+    def next_wheel_change(self) -> int:
+        """The time of the next change of the wheels' speed that is known."""
+        due = math.ceil(self._due * SECOND) if self._due < math.inf else NEVER
+        return min(due, *[each.next_change(self.time) for each in self._steppers]) if self._steppers else due
 
     @property
     def _next_step(self) -> int:

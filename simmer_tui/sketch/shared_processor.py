@@ -19,7 +19,7 @@ _THREAD = Path("/proc/thread-self/stat")
 _PROCESSOR = 36
 """Field of the thread's last processor, behind its name (man proc_pid_stat: 39 with number and name)."""
 _KEPT = 0.05
-"""Real seconds for which a processor is kept. By then the system may have moved the thread elsewhere."""
+"""Real seconds for which a processor is kept: then the system may move the thread elsewhere."""
 
 
 class SharedProcessor:
@@ -31,6 +31,8 @@ class SharedProcessor:
         if sys.platform == "linux" and platform_has.LINUX:
             self._own = os.sched_getaffinity(0)
         self._processor = -1
+        self._is_kept = False
+        """True while the thread is kept on that processor."""
         self._until = 0.0
         self._placed: tuple[int, ...] = ()
 
@@ -40,28 +42,36 @@ class SharedProcessor:
         if sys.platform != "linux" or len(self._own) < 2:
             yield
             return
-        try:
-            self._place(processes)
-            os.sched_setaffinity(0, {self._processor})
-        except OSError:  # a container may forbid it, and the set of processors may have changed
-            self._own = set()
-            yield
-            return
+        # Turns come thousands of times a second, and a choice of processors takes as long as a turn.
+        if not self._is_kept or processes != self._placed:
+            try:
+                self._place(processes)
+            except OSError:  # a container may forbid it, and the set of processors may have changed
+                self._own = set()
+                yield
+                return
         try:
             yield
         finally:
+            if time.monotonic() >= self._until:
+                self.release()
+
+    def release(self) -> None:
+        """Let the thread go where the system wants it. Call it in the thread itself."""
+        if sys.platform == "linux" and self._is_kept:
+            self._is_kept = False
             with contextlib.suppress(OSError):
                 os.sched_setaffinity(0, self._own)
 
     def _place(self, processes: tuple[int, ...]) -> None:
         if sys.platform != "linux":
             return
-        now = time.monotonic()
-        if now >= self._until:
-            self._until = now + _KEPT
+        if not self._is_kept:
             present = int(_THREAD.read_text().rpartition(")")[2].split()[_PROCESSOR])
             if present != self._processor:
                 self._processor, self._placed = present, ()
+            os.sched_setaffinity(0, {present})
+            self._is_kept, self._until = True, time.monotonic() + _KEPT
         if processes != self._placed:
             self._placed = processes
             for each in processes:

@@ -6,6 +6,9 @@ Only for the robot's thread. Nobody else drives: console and programs over TCP m
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
+from heapq import heappop, heappush
+from operator import itemgetter
 from pathlib import Path
 
 from msgspec import Struct
@@ -23,6 +26,7 @@ from simmer_tui.run.events import (
     BOARDS_ENDED,
     ActionDone,
     ActionName,
+    DisplayChanged,
     Event,
     LegEnded,
     MissionEvent,
@@ -33,7 +37,7 @@ from simmer_tui.run.events import (
 )
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.records import CommandResult, Status
-from simmer_tui.sketch.board_facts import BoardFacts, in_task, is_told
+from simmer_tui.sketch.board_facts import BoardFacts, in_task
 from simmer_tui.sketch.board_process import (
     BYTE,
     EDGE,
@@ -47,6 +51,7 @@ from simmer_tui.sketch.board_process import (
 )
 from simmer_tui.sketch.board_view import BoardView, PinView
 from simmer_tui.sketch.build import BuiltSketch, build_sketch, fastest_baud
+from simmer_tui.sketch.display_changes import DisplayChanges
 from simmer_tui.sketch.lockstep import BOARD_SLICE, Board, Lockstep, LockstepWorld, PinState
 from simmer_tui.sketch.motion_check import wrong_functions
 from simmer_tui.sketch.parts import (
@@ -165,7 +170,7 @@ class SentMessages:
         self._last, self._byte = time, byte
         if value == _LINE_END or len(self._text) >= _LONGEST_MESSAGE:
             self._end(time)
-        self._plan()
+        self.next_due = self._whole[0][0] if self._whole else time + _GAP * byte
 
     def due(self, time: int) -> list[tuple[int, str]]:
         """The messages that are over by a time, with their times; each is returned once."""
@@ -247,8 +252,6 @@ class SketchRobot(LockstepWorld):
         wheels = self.engine.simulator.spec.wheels
         self._wrong = list(wrong_functions(self._set.wiring, wheels, self._set.facts))
         """Functions that move the robot otherwise than they are named, until that is told."""
-        self._lost: dict[tuple[str, int, int], int] = {}
-        """Count of bytes that were lost, by board, kind and pin."""
         self._messages = SentMessages()
         self._busy: dict[str, tuple[int, int, float]] = {}
         """Each board's clock and time in delay() at the last look, and its busy share until then."""
@@ -257,6 +260,15 @@ class SketchRobot(LockstepWorld):
         self._options: dict[str, list[str]] = {}
         self._pulses: dict[tuple[str, int], int] = {}
         """The last pulse of each gripper's servo, microseconds, by board and pin."""
+        kinds = {name: board.kind for name, board in self._set.wiring.boards.items()}
+        self._known: list[tuple[int, int, Callable[[int], None]]] = []
+        """Facts that are not told yet, a heap: their times, numbers, and the calls that tell them."""
+        self._facts_known = 0
+        self._displays = {
+            name: DisplayChanges(name, kind.led, kind.pin_name(kind.led)) for name, kind in kinds.items()
+        }
+        self._told_due = 0
+        """Time of the next fact, or change of what a board shows, that may be told."""
         boards = {name: self._board(name) for name in self._set.wiring.boards}
         for wire in self._set.wiring.wires:
             sender, receiver = boards[wire.from_board], boards[wire.to_board]
@@ -300,6 +312,7 @@ class SketchRobot(LockstepWorld):
         process = self._start_board(name, self._set.built[name].program, options)
         board = Board(name, process, BITS_OF_A_BYTE * SECOND // self._set.bauds[name])
         board.driving = frozenset(driving)
+        board.led = self._set.wiring.boards[name].kind.led
         board.encoders, board.steppers = encoders, steppers
         self._set_levels(board)
         return board
@@ -334,6 +347,8 @@ class SketchRobot(LockstepWorld):
         board.process = process
         self._busy[board.name] = now, 0, 0.0
         self._pulses = {key: width for key, width in self._pulses.items() if key[0] != board.name}
+        self._displays[board.name].restart(now)
+        self._plan_told()
         board.events.clear()
         for pin, states in board.steppers.items():
             for each in states:
@@ -349,6 +364,7 @@ class SketchRobot(LockstepWorld):
     def close(self) -> None:
         """End the boards. By the real clock they may still be asked for the present time."""
         self._is_over = True
+        self._processor.release()
         self._watchdog.close()
         for each in self.boards.values():
             each.process.close()
@@ -363,20 +379,20 @@ class SketchRobot(LockstepWorld):
         self._late += present - reached
         if self._late > _MOST_LATE and not self._has_told_late:
             self._has_told_late = True
-            self.engine.tell(Notice(NoticeKind.BOARD, BEHIND))
+            self._tell(BEHIND)
         return False
 
     def run_to(self, until: float) -> float:
         """Let the boards run to a simulated time, seconds. Returns the time that they have reached."""
         # A restart has set the simulator back already; the boards follow once it is told.
-        if self._running or self._is_over or round(until * SECOND) < self._world.time:
+        if self._running or self._is_over or self.failed or round(until * SECOND) < self._world.time:
             return until
-        if self.failed:
-            self._world.advance(round(until * SECOND))
+        target = round(until * SECOND)
+        if target == self._world.time and target:
+            # All boards are there: whoever sends them something asks for the present first.
             self._world.settle()
             return until
         self._running = True
-        target = round(until * SECOND)
         try:
             reached = self.lockstep.run(target)
         except BoardError as error:
@@ -398,20 +414,22 @@ class SketchRobot(LockstepWorld):
         # What the board did before is done, and its last words have left it.
         self.advance(self.lockstep.reached)
         self._world.settle()
-        self._tell_messages(NEVER)
+        self._tell_told(self._world.time, at_end=True)
         self.lockstep.laptop_listens = False  # else bytes still on the line would wait for the boards
         self.on_sent()
         self.failed = text
+        self._processor.release()
         self._world.set_speeds({})
         time = self.engine.simulator.time
         self.engine.tell(Notice(NoticeKind.FAULT, f"{BOARDS_ENDED}{text}", moment=time))
+        self.engine.end_time()
         self.on_end()
 
     def _watch(self, event: Event) -> None:
         if isinstance(event, LegEnded):
             self._facts.leg_ended(event, self.boards.values())
         elif isinstance(event, ProgramEnded) or (isinstance(event, MissionEvent) and event.over):
-            self._facts.tell_totals()
+            self._facts.tell_totals(self._world.time)
             self._tell_displays()
         if not isinstance(event, ActionDone) or event.refused:
             return
@@ -434,17 +452,49 @@ class SketchRobot(LockstepWorld):
     def advance(self, time: int) -> None:
         if time <= self._world.time:
             return
-        if time >= self._messages.next_due:
-            self._tell_messages(time)
+        if time >= self._messages.next_due or time >= self._told_due:
+            self._tell_told(time)
         self._world.advance(time)
 
-    def _tell_messages(self, until: int) -> None:
-        """Tell the messages that are over by a time; those that are still on their way at the present one."""
-        for at, text in self._messages.due(until):
-            if until < NEVER:
-                self._world.advance(at)
-            self.last_line = text
-            self.engine.tell(WireMessage(min(at, self._world.time) / SECOND, text, reply=True))
+    def _tell_told(self, until: int, *, at_end: bool = False) -> None:
+        """Tell the messages that are over by a time, the facts by then, and what boards show; at the end of
+        the run those messages too that are still on their way."""
+        told: list[tuple[int, Callable[[int], None]]] = []
+        for at, text in self._messages.due(NEVER if at_end else until):
+            told.append((min(at, until), partial(self._tell_message, text)))
+        for each in self._displays.values():
+            told += [
+                (at, partial(self._tell_change, change)) for at, change in each.due(until, at_end=at_end)
+            ]
+        while self._known and self._known[0][0] <= until:
+            at, _, tell = heappop(self._known)
+            told.append((at, tell))
+        self._plan_told()
+        for at, tell in sorted(told, key=itemgetter(0)):
+            self._world.advance(at)
+            tell(at)
+
+    def _tell_message(self, text: str, time: int) -> None:
+        self.last_line = text
+        self.engine.tell(WireMessage(time / SECOND, text, reply=True))
+
+    def _tell_change(self, change: DisplayChanged, time: int) -> None:
+        self.engine.tell(change)
+
+    def _tell_fact(self, time: int, tell: Callable[[int], None]) -> None:
+        """Tell a fact once the world has reached its time, nanoseconds, which `tell` is called with."""
+        self._facts_known += 1
+        heappush(self._known, (time, self._facts_known, tell))
+        self._told_due = min(self._told_due, time)
+
+    def _plan_told(self) -> None:
+        due = [each.next_due for each in self._displays.values()]
+        self._told_due = min(due) if not self._known else min(*due, self._known[0][0])
+
+    def shows(self, board: Board, record: BoardRecord) -> None:
+        display = self._displays[board.name]
+        display.add(record)
+        self._told_due = min(self._told_due, display.next_due)
 
     def sent(self, time: int, value: int, byte: int) -> None:
         self._messages.add(time, value, byte)
@@ -453,8 +503,8 @@ class SketchRobot(LockstepWorld):
         self._world.settle()
 
     @property
-    def next_change(self) -> int:
-        return self._world.next_change
+    def next_wheel_change(self) -> int:
+        return self._world.next_wheel_change
 
     def changed(self, board: Board, pins: Iterable[int]) -> None:
         wiring = self._set.wiring
@@ -473,22 +523,31 @@ class SketchRobot(LockstepWorld):
                 self._move_servo(board, servo)
 
     def _tell_displays(self) -> None:
-        """Tell the text on the displays, at the end of a run."""
-        for board in self.boards.values():
-            for _, display in sorted(board.displays.items()):
-                text = " / ".join(filter(None, map(str.strip, display.rows)))
+        """Tell what boards show at the end of a run."""
+        for name, display in self._displays.items():
+            for _, change in display.due(self._world.time, at_end=True):
+                self.engine.tell(change)
+            for rows in display.shown(self._world.time).displays:
+                text = " / ".join(filter(None, map(str.strip, rows)))
                 if text:
-                    self.engine.tell(
-                        Notice(NoticeKind.BOARD, f"board {board.name}: its display shows {text}")
-                    )
+                    self._tell(f"board {name}: its display shows {text}")
+        self._plan_told()
+
+    def tell_shown(self) -> None:
+        """Tell again what boards show, to a log that begins now."""
+        for each in self._displays.values():
+            self.engine.tell(each.shown(self._world.time))
 
     def _tell_wrong(self, board: Board, line: str) -> None:
         """Tell a function that moves the robot otherwise than it is named, if a line is one of its writes."""
         for wrong in self._wrong[:]:
             if line in wrong.spots:
                 self._wrong.remove(wrong)
-                text = f"board {board.name}: {wrong.text}, at {line}"
-                self.engine.tell(Notice(NoticeKind.BOARD, text, wrong.spot))
+                self._tell(f"board {board.name}: {wrong.text}, at {line}", wrong.spot)
+
+    def _tell(self, text: str, line: str = "") -> None:
+        """Tell a fact of the present time."""
+        self.engine.tell(Notice(NoticeKind.BOARD, text, line, moment=self._world.time / SECOND))
 
     def _stepped_at(self, stepper: StepperState) -> str:
         """The place of a stepper's last step in its sketch: a step has changed the speed."""
@@ -501,7 +560,8 @@ class SketchRobot(LockstepWorld):
         """Tell the first step that moves nothing, the tenth, the hundredth ..."""
         wired = stepper.wired
         line = self.boards[wired.board].process.line_of(stepper.place)
-        self._facts.missed_step(wired, self._set.wiring.boards[wired.board].kind, line, reason)
+        kind = self._set.wiring.boards[wired.board].kind
+        self._facts.missed_step(wired, kind, line, reason, self._world.time)
 
     def _move_servo(self, board: Board, servo: WiredServo) -> None:
         """The gripper's servo has got another pulse: its jaws are on the side of the nearer angle."""
@@ -551,33 +611,26 @@ class SketchRobot(LockstepWorld):
         self.lockstep.put(board, BoardEvent(fall, EDGE, sonar.echo, 0))
 
     def was_late(self, board: Board, record: BoardRecord, until: int) -> None:
-        self._facts.was_late(board, record, until)
+        self._tell_fact(until, partial(self._facts.was_late, board, record))
 
     def bus_told(self, board: Board, record: BoardRecord) -> None:
-        place = record.value & 0xFFFFFFFF
         if record.kind == Told.BUS_STUCK:
-            self._facts.bus_stuck(board, place)
+            self._tell_fact(record.time, partial(self._facts.bus_stuck, board, record))
         elif record.pin < len(self._set.wiring.sensors):
             part = self._set.wiring.sensors[record.pin]
-            self._facts.fifo_overflow(board, f"{part.label} {getattr(part, 'code', '')}", place)
+            name = f"{part.label} {getattr(part, 'code', '')}"
+            self._tell_fact(record.time, partial(self._facts.fifo_overflow, board, name, record))
 
     def lost_edge(self, board: Board, record: BoardRecord, edges: int) -> None:
-        pin = self._set.wiring.boards[board.name].kind.pin_name(record.pin)
-        self._facts.lost_edge(board, pin, record.value & 0xFFFFFFFF, edges)
+        pin = self._pin_name(board, record)
+        self._tell_fact(record.time, partial(self._facts.lost_edge, board, pin, record, edges))
 
     def lost(self, board: Board, record: BoardRecord) -> None:
-        """Tell the first byte that is lost at a pin, the tenth, the hundredth ..."""
-        key = (board.name, record.kind, record.pin)
-        count = self._lost[key] = self._lost.get(key, 0) + 1
-        if not is_told(count):
-            return
-        kind = self._set.wiring.boards[board.name].kind
-        line = board.process.line_of(record.value & 0xFFFFFFFF)
-        where = f" at {line}" if line else ""
-        pin = kind.pin_name(record.pin)
-        text = f"a byte at pin {pin} was lost{where}: the queue was full, or interrupts were off"
-        more = f"; {count} so far" if count > 1 else ""
-        self.engine.tell(Notice(NoticeKind.BOARD, f"board {board.name}: {text}{more}", line))
+        pin = self._pin_name(board, record)
+        self._tell_fact(record.time, partial(self._facts.lost_byte, board, pin, record))
+
+    def _pin_name(self, board: Board, record: BoardRecord) -> str:
+        return self._set.wiring.boards[board.name].kind.pin_name(record.pin)
 
     # -- the line to the laptop ------------------------------------------------------------------------
 
@@ -618,18 +671,17 @@ class SketchRobot(LockstepWorld):
         pins = tuple(
             PinView(kind.pin_name(number), _pin_text(state)) for number, state in sorted(board.pins.items())
         )
-        led = board.level(kind.led) > 0.0
-        displays = tuple(each.rows for _, each in sorted(board.displays.items()))
+        shown = self._displays[name].shown(self._world.time)
         return BoardView(
             name,
             board.now / SECOND,
             max(busy, 0.0),
-            led,
+            shown.led,
             said.strip(),
             pins,
             self.failed,
-            displays,
-            kind.pin_name(kind.led),
+            shown.displays,
+            shown.led_pin,
         )
 
     # -- commands of others ----------------------------------------------------------------------------

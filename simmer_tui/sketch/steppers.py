@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable
+from copy import copy
 
 from simmer_tui.sketch.board_process import NEVER, BoardRecord, Told
 from simmer_tui.sketch.parts import SECOND
@@ -51,8 +52,14 @@ class StepperState:
 
     def __init__(self, wired: WiredStepper) -> None:
         self.wired = wired
-        self.on_missed: Callable[[StepperState, str], None] = lambda state, reason: None
+        self.on_missed: Callable[[StepperState, str], None] = _ignore
         """Called with a step that moves nothing."""
+        self.known_until = 0
+        """The clock of its board: before that no record is missing."""
+        self._ahead: StepperState | None = None
+        """A copy that goes ahead, to a change of speed."""
+        self._change = -NEVER
+        """Time of that change."""
         self.restart()
 
     def restart(self) -> None:
@@ -75,6 +82,7 @@ class StepperState:
         """The rate of the steps, and the time and target at which it was found."""
         self._follow_at = NEVER
         """Time at which the rim has its usual lag, and takes the rate of the steps."""
+        self._foresee_again()
 
     # -- pins ------------------------------------------------------------------------------------------
 
@@ -86,6 +94,8 @@ class StepperState:
     def add(self, record: BoardRecord) -> None:
         """Add a record of its board about one of its pins. They are in order."""
         self._records.append(record)
+        if self._ahead is not None:
+            self._ahead._records.append(record)
 
     @property
     def due(self) -> int:
@@ -107,8 +117,35 @@ class StepperState:
             self._follow_at = NEVER
             self._set_rate(time, self._steps_rate)
 
+    def next_change(self, time: int) -> int:
+        """The time of the first change of its speed after a time that it has reached. From `known_until` on
+        it may come earlier, or not at all.
+
+        Most steps of a steady drive change nothing. So a copy of it goes ahead to the next that does.
+        """
+        if self._ahead is None:
+            self._ahead = copy(self)
+            self._ahead.on_missed = _ignore
+            self._ahead._records, self._ahead._levels = deque(self._records), dict(self._levels)
+        ahead = self._ahead
+        while self._change <= time:
+            due = ahead.due
+            # What happens from then on may still be changed by a record.
+            if due >= self.known_until:
+                return due
+            before = ahead._rate
+            ahead.happen()
+            if ahead._rate != before:
+                self._change = due
+        return self._change
+
+    def _foresee_again(self) -> None:
+        """Forget the copy that goes ahead: it is no future of this one any more."""
+        self._ahead, self._change = None, -NEVER
+
     def cut(self, time: int) -> None:
         """Cut its power until the next step: it stands where it is."""
+        self._foresee_again()
         self._target = 0.0
         self._stop(time)
         self._origin, self._last = 0.0, (-NEVER, 0.0)
@@ -212,6 +249,10 @@ class StepperState:
         corrected = rate + (lag - math.copysign(usual, rate)) / seconds
         self._set_rate(time, corrected if corrected * by > 0.0 else rate / 4.0)
         self._follow_at = time + math.ceil(seconds * SECOND)
+
+
+def _ignore(state: StepperState, reason: str) -> None:
+    """A step that moves nothing is told once."""
 
 
 def _usual_lag(rate: float) -> float:

@@ -10,8 +10,8 @@ from enum import IntEnum
 
 MOST_DISPLAYS = 8
 """Displays of a board that are told apart."""
-_COLUMNS = 40
-_MOST_ROWS = 4
+DISPLAY_COLUMNS, DISPLAY_ROWS = 40, 4
+"""The largest display of its controller."""
 _ROM = {0x5C: "Y", 0x7E: ">", 0x7F: "<", 0xDF: "\u00b0"}
 """Characters of its ROM that are others than those of ASCII, as near as a terminal has them: yen, arrows,
 degree."""
@@ -33,7 +33,7 @@ class TextDisplay:
     """A display's memory, and the part that is seen."""
 
     def __init__(self) -> None:
-        self._cells = [[" "] * _COLUMNS for _ in range(2)]
+        self._cells = [[" "] * DISPLAY_COLUMNS for _ in range(2)]
         # Without begin() the controller has one row.
         self._columns, self._rows, self._shift = 16, 1, 0
         self._is_on = True
@@ -42,14 +42,14 @@ class TextDisplay:
         """Carry out an operation: its kind in the upper byte, its numbers in the others."""
         kind, first, second, third = value >> 24, value >> 16 & 0xFF, value >> 8 & 0xFF, value & 0xFF
         if kind == DisplayChange.CELL:
-            self._cells[first % 2][second % _COLUMNS] = _character(third)
+            self._cells[first % 2][second % DISPLAY_COLUMNS] = _character(third)
         elif kind == DisplayChange.SIZE:
-            self._columns, self._rows = min(max(second, 1), _COLUMNS), min(max(third, 1), _MOST_ROWS)
+            self._columns, self._rows = min(max(second, 1), DISPLAY_COLUMNS), min(max(third, 1), DISPLAY_ROWS)
         elif kind == DisplayChange.CLEAR:
-            self._cells = [[" "] * _COLUMNS for _ in range(2)]
+            self._cells = [[" "] * DISPLAY_COLUMNS for _ in range(2)]
             self._shift = 0
         elif kind == DisplayChange.SHIFT:
-            self._shift = third % _COLUMNS
+            self._shift = third % DISPLAY_COLUMNS
         else:
             self._is_on = bool(third)
 
@@ -60,7 +60,7 @@ class TextDisplay:
             return (" " * self._columns,) * self._rows
         return tuple(
             "".join(
-                self._cells[row % 2][(column + self._shift + row // 2 * self._columns) % _COLUMNS]
+                self._cells[row % 2][(column + self._shift + row // 2 * self._columns) % DISPLAY_COLUMNS]
                 for column in range(self._columns)
             )
             for row in range(self._rows)

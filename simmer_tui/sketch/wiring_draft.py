@@ -20,6 +20,7 @@ from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim.rules import MAX_TEXT, TextRule
 from simmer_tui.sketch.boards import BOARDS, ESP32, UNO, BoardKind
 from simmer_tui.sketch.bus_draft import draft_gyros, draft_rangers
+from simmer_tui.sketch.gripper_draft import drafted_angles
 from simmer_tui.sketch.motion_check import forward_levels
 from simmer_tui.sketch.motor_draft import END, draft_motors, oriented
 from simmer_tui.sketch.servo_draft import attached_servos, draft_servo_wheels
@@ -35,12 +36,9 @@ from simmer_tui.sketch.sketch_scan import (
 from simmer_tui.sketch.stepper_draft import draft_steppers
 from simmer_tui.sketch.wiring import GYRO_ADDRESSES
 
-_TRIGGER, _ECHO, _LEFT, _RIGHT, _OPEN, _CLOSED = (
-    re.compile(word, re.IGNORECASE)
-    for word in ("trig", "echo", "left", "right", "open|release", "clos|grab|hold")
+_TRIGGER, _ECHO, _LEFT, _RIGHT = (
+    re.compile(word, re.IGNORECASE) for word in ("trig", "echo", "left", "right")
 )
-_HALF_TURN = 180
-"""The largest angle of a servo; a larger number is a pulse."""
 _LATER = frozenset(("WiFi.h",))
 """Headers of parts that are not simulated yet; those of teams, by how often they have them."""
 _ESP32_HEADERS = frozenset(
@@ -449,30 +447,9 @@ class _Codes:
         return f'code = "{self._letter}{number}"  # ? add its row to sensors.csv, such as {row}'
 
 
-def _gripper_angles(facts: SketchFacts, pin: int) -> tuple[int, int]:
-    """The angles that a sketch writes for an open and a closed gripper; 0 and 90 if it has not two."""
-    servos = {call.object for call in facts.named("attach") if facts.pins(call) == Pins({pin})}
-    names: dict[int, str] = {}
-    for write in facts.named("write"):
-        if write.object not in servos:
-            continue
-        found = facts.pins(write) or Pins()
-        calls = [write] if len(found) == 1 else list(facts.named(write.function))
-        for call in calls:
-            angle = _single(facts.pins(call))
-            if angle is not None and angle in found and angle <= _HALF_TURN:
-                names[angle] = f"{names.get(angle, '')} {call.function} {facts.spelled(call)}"
-    if len(names) < 2:
-        return 0, 90
-    first, second = list(names) if len(names) == 2 else (min(names), max(names))
-    is_swapped = _CLOSED.search(names[first]) or _OPEN.search(names[second])
-    return (second, first) if is_swapped else (first, second)
-
-
 def _servo_tables(board: BoardDraft) -> Iterator[str]:
     for at, pin in enumerate(board.servos):
         angles = ""
         if at == 0:
-            opened, closed = _gripper_angles(board.facts, pin)
-            angles = f"gripper = {{ open = {opened}, closed = {closed} }}  # ? which is open\n"
+            angles = drafted_angles(board.facts, pin)
         yield f'[[servos]]\nboard = "{board.name}"\npin = {_pin(board, pin)}\n{angles}'

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
-from textwrap import fill
 from typing import ClassVar
 
 from textual.app import SystemCommand
@@ -11,28 +10,17 @@ from textual.binding import Binding, BindingType
 from textual.events import Event, Key
 from textual.screen import Screen
 from textual.widget import Widget
-from textual.worker import get_current_worker
 
-from simmer_tui import platform_has
 from simmer_tui.config.dialects import COMMANDS
 from simmer_tui.config.examples import EXAMPLE, example_command
-from simmer_tui.config.settings import ScreenSettings
-from simmer_tui.errors import ProgramError, RunLogError, reason_of
-from simmer_tui.live.operating.orders import ConsoleCommand, Local
-from simmer_tui.live.operating.robot_operator import Operator
+from simmer_tui.errors import ProgramError
 from simmer_tui.live.server import Server
 from simmer_tui.live.snapshot import Snapshot
-from simmer_tui.report.why import why
-from simmer_tui.robot.playback_throttle import checked_pace
-from simmer_tui.run.events import Action
-from simmer_tui.runlog.saved_runs import SavedRun
-from simmer_tui.sim.command import WORD, Command, cut, typed_path
 from simmer_tui.sim.specs import DriveKind
 from simmer_tui.tui import answers
-from simmer_tui.tui.console import ConsolePane, History
 from simmer_tui.tui.event_text import REASONS, ends_with_answer, refusal_of
 from simmer_tui.tui.headline import RunPhase
-from simmer_tui.tui.help import PAGE_FRAME, CommandProvider, ReportScreen, help_screen
+from simmer_tui.tui.help import CommandProvider
 from simmer_tui.tui.key_table import (
     AGAIN_KEY,
     EXAMPLE_KEY,
@@ -47,14 +35,12 @@ from simmer_tui.tui.key_table import (
 )
 from simmer_tui.tui.key_velocity import PERIOD, KeyVelocity
 from simmer_tui.tui.line_panel import LinePanel, between, shortened
-from simmer_tui.tui.live import LiveSource, report_text, why_text
-from simmer_tui.tui.picture import screen_picture
 from simmer_tui.tui.readouts import Room, last_reply, status_line
-from simmer_tui.tui.shell import Shell, put
+from simmer_tui.tui.screen_orders import OrderingShell
+from simmer_tui.tui.shell import put
 from simmer_tui.tui.sizes import BRIEF_ANSWER, Box
 from simmer_tui.tui.terminal import TerminalChoice
-from simmer_tui.tui.textual_internals import age_of, rows_of
-from simmer_tui.whole_file import NOT_OVERWRITTEN, write_whole
+from simmer_tui.tui.textual_internals import age_of
 
 _PROMPT = 5
 """Columns by which typed text is longer than the reply beside it, on a small screen."""
@@ -62,7 +48,7 @@ _PROMPT = 5
 _REPLACED = ("Screenshot", "Keys", "Maximize", "Minimize", "Quit")
 
 
-class SimmerApp(Shell):
+class SimmerApp(OrderingShell):
     """The screen of a live run: keys that drive, and a console."""
 
     TITLE = "SimMeR"
@@ -80,23 +66,16 @@ class SimmerApp(Shell):
         self, server: Server, choice: TerminalChoice, history_file: Path | None = None, *, program: str = ""
     ) -> None:
         """`program` is the name of the run's own program, or empty."""
-        super().__init__(LiveSource(server), choice, MazePane(choice.glyphs, choice.color))
-        self.server = server
-        self._console = ConsolePane(self._spec, History(history_file), self.follow)
+        super().__init__(server, choice, MazePane(choice.glyphs, choice.color), history_file)
         self._console.free_keys = {
             AGAIN_KEY: partial(self._over, self.action_again),
             TRY_KEY: partial(self._over, self.action_try_changes),
         }
         self._prompt = LinePanel(id="prompt")
         self._reply = LinePanel(id="reply")
-        self._operator = Operator(server)
         self._held_key = KeyVelocity(self._operator, server)
         self.run_program: Callable[[str], None] | None = None
         """Starts a program beside the run; None where there may be none, as beside another."""
-        self.page_links: tuple[str, ...] = ()
-        """Lines with the links to the page that shows the run in browsers."""
-        self._written: set[Path] = set()
-        """The files that orders have written: only those may be written again."""
         self.run_again: Callable[[], None] = partial(self.action_press, "reset")
         """Restarts the run."""
         self._panes.pointer = " ".join(REASONS)
@@ -210,31 +189,6 @@ class SimmerApp(Shell):
             return True
         return False
 
-    def action_try_changes(self) -> None:
-        """Run the program of a failed run again, with one change at a time, and show what saves it."""
-        saved = self.server.saved_run
-        if not self._panes.phase.is_over:
-            self._console.show_error("try: the run has not ended yet")
-        elif saved is None:
-            self._console.show_error("try: this run is not saved; start with --log FILE for simmer-tui why")
-        elif not self.server.program_command:
-            line = f'simmer-tui why {typed_path(saved.path)} --run "CMD"'
-            self._console.show_error(f"try: no program was started with --run; type {line}")
-        else:
-            self.begin(partial(self._try_changes, saved), "try", once=True)
-
-    async def _try_changes(self, saved: SavedRun) -> None:
-        """Show the progress of the runs on a page, and then their answer. Closing the page ends them."""
-        worker = get_current_worker()
-        room, title = self.size.width - PAGE_FRAME, "Try again with one change"
-        screen = ReportScreen("Starting ...", title, "Esc closes, and ends the runs")
-        await self.push_screen(screen, lambda _: worker.cancel())
-        try:
-            text = await why_text(saved, room, self._plain, screen.replace)
-        except OSError as error:
-            text = f"The runs cannot be started: {reason_of(error)}"
-        screen.replace(text)
-
     def page_turned(self) -> None:
         if not self._console.has_focus_within:
             self.action_focus_pane()
@@ -258,139 +212,6 @@ class SimmerApp(Shell):
         """Put the beginning of an order into the console."""
         self._console.focus_line(line)
 
-    def follow(self, order: ConsoleCommand) -> None:
-        """Carry out an order or a command."""
-        if isinstance(order, Command):
-            self._operator.send(order, partial(self._console.refuse, self._console.given, order.text))
-        elif isinstance(order, Action):
-            self._console.show_error(self._operator.perform(order))
-        else:
-            self._follow_local(order)
-        self.refresh_frame()
-
-    def _follow_local(self, order: Local) -> None:
-        if order.name in self._panes.shown:
-            self.action_switch(order.name, order.argument)
-            return
-        orders: dict[str, Callable[[str], object]] = {
-            "quit": lambda _: self.exit(0),
-            "help": self.action_help,
-            "step": lambda _: self.action_press("step"),
-            "pace": lambda factor: self._set_pace(float(factor)),
-            "why": self._show_why,
-            "report": lambda _: self.begin(self._show_report, "report", once=True),
-            "try": lambda _: self.action_try_changes(),
-            "program": lambda _: self._show_program(),
-            "bias": lambda _: self.ask(answers.bias_answer(self.server.simulator.bias), stays=True),
-            "vv": self._drive_for,
-            "send": lambda text: self._console.show_error(self._operator.send_text(text)),
-            "pins": self._show_pins,
-            "log": lambda file: self.begin(partial(self._start_log, file), "log"),
-            "robot": self.server.use_robot,
-            "simulator": lambda _: self.server.use_simulator(),
-            "web": lambda _: self._show_links(),
-            "copy": lambda _: self.action_copy_log(),
-            "shot": self._write_picture,
-            "save": lambda file: self._write(file, self._panes.whole_log, "log"),
-        }
-        orders[order.name](order.argument)
-
-    def _show_why(self, about: str) -> None:
-        """Show the verdict. While the run continues, and about a `move`, show the reasons for the end of the
-        last movement."""
-        snapshot = self._snapshot
-        if snapshot is None:
-            return
-        if snapshot.verdict is None or about:
-            self.ask(answers.why_answer(why(snapshot.state, self._spec), snapshot), stays=True)
-        elif self._plan.has_pages:  # three rows would cut it
-            # As wide as the page's text, which is not wrapped.
-            room = self.size.width - PAGE_FRAME
-            text = "\n\n".join(fill(line, room) for line in snapshot.verdict.lines)
-            self.push_screen(ReportScreen(text, "Why", "Esc closes"))
-        else:
-            self.ask(answers.verdict_answer(snapshot.verdict))
-
-    async def _show_report(self) -> None:
-        """Show the report of this run: first the verdict, and the rest once it is made from the log."""
-        saved, snapshot = self.server.saved_run, self._snapshot
-        if saved is None:
-            self._console.show_error(
-                "report: this run is not saved; :log FILE logs it, simmer-tui report reads it"
-            )
-            return
-        begun = answers.verdict_so_far(snapshot) if snapshot is not None else ()
-        note = f"Esc closes; saved in {saved.path.name}"
-        text = "\n".join([*(each for each in begun), "", "Reading the run ..."])
-        screen = ReportScreen(text, "Report of this run", note)
-        # Shown before the machine is busy with making it.
-        await self.push_screen(screen)
-        try:
-            text = await report_text(saved, self.size.width - PAGE_FRAME, self._plain)
-        except OSError as error:
-            text = f"The report cannot be made: {reason_of(error)}"
-        screen.replace(text)
-
-    def _show_program(self) -> None:
-        """Show the last lines that the program has printed."""
-        snapshot = self._snapshot
-        verdict = None if snapshot is None else snapshot.verdict
-        if verdict is None or verdict.program is None:
-            self._console.show_error("program: none has ended yet; the events have its output (/ program)")
-            return
-        text = answers.program_output(verdict.program)
-        self.push_screen(ReportScreen(text, "Program", f"Esc closes; exit code {verdict.program.exit_code}"))
-
-    def _show_pins(self, name: str) -> None:
-        """Show the pins of a board, by default the first."""
-        boards = self._snapshot.boards if self._snapshot is not None else ()
-        board = next((each for each in boards if name in ("", each.name)), None)
-        if board is None:
-            what = "no boards run; simmer-tui --sketch DIR runs them"
-            if boards:
-                known = " or ".join(f":pins {each.name}" for each in boards)
-                what = f"there is no board {cut(name, WORD)}; type {known}"
-            self._console.show_error(f"pins: {what}")
-        else:
-            self.ask(answers.pins_answer(board), stays=True)
-
-    def _write_picture(self, name: str) -> None:
-        dark = self._settings.screen.theme != "light"
-        self._write(name, screen_picture(rows_of(self.screen), dark=dark), "picture")
-
-    def _write(self, name: str, text: str, what: str) -> None:
-        file = platform_has.expanded(name)
-        try:
-            if file.is_file() and file.stat().st_size and file.resolve() not in self._written:
-                raise FileExistsError(0, f"{NOT_OVERWRITTEN}; name another file")
-            write_whole(file, text)
-            self._written.add(file.resolve())
-        except (OSError, ValueError) as error:  # ValueError: a name with a zero byte
-            self._console.show_error(f"{name}: {reason_of(error)}")
-        else:
-            self._operator.hint(f"{what} written to {file}")
-
-    def _show_links(self) -> None:
-        """Show the links to the page, until the answer is closed."""
-        if not self.page_links:
-            self._console.show_error("web: no page is served; start with --web")
-            return
-        text = "\n\n".join(self.page_links)
-        self.push_screen(ReportScreen(text, "Page", "Esc closes; anyone who has a link may use it"))
-
-    async def _start_log(self, name: str) -> None:
-        """Log the run from now on, or show why that fails."""
-        try:
-            file = await self.server.begin_log(name)
-        except RunLogError as error:
-            self._console.show_error(str(error))
-        else:
-            self._operator.hint(f"logging to {file}")
-
-    def _drive_for(self, values: str) -> None:
-        refused = partial(self._console.refuse, self._console.given, f":vv {values.replace(';', ' ')}")
-        self._console.show_error(self._operator.drive_for(values, refused))
-
     async def on_event(self, event: Event) -> None:
         """End the velocity of a held key at any other key, before the action of that key."""
         if isinstance(event, Key) and not event.is_forwarded:
@@ -403,36 +224,6 @@ class SimmerApp(Shell):
         by_velocity = self._settings.screen.keys_velocity
         self._console.show_error((self._held_key if by_velocity else self._operator).drive(name, fine))
         self.refresh_frame()
-
-    def action_press(self, name: str) -> None:
-        """Do the action of a key: `stop`, `poll`, `reset`, `pause`, `step`."""
-        self._console.forget_errors()
-        paused = self._snapshot is not None and self._snapshot.state.paused
-        self._console.show_error(self._operator.press(name, paused))
-        self.refresh_frame()
-
-    def action_pace(self, factor: float) -> None:
-        """Show movements faster or slower by a factor. From as fast as possible it returns to the usual pace;
-        the factor 0 is as fast as possible."""
-        pace, usual = self.server.pace, self._settings.screen.pace or ScreenSettings().pace
-        self._set_pace(pace * factor if pace or not factor else usual)
-
-    def _set_pace(self, pace: float) -> None:
-        if self.server.engine.timed:
-            self._console.show_error("no effect: timed motion takes its time; :speed changes it")
-            return
-        pace = checked_pace(pace)
-        self.server.set_pace(pace)
-        how = f"{pace:g} times real speed" if pace else "as fast as possible"
-        self.tell(f"movements are shown {how}")
-
-    def action_help(self, code: str = "") -> None:
-        """Show all of the help, or the description of one code."""
-        self.push_screen(help_screen(self._settings.keys, self._spec, self._maze.painter, code))
-
-    def tell(self, text: str) -> None:
-        """Show a note above the console's line."""
-        self._console.show_note(text)
 
     def action_focus_console(self) -> None:
         self._console.focus_line()

@@ -22,7 +22,7 @@ _BRIDGE = 6
 """Most equal cells in a row that may be sent again instead of a jump over them."""
 # A picture changes some hundred cells. A new page changes thousands, in long runs of one style.
 _SCATTERED = 1500
-"""Most changed cells for which the order by styles is tried."""
+"""Most changed cells that are sent in the order of their styles."""
 # The first 16 are the user's own. Some of the others are there twice.
 _NUMBER_OF: Final = {Color.from_ansi(number).get_truecolor(): number for number in range(255, 15, -1)}
 """Number of each of the 256 colours."""
@@ -174,20 +174,11 @@ class DeltaWriter:
                 changed.add(at)
 
     def _send_changes(self) -> None:
-        """Send the cells that have changed, in the order that takes fewer bytes."""
+        """Send the cells that have changed. Where few have, in the order of their styles: in runs of
+        `wander.py` no picture took fewer bytes row by row."""
         places = [(row, at) for row in sorted(self._changed) for at in sorted(self._changed[row])]
         self._changed.clear()
-        before, begin = (self._row, self._column, self._is_sure, self._pen), len(self._out)
-        self._send(places)
-        if len(places) > _SCATTERED:
-            return
-        after, by_rows = (self._row, self._column, self._is_sure, self._pen), self._out[begin:]
-        del self._out[begin:]
-        self._row, self._column, self._is_sure, self._pen = before
-        self._send(self._by_style(places))
-        if sum(map(len, by_rows)) <= sum(map(len, self._out[begin:])):
-            self._out[begin:] = by_rows
-            self._row, self._column, self._is_sure, self._pen = after
+        self._send(self._by_style(places) if len(places) <= _SCATTERED else places)
 
     def _by_style(self, places: list[tuple[int, int]]) -> list[tuple[int, int]]:
         """Places, which are in the order of rows, in that of their styles; cells beside each other that can

@@ -28,6 +28,10 @@ _MUCH_INPUT = 10
 # A picture costs as much as 15 keys. Twice a second it still shows where the robot is.
 _SELDOM = 0.5
 """Seconds between two pictures while much input waits."""
+# A program that drives ten times a second gives no news for 0.1 s; at every tick between, all parts of the
+# screen would be drawn as for a robot that has come to stand.
+QUIET = 0.15
+"""Least seconds from one picture to the next without an event between them."""
 # Parts with history may lag, since nothing beside them shows the same. Each changed line is bytes over a slow
 # link, and nobody reads faster.
 _LAGS = {"events": 0.5, "values": 1.0, "radar": 0.2}
@@ -122,9 +126,11 @@ class Lags:
         moment.
         """
         state = snapshot.state
-        calm = not state.moving and (before is None or before.state.pose == state.pose)
+        now = snapshot.number, state.pose
+        # A picture may be taken between the commands that a program sends one after the other.
+        calm = not state.moving and (before is None or now == (before.number, before.state.pose))
         # In a quiet run the waiting parts are due one after the other; then the screen does not change.
-        if before is None or snapshot.number != before.number or snapshot.is_full or not calm:
+        if before is None or snapshot.is_full or not calm:
             self.waiting = set(_LAGS)
         marks = state.paused, state.contacts, snapshot.verdict is None
         if marks != self._marks or (calm and not self._calm):

@@ -226,7 +226,7 @@ class CommandProvider(Provider):
             text = f"drive the robot there: {port.description}" + (f" ({port.mark})" if port.mark else "")
             yield SystemCommand(line, text, self._runner(f"app.order({line!r})"))
         for name, (action, label) in key_table.MAZE_ACTIONS.items():
-            if name not in CONSOLE_COMMANDS:
+            if not key_table.is_order_too(name):
                 yield SystemCommand(label, "as its key does, see help", self._runner(action))
         for number, page in enumerate(PAGES, 1):
             yield SystemCommand(f"Page {page}", "on small screens", self._runner(f"app.page({number})"))

@@ -9,7 +9,9 @@ from textual.keys import format_key
 
 from simmer_tui.config.keys import DRIVING, keys_of, shifted
 from simmer_tui.config.settings import KeySettings
+from simmer_tui.live.operating.orders import CONSOLE_COMMANDS
 from simmer_tui.live.operating.robot_operator import DRIVES
+from simmer_tui.live.operating.switches import SWITCHES
 from simmer_tui.tui.line_panel import StyledLine
 from simmer_tui.tui.maze.view import MazeView
 
@@ -148,9 +150,7 @@ MAZE_ACTIONS: dict[str, tuple[str, str]] = {
     "slower": ("app.pace(0.5)", "Slower"),
     "faster": ("app.pace(2.0)", "Faster"),
     "full_speed": ("app.pace(0.0)", "Full speed"),
-    "trail": ("app.switch('trail')", "Trail"),
-    "rays": ("app.switch('plot_sense')", "Rays"),
-    "truth": ("app.switch('truth')", "True values"),
+    **{each.key: (f"app.switch('{each.name}')", each.label) for each in SWITCHES if each.key},
     "zoom_in": ("zoom(1)", "Zoom in"),
     "zoom_out": ("zoom(-1)", "Zoom out"),
     "fit": ("fit", "Whole maze"),
@@ -164,6 +164,14 @@ MAZE_ACTIONS: dict[str, tuple[str, str]] = {
     "help": ("app.help", "Help"),
 }
 """The maze's or the app's action for each further key setting, and its name in the palette."""
+
+
+def is_order_too(name: str) -> bool:
+    """True if an action of `MAZE_ACTIONS` does what the order of its name does: the palette has that one."""
+    same = f"app.press('{name}')", f"app.switch('{name}')", f"app.{name}"
+    return name in CONSOLE_COMMANDS and MAZE_ACTIONS[name][0] in same
+
+
 # One or two words each, so that 80 columns hold the most important ones.
 _MAZE_HINTS = {
     "drive": ("forward", "turn_left", "back", "turn_right"),

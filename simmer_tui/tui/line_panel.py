@@ -163,7 +163,8 @@ class MarkableLines(RoleWidget):
 
     def marked(self, strip: Strip, y: int) -> Strip:
         """A strip as drawn, row `y` of the panel, with its marked part reversed."""
-        span = self._marked_spans().get(y + self.scroll_offset.y)
+        spans = self._marked_spans()
+        span = spans.get(y + self.scroll_offset.y) if spans else None
         if span is None:
             return strip
         start, stop, _ = span.indices(strip.cell_length)
@@ -229,11 +230,12 @@ class LinePanel(MarkableLines, DirectLines):
         if len(before) != len(self._lines) and self.styles.is_auto_height:
             self.refresh(layout=True)
             return
-        rows = max(len(before), len(self._lines))
-        width = self.size.width
+        if before == self._lines:
+            return
+        rows, size = max(len(before), len(self._lines)), self.size
         changed = [
-            Region(0, row, width, 1)
-            for row in range(min(rows, self.size.height))
+            Region(0, row, size.width, 1)
+            for row in range(min(rows, size.height))
             if before[row : row + 1] != self._lines[row : row + 1]
         ]
         if changed:

@@ -12,6 +12,7 @@ from textual.events import Click
 from textual.widget import Widget
 
 from simmer_tui.config.loader import Configuration
+from simmer_tui.live.operating.switches import SWITCHES
 from simmer_tui.live.snapshot import LogEntry, Snapshot
 from simmer_tui.run.events import ActionDone, Event
 from simmer_tui.sim.command import PEOPLE, counted
@@ -215,12 +216,7 @@ class Panes:
         """Orders that give the reasons of a failure."""
         self.chosen = ""
         """Code of the sensor that is looked at more closely; empty for none."""
-        self.shown = {
-            "plot_robot": settings.plot_robot,
-            "plot_sense": settings.plot_sense,
-            "trail": True,
-            "truth": False,
-        }
+        self.shown = {each.name: getattr(settings, each.name, each.at_start) for each in SWITCHES}
         """Parts of the picture that are shown; see `switch`."""
         self._waiting: list[LogEntry] = []
         self._is_full = False
@@ -378,14 +374,8 @@ class Panes:
             self.maze.show_instead("The maze is not drawn (:plot_robot on draws it).")
             return None
         try:
-            scene = scene_of(
-                self._spec,
-                self._world,
-                snapshot,
-                show_rays=self.shown["plot_sense"],
-                show_trail=self.shown["trail"],
-                chosen=self.chosen,
-            )
+            shown = frozenset(name for name, is_shown in self.shown.items() if is_shown)
+            scene = scene_of(self._spec, self._world, snapshot, shown=shown, chosen=self.chosen)
         except Exception as error:  # noqa: BLE001 - a fault in a view must not end the app
             self.maze.show_instead(text_of(fault_line(error)))
             return None

@@ -88,11 +88,11 @@ class _Radar:
             self._put_dots(Role.RING, radius * _directions(angles))
         self._put_dots(Role.EDGE, self._walls(maze))
         # A dot at the end of each beam, over the walls there.
-        for scan in scene.scans if scene.show_rays else ():
+        for scan in scene.scans if "plot_sense" in scene.shown else ():
             places = to_local(scan.ends, scene.pose)
             self._put_dots(Role.RAY_STRONG, places[np.hypot(*places.T) <= self.outer])
         rays = [each for each in scene.views if isinstance(each.view, RangeScan) and each.view.distances]
-        ends = [self._put_ray(each) for each in rays] if scene.show_rays else []
+        ends = [self._put_ray(each) for each in rays] if "plot_sense" in scene.shown else []
         self._put_block()
         self._put_robot()
         for radius in rings:

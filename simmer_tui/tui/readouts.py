@@ -267,10 +267,12 @@ _PRINTED = _Printed()
 
 def board_lines(snapshot: Snapshot, room: Room) -> list[StyledLine]:
     """Clock, busy share and LED of each board, the last line that it has sent, and its displays."""
-    lines = [heading("boards", "busy: not in delay()", room.width, plain=room.plain)]
+    legend = "busy: not in delay()" if any(each.busy is not None for each in snapshot.boards) else ""
+    lines = [heading("boards", legend, room.width, plain=room.plain)]
     for board in snapshot.boards:
         led = "on" if board.led else "off"
-        state = f"  {board.time:.2f} s  busy {board.busy:4.0%}  LED {board.led_pin} {led}"
+        busy = "" if board.busy is None else f"busy {board.busy:4.0%}  "
+        state = f"  {board.time:.2f} s  {busy}LED {board.led_pin} {led}"
         # Where room is short, what the name loses is less than the LED's state.
         name = shortened(((board.name, "value"),), max(room.width - len(state), 1))
         lines.append((*name, (state, "plain")))

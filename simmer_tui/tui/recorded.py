@@ -19,6 +19,7 @@ from simmer_tui.runlog.index import EntryFlag, RunLogIndex
 from simmer_tui.runlog.log_records import ActionRecord, BrokenLine, MissionRecord
 from simmer_tui.runlog.playback import LOOK_BACK, Playback
 from simmer_tui.runlog.reader import LogReader
+from simmer_tui.sketch.board_view import logged_views
 
 # Doubled each time, as by `[` and `]` in a live run.
 PLAYBACK_RATES = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
@@ -131,6 +132,7 @@ class RecordedRun:
             true_values=readings if true_values else {},
             pace_text=self._pace,
             mission=None if self._plan is None else mission_state(self._plan, state),
+            boards=logged_views(state, self.elapsed - self.index.zero_of(max(self.entry, 0))),
             verdict=self._end.verdict if self._end is not None and self.entry >= self._end.entry else None,
         )
 

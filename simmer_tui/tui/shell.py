@@ -3,6 +3,7 @@
 `SimmerApp` adds a console to it, `ReplayApp` a timeline.
 """
 
+import math
 import time
 import traceback
 from collections.abc import Callable, Coroutine, Iterable, Sequence
@@ -21,7 +22,7 @@ from textual.worker import Worker
 from simmer_tui.errors import printable
 from simmer_tui.live.snapshot import Snapshot
 from simmer_tui.tui.answers import AnswerCard
-from simmer_tui.tui.frame_pace import Backpressure, ByteBudget, InputFirst
+from simmer_tui.tui.frame_pace import QUIET, Backpressure, ByteBudget, InputFirst
 from simmer_tui.tui.key_table import ANYWHERE, IN_LOG, Hint, hints_of, keys_line
 from simmer_tui.tui.line_panel import LinePanel, heading
 from simmer_tui.tui.maze.palette import Look
@@ -40,6 +41,10 @@ from simmer_tui.tui.terminal import ColorDepth, GlyphMode, TerminalChoice
 from simmer_tui.tui.terminal_app import AsciiFilter, TerminalApp
 from simmer_tui.tui.textual_internals import FaultReporting, bytes_written, draw_at_once
 from simmer_tui.tui.themes import THEMES, theme_name, themes, variables
+
+# Textual styles all widgets once more when the first picture is there: within 0.1 s of it (measured).
+_STARTED = 1.0
+"""Seconds from the mounting of the app to the end of its start."""
 
 
 class Shell(FaultReporting, TerminalApp):
@@ -71,6 +76,7 @@ class Shell(FaultReporting, TerminalApp):
         self._known = 0
         self._sampling = False
         self._idle = False
+        self._shown_at = -math.inf
         self._budget = ByteBudget()
         self._is_wanted = False
         """True if somebody waits for the next picture."""
@@ -86,6 +92,8 @@ class Shell(FaultReporting, TerminalApp):
         self._sizes: list[Size] = []
         """Sizes of the widgets when all was drawn into them."""
         self._ending: int | None = None
+        self.after_start: Callable[[], None] = lambda: None
+        """Called once, after the start of the app."""
         self.frames = 0
         """Pictures drawn so far."""
         self.skipped = 0
@@ -124,6 +132,7 @@ class Shell(FaultReporting, TerminalApp):
         self.set_class(self._plain, "plain")
         self.set_class(self._choice.color is ColorDepth.NONE, "mono")
         self.set_interval(1 / self._settings.screen.fps, self._sample)
+        self.set_timer(_STARTED, lambda: self.after_start())
         # The first picture does not wait for the first tick.
         self.call_after_refresh(self._sample)
         self.screen.screen_layout_refresh_signal.subscribe(self, self._laid_out)
@@ -151,8 +160,7 @@ class Shell(FaultReporting, TerminalApp):
         if self._input_first.passes_over():
             return
         # A snapshot comes from the robot's thread; slow ones must not form a queue.
-        nothing_new = not self.source.has_news(self._known) and self._idle and not self._panes.has_unshown
-        if self._sampling or nothing_new:
+        if self._sampling or not (self._is_wanted or self._is_due()):
             return
         size = self.size
         delay = self._budget.delay(bytes_written(self), size.width * size.height, time.monotonic())
@@ -172,6 +180,14 @@ class Shell(FaultReporting, TerminalApp):
         finally:
             self._sampling = False
 
+    def _is_due(self) -> bool:
+        """True if the screen may differ from the run. Without an event only rates, ages and parts that lag
+        do."""
+        if self.source.has_news(self._known):
+            return True
+        is_old = time.monotonic() - self._shown_at >= QUIET
+        return is_old and not (self._idle and not self._panes.has_unshown)
+
     async def _sample_delayed(self) -> None:
         self._is_delayed = False
         await self._sample()
@@ -188,6 +204,7 @@ class Shell(FaultReporting, TerminalApp):
             stays = before.state.pose == snapshot.state.pose
             self._idle = stays and snapshot.rate == 0 and not snapshot.state.paused
         self.frames += 1
+        self._shown_at = time.monotonic()
         self._panes.show(snapshot)
         self.shown(snapshot, since)
         self.show_status(snapshot)

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 from rich.color import Color
@@ -15,6 +15,7 @@ from textual.widget import Widget
 from simmer_tui.sim.arrays import NDArray
 from simmer_tui.tui.maze.glyphs import BLANK, Cells, Mask
 from simmer_tui.tui.maze.palette import DEFAULT, Attribute
+from simmer_tui.tui.textual_internals import mark_changed
 
 
 def changed_spans(old: Cells, new: Cells) -> list[Region]:
@@ -111,24 +112,33 @@ class DirectLines(Widget):
     the time of a picture. Without border and padding, lines skip that.
     """
 
+    def refresh(self, *regions: Region, **options: bool) -> Self:
+        """Send regions with the next update. With options, or without regions, it is Textual's own."""
+        if not regions or options or not mark_changed(self, regions):
+            super().refresh(*regions, **options)
+        return self
+
     def render_lines(self, crop: Region) -> list[Strip]:
         """Strips of the part of the widget in `crop`."""
         size = self.outer_size
         # Either would make the content smaller than the widget.
         if size != self.size:
             return super().render_lines(crop)
-        strips = [self.render_line(y) for y in crop.line_range]
-        # Between a change of size and its new picture, lines have the old width.
-        strips = [
-            strip
-            if strip.cell_length == size.width
-            else strip.adjust_cell_length(size.width, self.rich_style)
-            for strip in strips
-        ]
+        strips = self.cropped_lines(crop, size.width)
         for line_filter in self.get_line_filters():
             background = self.background_colors[1]
             strips = [strip.apply_filter(line_filter, background) for strip in strips]
-        if crop.column_span == (0, size.width):
+        return strips
+
+    def cropped_lines(self, crop: Region, width: int) -> list[Strip]:
+        """The same before Textual's filters, for a widget of `width` columns."""
+        strips = [self.render_line(y) for y in crop.line_range]
+        # Between a change of size and its new picture, lines have the old width.
+        strips = [
+            strip if strip.cell_length == width else strip.adjust_cell_length(width, self.rich_style)
+            for strip in strips
+        ]
+        if crop.column_span == (0, width):
             return strips
         return [strip.crop(*crop.column_span) for strip in strips]
 
@@ -141,30 +151,35 @@ class CellsWidget(DirectLines):
 
     _cells: Cells | None = None
     _cells_style = Style()
-    _strips: Sequence[Strip] = ()
+    _is_forgotten = False
+    """True if colours around the picture have changed since it was shown."""
 
     def show_cells(self, cells: Cells, style: Style) -> None:
         """Show a picture. Cells without colours take `style`."""
         before, self._cells = self._cells, cells
         # Another shape or style changes every cell: a comparison would find nothing equal.
-        if before is None or before.shape != cells.shape or style != self._cells_style:
+        is_forgotten, self._is_forgotten = self._is_forgotten, False
+        if is_forgotten or before is None or before.shape != cells.shape or style != self._cells_style:
             self._cells_style = style
-            self._strips = make_strips(cells, range(cells.shape[0]), style)
             self.refresh()
             return
         spans = changed_spans(before, cells)
-        strips = list(self._strips)
-        rows = [span.y for span in spans]
-        for row, strip in zip(rows, make_strips(cells, rows, style), strict=True):
-            strips[row] = strip
-        self._strips = strips
         if spans:
             self.refresh(*(span.translate((0, self.CELLS_TOP)) for span in spans))
 
     def forget_cells(self) -> None:
         """Send the next picture as a whole: the colours around it have changed."""
-        self._cells = None
+        self._is_forgotten = True
+
+    def cropped_lines(self, crop: Region, width: int) -> list[Strip]:
+        cells, top = self._cells, crop.y - self.CELLS_TOP
+        if cells is None or top < 0 or top + crop.height > cells.shape[0] or width != cells.shape[1]:
+            return super().cropped_lines(crop, width)
+        part = cells.part(slice(top, top + crop.height), slice(*crop.column_span))
+        return make_strips(part, range(crop.height), self._cells_style)
 
     def render_line(self, y: int) -> Strip:
-        row = y - self.CELLS_TOP
-        return self._strips[row] if row < len(self._strips) else Strip.blank(self.size.width, self.rich_style)
+        cells, row = self._cells, y - self.CELLS_TOP
+        if cells is None or row >= cells.shape[0]:
+            return Strip.blank(self.size.width, self.rich_style)
+        return make_strips(cells, [row], self._cells_style)[0]

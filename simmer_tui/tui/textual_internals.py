@@ -17,22 +17,22 @@ import sys
 import threading
 import time
 from codecs import getincrementaldecoder
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from functools import partial
-from typing import IO, Any, cast
+from typing import IO, Any, NamedTuple, cast
 
 import textual
 from rich.color import ColorSystem
 from rich.console import Console
-from textual._compositor import ChopsUpdate, LayoutUpdate
+from textual._compositor import Compositor, CompositorUpdate, LayoutUpdate
 from textual._xterm_parser import BRACKETED_PASTE_END, BRACKETED_PASTE_START, XTermParser
 from textual.app import App
 from textual.content import Content
 from textual.driver import Driver
 from textual.drivers._writer_thread import WriterThread
 from textual.events import Resize
-from textual.geometry import Size
+from textual.geometry import Region, Size
 from textual.message import Message
 from textual.screen import Screen
 from textual.scroll_view import ScrollView
@@ -60,18 +60,13 @@ def delta_updates() -> Iterator[bool]:
     if not is_known_version(textual.__version__):
         yield False
         return
-    originals = ChopsUpdate.render_segments, LayoutUpdate.render_segments
+    originals = Compositor.render_partial_update, LayoutUpdate.render_segments
     writer = DeltaWriter()
 
-    def render_spans(self: ChopsUpdate, console: Console) -> str:
-        writer.begin(self.chop_ends[0][-1], len(self.chop_ends), _colors_of(console))
-        for y, start, stop in self.spans:
-            # Textual keeps a line as pieces that end at the next widget.
-            for end, (left, strip) in zip(self.chop_ends[y], self.chops[y].items(), strict=False):
-                first, last = max(left, start), min(end, stop)
-                if strip is not None and first < last:
-                    writer.write(y, left, strip, first, last)
-        return writer.end()
+    def render_spans(self: Compositor) -> _SpansUpdate | None:
+        regions = self._dirty_regions.copy()
+        self._dirty_regions.clear()
+        return _SpansUpdate(writer, self.size, list(_shown_spans(self, regions))) if regions else None
 
     def render_whole(self: LayoutUpdate, console: Console) -> str:
         region = self.region
@@ -84,16 +79,83 @@ def delta_updates() -> Iterator[bool]:
                 x += strip.cell_length
         return writer.end()
 
-    ChopsUpdate.render_segments = render_spans  # type: ignore[method-assign]
+    Compositor.render_partial_update = render_spans  # type: ignore[assignment,method-assign]
     LayoutUpdate.render_segments = render_whole  # type: ignore[method-assign]
     try:
         yield True
     finally:
-        ChopsUpdate.render_segments, LayoutUpdate.render_segments = originals  # type: ignore[method-assign]
+        Compositor.render_partial_update, LayoutUpdate.render_segments = originals  # type: ignore[method-assign]
+
+
+class _Span(NamedTuple):
+    """A strip of a widget that begins in a cell of the screen, and the columns of it to write."""
+
+    row: int
+    column: int
+    strip: Strip
+    first: int
+    last: int
+
+
+class _SpansUpdate(CompositorUpdate):
+    """Update of some parts of a screen."""
+
+    def __init__(self, writer: DeltaWriter, size: Size, spans: Sequence[_Span]) -> None:
+        self._writer, self._size, self._spans = writer, size, spans
+
+    def render_segments(self, console: Console) -> str:
+        self._writer.begin(*self._size, _colors_of(console))
+        for span in self._spans:
+            self._writer.write(*span)
+        return self._writer.end()
+
+
+def _shown_spans(compositor: Compositor, regions: Iterable[Region]) -> Iterator[_Span]:
+    """Strips of the widgets that are visible in some regions of the screen.
+
+    Textual makes all lines of every widget within the rectangle around these regions: with a change in two
+    corners, those of the whole screen.
+    """
+    wanted: dict[int, list[tuple[int, int]]] = {}
+    for y, start, stop in compositor._regions_to_spans(regions):
+        wanted.setdefault(y, []).append((start, stop))
+    # They come from the front to the back, so that a widget covers those after it.
+    for widget, (region, clip) in compositor.visible_widgets.items():
+        shown = region.intersection(clip)
+        left, right = shown.column_span
+        spans = [
+            (y, max(start, left), min(stop, right))
+            for y in shown.line_range
+            for start, stop in wanted.get(y, ())
+            if start < right and left < stop
+        ]
+        if not spans:
+            continue
+        top, bottom = spans[0][0], spans[-1][0] + 1
+        begin, end = min(first for _, first, _ in spans), max(last for _, _, last in spans)
+        strips = widget.render_lines(Region(begin - region.x, top - region.y, end - begin, bottom - top))
+        for y, first, last in spans:
+            yield _Span(y, begin, strips[y - top], first, last)
+            rest = [(start, min(stop, left)) for start, stop in wanted[y] if start < left]
+            wanted[y] = rest + [(max(start, right), stop) for start, stop in wanted[y] if right < stop]
 
 
 def _colors_of(console: Console) -> ColorSystem:
     return console._color_system or ColorSystem.TRUECOLOR
+
+
+def mark_changed(widget: Widget, regions: Collection[Region]) -> bool:
+    """Send regions of a widget, whose size and style stay, with the next update. Returns False if that is
+    left to Textual's `refresh`.
+
+    Textual would wake the widget's task to tell the screen, for each widget in each frame.
+    """
+    if not is_known_version() or not widget.is_mounted or not widget.is_attached:
+        return False
+    widget._set_dirty(*regions)
+    widget.screen._dirty_widgets.add(widget)
+    widget.screen.check_idle()
+    return True
 
 
 def draw_at_once(screen: Screen[Any]) -> None:
@@ -105,8 +167,9 @@ def draw_at_once(screen: Screen[Any]) -> None:
     # By the default argument: Textual reads its version from a file at every call.
     if not is_known_version() or not screen.is_attached:
         return
-    for widget in screen.walk_children(Widget):
-        if widget._repaint_required and widget.display:
+    # With scrollbars, which are no children.
+    for widget in screen._compositor.visible_widgets:
+        if widget._repaint_required:
             widget._repaint_required = False
             screen._dirty_widgets.add(widget)
     screen._on_timer_update()

@@ -105,6 +105,12 @@ def test_a_new_set_has_the_settings_that_the_source_lacks() -> None:
     assert with_all_settings("a = [") == "a = ["
 
 
+@pytest.mark.parametrize("folder", bundled_sets().values(), ids=lambda folder: folder.name)
+def test_bundled_sets_leave_the_keys_to_the_settings(folder: Path) -> None:
+    """So each default key stands in one place; `init` writes all into a new set."""
+    assert tomllib.loads((folder / "settings.toml").read_text("utf-8"))["keys"] == {}
+
+
 def test_every_setting_in_the_file_has_a_comment_above() -> None:
     lines = (bundled_folder() / "settings.toml").read_text().splitlines()
     for above, line in pairwise(lines):

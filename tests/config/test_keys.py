@@ -82,22 +82,24 @@ def test_signs_stand_for_their_names() -> None:
 def test_a_set_with_such_a_mistake_does_not_load(
     edit: Callable[[str, str, str], None], problems: Callable[..., list[str]]
 ) -> None:
-    edit("settings.toml", 'poll = "p"', 'poll = "space"')
+    edit("settings.toml", "[keys]\n", '[keys]\nstop = "space"\npoll = "space"\n')
     found = problems()
     assert len(found) == 1
     assert found[0].startswith("settings.toml:")
     assert ':poll: needs the key "space"' in found[0] or 'keys.poll: needs the key "space"' in found[0]
     given = problems({"keys.poll": Override("--key-poll", "w")})
     assert given == ['--key-poll: needs the key "w" to read all sensors: it is there to drive forward']
+    edit("settings.toml", '[keys]\nstop = "space"\npoll = "space"', '[keys]\npoll = "w"')
+    assert problems({"keys.forward": Override("--key-forward", "up")}) == []
+    given = problems({"keys.forward": Override("--key-forward", "w")})
+    assert len(given) == 1
+    assert 'poll: needs the key "w" to read all sensors: it is there to drive forward' in given[0]
 
 
 def test_a_key_that_is_given_is_no_longer_anothers_by_default(
     edit: Callable[[str, str, str], None], folder: Path
 ) -> None:
-    edit("settings.toml", 'fit = "f"\n', "")
-    edit("settings.toml", 'follow = "o"', 'follow = "f"')
-    edit("settings.toml", 'forward = "up,w"\n', "")
-    edit("settings.toml", 'poll = "p"', 'poll = "W"')
+    edit("settings.toml", "[keys]\n", '[keys]\nfollow = "f"\npoll = "W"\n')
     keys = load(folder).settings.keys
     assert (keys.follow, keys.fit) == ("f", "")
     assert (keys.poll, keys.forward) == ("W", "up")

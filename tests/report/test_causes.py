@@ -40,7 +40,7 @@ from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.state import checkpoint_of
 from simmer_tui.sim import Pose, SensorSpec, Simulator, parse_command
-from simmer_tui.sim.specs import Axes, DriveKind, RobotSpec
+from simmer_tui.sim.specs import Axes, DriveKind, RobotSpec, SimulationSpec
 
 SET = load(find_set("mission"))
 
@@ -98,6 +98,7 @@ def begin(
     contacts: int = 0,
     change: Callable[[SensorSpec], SensorSpec] = lambda sensor: sensor,
     diameter: float = 6.0,
+    own: Callable[[SimulationSpec], SimulationSpec] = lambda spec: spec,
 ) -> Mission:
     """A mission of the bundled set, which is nominal, with one change."""
     spec = replace(
@@ -109,6 +110,7 @@ def begin(
         robot=RobotSpec.circle(diameter),
         sensors=tuple(change(each) for each in SET.simulation.sensors),
     )
+    spec = own(spec)
     configuration: Configuration = replace(SET, simulation=spec)
     simulator = Simulator(spec, 3)
     simulator.noise = noise
@@ -116,7 +118,7 @@ def begin(
     simulator.advance(50.0)
     plan = MissionPlan(Pose(*start), False, block, (Cell(18.0, 42.0),), zone, limit, contacts=contacts)
     engine = Engine(simulator)
-    nominal = Nominal("mission", SET.simulation)
+    nominal = Nominal("mission", SET.simulation, 300.0)
     history = RunHistory(checkpoint_of(simulator, mission=True), nominal=lambda: nominal)
     reducer = Reducer(checkpoint_of(simulator, mission=True), history=history)
     engine.watch(reducer.apply)
@@ -153,7 +155,8 @@ def test_a_velocity_straight_at_a_wall_that_was_read_is_told_with_its_reading() 
     assert mission.attempt.too_many_contacts
     assert cause.kind is Kind.TOO_CLOSE
     assert re.match(
-        r"vv-6;0;0 was sent, and nothing ended it\. Contact at 5\d\.\d\d s with .*, after 15\.0 in\.",
+        r"u1 read 15\.0 in at 50\.1 s; then vv-6;0;0 was sent, and nothing ended it\. "
+        r"Contact at 5\d\.\d\d s with .*, after 15\.0 in\.",
         cause.text,
     )
     assert cause.advice == "End the velocity in time: send vv with zeros. It goes on until another one comes."
@@ -375,6 +378,12 @@ def test_a_wrong_sensor_comes_before_what_follows_from_it_and_is_said_once() -> 
     drive = structs.replace(found, of="d1", text="d1 drives 1.20 times what is asked")
     cause = cause_of(mission.evidence(findings=(drive,)))
     assert (cause.kind, cause.text) == (Kind.DRIVE_WRONG, f"{drive.text}.")
+    # What a device reads wrongly may scatter for that reason: its noise comes last.
+    noise = structs.replace(found, kind=FindingKind.NOISE, text="u1 scatters by 3.6 in, not by 0.1")
+    assert cause_of(mission.evidence(findings=(noise, found))).text == f"{text}. {noise.text}."
+    # A sensor that is dead needs no calibration.
+    dead = structs.replace(found, kind=FindingKind.STUCK, text="u1 reads 7.5 in all the time")
+    assert cause_of(mission.evidence(findings=(dead,))).advice.startswith("Check the cable")
 
 
 # -- ends without a contact ------------------------------------------------------------------------
@@ -707,6 +716,7 @@ def test_of_many_moments_seven_are_kept_in_order() -> None:
     assert {MomentKind.END, MomentKind.COMMAND, MomentKind.SIGHT, MomentKind.FAULT} <= set(kinds)
     assert [each.kind for each in moments if each.is_cause] == [cause.moment]
     assert all("log" not in each.text.split() for each in moments)
+    assert "a person moved the robot to (66.0, 42.0)" in {each.text for each in moments_of(run)}
 
 
 def test_a_real_robot_has_moments_and_no_place() -> None:

@@ -373,6 +373,17 @@ def test_bias_is_muted_and_drawn_again_from_the_same_seed(clock: Clock, noisy_sp
     assert bench.simulator.bias == drawn
 
 
+def test_time_that_is_over_stands_still_until_the_run_restarts(timed: Bench) -> None:
+    timed.clock.pass_by(0.5)
+    timed.engine.now()
+    timed.engine.end_time()
+    timed.clock.pass_by(2.0)
+    assert (timed.engine.now(), timed.engine.present) == (0.5, 0.5)
+    timed.act(ActionName.RESET)
+    timed.clock.pass_by(0.25)
+    assert timed.engine.now() == pytest.approx(0.25)
+
+
 def test_in_a_pause_commands_wait_and_go_on_in_order(instant: Bench) -> None:
     session = instant.session()
     instant.act(ActionName.PAUSE)

@@ -242,6 +242,56 @@ def test_who_waits_for_a_reply_looks_first_and_for_ever_is_told() -> None:
     assert one.stuck == 1
 
 
+def test_a_wait_that_begins_later_is_over_by_what_was_sent_until_then_or_by_what_comes_after() -> None:
+    clock = ProgramClock()
+    one = Process(clock)
+
+    def wait(until: float, begin: float) -> None:
+        clock.wait(one.wait, until, listens=True, sent=0, begin=begin)
+
+    wait(8.0, 2.0)
+    clock.count_written(7, 5)
+    clock.note()
+    assert not clock.advance(math.inf)  # it had begun to wait when the reply came
+    assert (one.woken, clock.now) == ([2.0], 2.0)
+    one.wait.written.clear()
+    wait(8.0, 3.0)
+    clock.note()  # its own bytes have arrived
+    assert clock.advance(math.inf)
+    assert (one.woken, clock.now) == ([2.0], 3.0)
+    assert clock.advance(4.0)  # a timer may bring the reply
+    assert not clock.advance(math.inf)
+    assert one.woken == [2.0, 4.0]
+    wait(5.0, 4.0)
+    assert not clock.advance(math.inf)
+    assert one.woken == [2.0, 4.0, 5.0]
+    wait(math.inf, 5.0)
+    assert not clock.advance(math.inf)
+    assert one.stuck == 1
+
+
+@pytest.mark.parametrize(("arrives", "woken"), [(1.5, 2.25), (3.25, 3.25), (9.0, 8.0)])
+def test_boards_run_on_beyond_the_beginning_of_a_wait(arrives: float, woken: float) -> None:
+    clock = ProgramClock()
+    one = Process(clock)
+    runs = []
+
+    def run(until: float) -> float:
+        runs.append(until)
+        if clock.now < arrives <= until and not one.wait.written:
+            clock.count_written(7, 1)
+            clock.note()
+            return arrives
+        return until
+
+    clock.boards = run
+    clock.wait(one.wait, 8.0, listens=True, sent=0, begin=2.25)
+    while clock.advance(math.inf):
+        pass
+    assert one.woken == [woken]
+    assert (2.25 in runs) == (arrives < 2.25)
+
+
 def test_a_process_that_waits_for_another_does_not_hold_time() -> None:
     clock = ProgramClock()
     parent, child = Process(clock), Process(clock)

@@ -24,7 +24,7 @@ from simmer_tui.run.phrases import (
     obstacle_place,
     outside_text,
     scan_text,
-    sent_text,
+    sent_by_text,
     side_text,
 )
 from simmer_tui.sim import DriveKind, Pose, SimulationSpec, Simulator
@@ -143,6 +143,6 @@ def test_a_scan_is_said_in_one_line(ranges: list[float], text: str) -> None:
 
 
 def test_boards_set_speeds_and_programs_send_commands() -> None:
-    assert sent_text("console", "d1-3") == "d1-3 was sent"
-    assert sent_text("boards", "ww-3;0") == "a board set ww-3;0"
-    assert sent_text("boards, main at a.ino:4", "ww-3;0") == "board main at a.ino:4 set ww-3;0"
+    assert sent_by_text("console", "d1-3") == "d1-3 was sent"
+    assert sent_by_text("boards", "ww-3;0") == "a board set ww-3;0"
+    assert sent_by_text("boards, main at a.ino:4", "ww-3;0") == "board main at a.ino:4 set ww-3;0"

@@ -17,6 +17,7 @@ from simmer_tui.run.belief_grid import grid_belief
 from simmer_tui.run.events import (
     ActionName,
     Belief,
+    DisplayChanged,
     Goal,
     MissionEvent,
     MovementEnded,
@@ -101,6 +102,7 @@ def other_log(path: Path, configuration: Any, motion: str) -> None:
         log(ProgramEnded(2.0, 139, "SIGSEGV", True, "segmentation fault", "robot.c:3", said, said))
         log(WireMessage(simulator.time, "w 1", meaning="w {n}"))
         log(WireMessage(simulator.time, "ok", reply=True))
+        log(DisplayChanged(simulator.time, "rover", True, "2", (("a row",),)))
         log(MissionEvent(simulator.time, Goal.TAKEN, "block taken"))
         log(MissionEvent(simulator.time, Result.FAILED, "failed", "no time"))
         for _ in range(CHECKPOINT_EVERY):

@@ -11,7 +11,6 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from msgspec import structs
 from msgspec.structs import replace
 
 from simmer_tui.config.loader import Configuration, load
@@ -23,6 +22,7 @@ from simmer_tui.run.events import (
     Action,
     ActionName,
     Belief,
+    DisplayChanged,
     Event,
     Goal,
     MissionEvent,
@@ -44,7 +44,7 @@ from simmer_tui.runlog.rerun import Rerun
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.sim import Pose, Simulator, Status, parse_command
 from simmer_tui.sim.records import LidarScan
-from tests.brief_events import brief, sums
+from tests.brief_events import brief, fields, sums
 from tests.kept_numbers import assert_kept
 from tests.manual_loop import ManualLoop
 
@@ -135,6 +135,7 @@ def instant(run: Run) -> None:
         WireMessage(run.simulator.time, "GO\r", False, "d1-3"), WireMessage(run.simulator.time, "ok", True)
     )
     run.tell(TwinReading(run.simulator.time, parse_command("u1"), "u1", math.nan, 4.5))
+    run.tell(DisplayChanged(run.simulator.time, "rover", displays=(("one", "two"), ("\u00b0",))))
     run.tell(MissionEvent(run.simulator.time, Result.FAILED, "over", "it hit a wall"))
     run.act(ActionName.RESET)
     run.send("d1-2", "u1", "w1-2")
@@ -356,13 +357,13 @@ def shown(state: State) -> list[Any]:
         "contact_points",
         "spent",
     }
-    plain = [brief(getattr(state, each.name)) for each in structs.fields(state) if each.name not in others]
+    plain = fields(state, *others)
     events = [
         None if each is None else brief(each.time) for each in (state.last, state.ended, state.movement)
     ]
     belief = None if state.belief is None else [brief(state.belief.pose), brief(state.belief.grid)]
     return [
-        *plain,
+        plain,
         sums(state.contact_points),
         sums(state.path),
         brief(state.mission and state.mission.result),

@@ -11,6 +11,7 @@ from simmer_tui.config.sets import bundled_sets, init_set
 from simmer_tui.robot.engine import Engine
 from simmer_tui.run.events import Event, Notice
 from simmer_tui.sim import Simulator
+from simmer_tui.sketch.lockstep import BOARD_SLICE
 from simmer_tui.sketch.sketch_robot import SketchRobot, compile_set, with_boards
 from simmer_tui.sketch.wiring import wiring_of
 from tests.stepped_clock import Clock
@@ -57,7 +58,13 @@ def set_of(form: Path, folder: Path) -> Configuration:
     return load(folder)
 
 
-def run_boards(configuration: Configuration, seconds: float, sent: Sent = (), seed: int = 1) -> BoardRun:
+def run_boards(
+    configuration: Configuration,
+    seconds: float,
+    sent: Sent = (),
+    seed: int = 1,
+    slice_length: int = BOARD_SLICE,
+) -> BoardRun:
     """Run a set's boards."""
     wiring = wiring_of(configuration)
     assert wiring is not None
@@ -69,7 +76,7 @@ def run_boards(configuration: Configuration, seconds: float, sent: Sent = (), se
     engine.watch(events.append)
     clock = Clock(0.0)
     engine.start(clock)
-    boards = SketchRobot(sketches, engine)
+    boards = SketchRobot(sketches, engine, slice_length)
     try:
         until = _BEGUN if sent else 0.0
         while until and boards.run_to(until) < until:

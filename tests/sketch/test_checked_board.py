@@ -99,7 +99,7 @@ def begun(pipes: Pipes) -> Begun:
     [
         request(_HORIZON),
         request(100, record(Told.LEVEL, 1), record(Told.DUTY, 255), record(Told.MODE, 2)),
-        request(100, record(Told.BYTE, 65, 9_000), record(Told.BYTE, 66, 13_000), reason=Reason.SENT),
+        request(100, record(Told.BYTE, 65, 9_000), record(Told.BYTE, 66, 13_000)),
         request(100, record(Told.WAITED, 7, 0, pin=1), record(Told.UNTIL)),
         request(100, reason=Reason.QUERY, query=Query.ANALOG, wait=(90, 1)),
         request(9_000, record(Told.STEP, -7, 1_000), record(Told.STEP, -7, 9_000), wait=(90, 4)),

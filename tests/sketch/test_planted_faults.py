@@ -16,7 +16,7 @@ from simmer_tui.sim.records import CommandResult
 from simmer_tui.sketch.compiler import find_compiler
 from simmer_tui.sketch.sketch_check import facts_of, sketch_problems
 from simmer_tui.sketch.wiring import wiring_of
-from tests.sketch.running import run_boards, set_of
+from tests.sketch.running import Sent, run_boards, set_of
 
 FAULTS = Path(__file__).parent / "faults"
 SAMPLE = Path(__file__).parents[2] / "scripts" / "arduino" / "line_follower"
@@ -130,3 +130,36 @@ def test_a_function_that_turns_instead_of_driving_ahead_is_told_when_it_runs(tmp
     assert "goForward() turns the robot right: motors[2] turns backward, at polarity.ino:16" in wrong.text
     sources = {each.command.source for each in run.events if isinstance(each, CommandResult)}
     assert "boards, main at polarity.ino:16" in sources, "the block that writes the pins"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("source", "sent", "seconds", "fact", "about"),
+    [
+        (FAULTS / "lost_stop", ((0.5, b"F"), (1.05, b"S")), 2.0, "the byte 'S' waited", 1.2),
+        (SAMPLE, ((0.5, b"g 20\n"),), 3.0, "board follower: an edge at pin 2 was lost", 0.7),
+    ],
+)
+def test_a_fact_has_its_own_time_whatever_slices_are(
+    source: Path, sent: Sent, seconds: float, fact: str, about: float, tmp_path: Path
+) -> None:
+    compiler_or_skip()
+    configuration = set_of(source, tmp_path / "set") if source.parent == FAULTS else load(source)
+    runs = [run_boards(configuration, seconds, sent, slice_length=each) for each in (100_000, 20_000_000)]
+    first, last = (told(each.events) for each in runs)
+    assert [(each.text, each.moment) for each in first] == [(each.text, each.moment) for each in last]
+    (found,) = (each for each in first if each.text.startswith(fact))
+    assert found.moment is not None
+    assert found.moment == pytest.approx(about, abs=0.2)
+    # They come in the order of their times, among all other events.
+    times = [getattr(each, "moment", None) or getattr(each, "time", 0.0) for each in runs[0].events]
+    assert times == sorted(times)
+    assert repr(runs[0].events) == repr(runs[1].events)
+    if source.parent == FAULTS:
+        # The sketch reads the byte right before it stops the wheels.
+        stops = [
+            event.time
+            for event in runs[0].events
+            if isinstance(event, CommandResult) and event.command.text in ("ww-0;0", "ww-0.0;0.0")
+        ]
+        assert 0.0 < stops[-1] - found.moment < 0.001

@@ -17,15 +17,17 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
+from simmer_tui.cli.command_line import ExitCode
 from simmer_tui.cli.main import main
+from simmer_tui.cli.run_life import FrontEnd, RunLife
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.settings import with_any_ports
 from simmer_tui.live.server import Server
-from simmer_tui.run.events import Event
+from simmer_tui.run.events import Event, ProgramEnded
 from simmer_tui.sketch.compiler import find_compiler
 from simmer_tui.sketch.sketch_robot import compile_set, with_boards
 from simmer_tui.sketch.wiring import wiring_of
-from tests.sketch.rovers import MOTORS, ROVER, STOPPABLE, made_set
+from tests.sketch.rovers import DRIVE, MOTORS, ROVER, STOPPABLE, made_set
 
 pytestmark = [
     pytest.mark.slow,
@@ -135,7 +137,8 @@ def test_a_board_that_dies_fails_the_mission(tmp_path: Path, capsys: pytest.Capt
     assert done.returncode == 1, done.stderr
     assert "mission: failed" in done.stderr
     assert "board rover died at rover.ino:4" in done.stderr
-    # The report has the time of the death, and not that of the event before it.
+    # The mission ended then too, and the report has that time, not that of the event before it.
+    assert "failed after 0.1 s" in done.stderr
     main(["report", str(tmp_path / "run.jsonl")])
     assert re.search(r"\n +0\.10 +[^\n]*board rover died", capsys.readouterr().out)
 
@@ -178,6 +181,44 @@ def test_by_the_programs_clock_time_stops_at_the_death_of_a_board(tmp_path: Path
     assert done.returncode == 1, done.stderr
     times = [float(each) for each in re.findall(r'"t": ?([0-9.]+)', log.read_text("utf-8"))]
     assert max(times) < 0.101
+
+
+class Screen(FrontEnd):
+    """A front end that goes on after the end of its run, as the app does, until the program has ended."""
+
+    def __init__(self, server: Server) -> None:
+        self._server = server
+        self._ends: queue.Queue[int] = queue.Queue()
+
+    def watch(self, event: Event) -> None:
+        if isinstance(event, ProgramEnded):
+            self._ends.put(0)
+
+    def show(self) -> int:
+        return self._ends.get(timeout=60)
+
+    def finish(self, code: int) -> None:
+        self._ends.put(code)
+
+
+def test_on_the_screen_time_and_program_stop_at_the_death_of_a_board(tmp_path: Path) -> None:
+    folder = tmp_path / "set"
+    text = "void setup() {}\nvoid loop() {\n  delay(100);\n  volatile int *place = 0; *place = 1;\n}\n"
+    made_set(folder, ROVER + MOTORS, {"rover.ino": DRIVE + text.replace("delay", "drive(90, 90); delay")})
+    program, log = tmp_path / "laptop.py", tmp_path / "run.jsonl"
+    program.write_text("import time\nwhile True:\n    time.sleep(0.01)\n", "utf-8")
+    configuration = load(folder)
+    wiring = wiring_of(configuration)
+    assert wiring is not None
+    sketches = compile_set(wiring, configuration.directory)
+    server = Server(any_ports(with_boards(configuration)), sketches=sketches)
+    life = RunLife(server, Screen(server), command=f"{sys.executable} {program}", log=str(log))
+    assert life.run() == ExitCode.NO
+    told = [json.loads(line) for line in log.read_text("utf-8").splitlines()]
+    (death,) = [each["t"] for each in told if "the boards have ended" in each.get("text", "")]
+    assert told[-1]["kind"] == "program"
+    assert max(each["t"] for each in told if "t" in each) == death
+    assert main(["rerun", str(log), "--sketch", str(folder)]) == 0
 
 
 def test_a_set_without_boards_is_refused(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import pytest
@@ -16,7 +17,7 @@ from simmer_tui.sim.command import parse_command
 from simmer_tui.sketch.checked_board import CheckedBoard
 from simmer_tui.sketch.compiler import find_compiler
 from tests.sketch.avr.cores import Stimuli, run_ours
-from tests.sketch.rovers import ENCODERS, ROVER, Boards, made_set
+from tests.sketch.rovers import ENCODERS, JOINED, ROVER, SENSOR, Boards, made_set
 from tests.sketch.running import FORMS, set_of
 
 pytestmark = [
@@ -165,6 +166,35 @@ void loop() {{
     assert runs[0] == runs[1]
     # 5 in with 40 edges each.
     assert runs[0][2] in (b"200\r\n", b"199\r\n", b"201\r\n")
+
+
+RAMPS = """
+#include <AccelStepper.h>
+AccelStepper left(AccelStepper::DRIVER, 2, 5), right(AccelStepper::DRIVER, 3, 6);
+void setup() {
+  pinMode(8, OUTPUT); digitalWrite(8, LOW);
+  left.setMaxSpeed(900); right.setMaxSpeed(700);
+  left.setAcceleration(3000); right.setAcceleration(1500);
+  left.move(600); right.move(-350);
+}
+void loop() { left.run(); right.run(); }
+"""
+
+
+def test_encoders_of_another_board_turn_with_steps_at_few_exchanges(tmp_path: Path) -> None:
+    wiring = JOINED.partition("[[wires]]")[0] + STEPPERS + ENCODERS.format(board="sensor")
+    configuration = made_set(tmp_path / "set", wiring, {"sensor.ino": SENSOR, "rover.ino": RAMPS})
+    runs = []
+    for slice_length in (300_000, 3_000_000, 20_000_000):
+        boards = exact(configuration, 2.0, slice_length)
+        boards.close()
+        sent = bytes(value for _, value in boards.robot.lockstep.sent)
+        runs.append((repr(boards.events), boards.simulator.pose, sent))
+    assert runs[1:] == runs[:1] * 2
+    # 6 and 3.5 in with 40 edges each.
+    assert abs(int(runs[0][2].split()[-1]) - 380) <= 2
+    # The steps of both are 950: most of them change no speed.
+    assert boards.robot.boards["sensor"].process.exchanges < 500
 
 
 def test_an_enable_that_is_off_and_a_stop_of_a_person_move_nothing(tmp_path: Path) -> None:
@@ -362,6 +392,43 @@ def test_displays_show_what_the_sketch_prints(tmp_path: Path) -> None:
     assert told == [
         *("board rover: its display shows v=2.50# / cu", "board rover: its display shows a / b / last rowy")
     ]
+
+
+COUNTING_DISPLAY = """
+#include <LiquidCrystal.h>
+LiquidCrystal lcd(12, 11, 5, 4, 3, 2);
+void setup() { Serial.begin(9600); pinMode(13, OUTPUT); lcd.begin(16, 2); }
+void loop() {
+  lcd.setCursor(0, 0);
+  lcd.print(millis());
+  digitalWrite(13, millis() / 300 % 2);
+  if (millis() % 7 == 0) Serial.println(millis());
+}
+"""
+
+
+def test_what_a_board_shows_is_told_the_same_for_any_slices(tmp_path: Path) -> None:
+    configuration = made_set(tmp_path / "set", ROVER, {"rover.ino": COUNTING_DISPLAY})
+
+    def told(slice_length: int) -> list[str]:
+        boards = Boards(configuration, slice_length=slice_length)
+        boards.run_to(1.25)
+        boards.robot.engine.tell(ProgramEnded(1.25, 0))
+        boards.close()
+        return [repr(each) for each in boards.events if not isinstance(each, ProgramEnded)]
+
+    first = told(100_000)
+    assert first == told(1_000_000) == told(5_000_000) == told(20_000_000)
+    changes = [each for each in first if each.startswith("DisplayChanged")]
+    assert re.match(r"DisplayChanged\(time=0.0, board='rover', led=False, .*displays=\(\)\)", changes[0])
+    # Its first look, then every 0.1 s up to 1.2 s, and the end.
+    assert len(changes) == 14
+    texts = [
+        int(found[1]) for found in (re.search(r"displays=\(\('(\d+) ", each) for each in changes) if found
+    ]
+    assert all(abs(text - 100 * number) <= 10 for number, text in enumerate(texts[:-1], 1))
+    assert 1230 < texts[-1] <= 1250
+    assert [("led=True" in each) for each in changes[1:8]] == [False, False, False, True, True, True, False]
 
 
 PID_SKETCH = """

@@ -97,6 +97,52 @@ def test_looks_at_any_times_change_nothing() -> None:
     assert made[0] == made[1] == made[2]
 
 
+def mixed(seed: int) -> list[BoardRecord]:
+    """Steps at several rates, with turns back and a driver that is off for a while."""
+    chance, time, records = random.Random(seed), 0, []
+    for _ in range(12):
+        records += [level(time, 3, chance.randrange(2)), level(time, 4, int(chance.random() < 0.2))]
+        rate, jitter = chance.choice(((30.0, 0.0), (200.0, 1e-3), (900.0, 2e-5), (1500.0, 1e-4)))
+        made = uneven(rate, 0.15, jitter, chance.randrange(99))
+        records += [BoardRecord(time + each, Told.STEP, 2, 0, 7) for each in made]
+        time += made[-1] + 1 + chance.randrange(2) * 30 * _MS
+    return records
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("ahead", [300_000, 20 * _MS])
+def test_the_next_change_of_speed_is_known_before_it_comes(seed: int, ahead: int) -> None:
+    """The board is up to a slice ahead of the world, which goes from one change to the next."""
+    records, expected = mixed(seed), rim(stepper(), mixed(seed), [3 * SECOND])
+    state, now, found, waiting = stepper(), 0, [], list(records)
+    while now < 3 * SECOND:
+        if state.known_until <= now:
+            state.known_until = now + ahead
+            while waiting and waiting[0].time <= state.known_until:
+                state.add(waiting.pop(0))
+        now = min(state.next_change(now), state.known_until)
+        while state.due <= now:
+            time, before = state.due, state.speed
+            state.happen()
+            if state.speed != before:
+                assert time == now
+                found.append((time, state.speed))
+    assert found == expected
+    assert len(found) < len(records) / 2
+
+
+def test_a_cut_of_the_power_makes_another_future() -> None:
+    state = stepper()
+    for record in steps(range(_MS, 400 * _MS, _MS)):
+        state.add(record)
+    state.known_until = 300 * _MS
+    while state.due <= 99 * _MS:
+        state.happen()
+    assert state.next_change(99 * _MS) > 100 * _MS
+    state.cut(99 * _MS)
+    assert state.next_change(99 * _MS) == 100 * _MS  # the next step starts it again
+
+
 def test_a_single_step_takes_its_time_and_a_reversal_turns_back() -> None:
     alone = rim(stepper(), steps([_MS]), [SECOND])
     assert alone == [(_MS, 0.01 * SECOND / ALONE), (_MS + ALONE, 0.0)]

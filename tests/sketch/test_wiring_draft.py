@@ -267,7 +267,9 @@ def test_a_set_for_encoders_alone_has_wheels(tmp_path: Path, monkeypatch: pytest
         ("void set(int a) { jaw.write(a); }\nvoid f() { set(95); }\nvoid grab() { set(60); }", (95, 60)),
         ("void f() { jaw.write(10); jaw.write(90); jaw.write(170); }", (10, 170)),
         ("void f() { for (int i = 0; i < 90; i++) jaw.write(i); }", (0, 90)),
-        ("void f() { jaw.write(1500); jaw.write(30); }", (0, 90)),
+        ("void f() { jaw.write(1500); jaw.write(30); }", (120, 30)),
+        ("void letGo() { jaw.write(120); }\nvoid release() { jaw.write(120); }", (120, 30)),
+        ("void f() { jaw.write(analogRead(0)); }", (0, 90)),
     ],
 )
 def test_a_gripper_has_the_angles_that_the_sketch_writes(
@@ -276,6 +278,44 @@ def test_a_gripper_has_the_angles_that_the_sketch_writes(
     head = "#include <Servo.h>\n#define WIDE 130\nconst int CLOSED = 180;\nServo jaw;\n"
     made = drafted(tmp_path, f"{head}void setup() {{ jaw.attach(3); }}\n{text}\nvoid loop() {{}}\n")
     assert made["servos"][0]["gripper"] == {"open": angles[0], "closed": angles[1]}
+
+
+@pytest.mark.parametrize(
+    ("text", "mark", "told"),
+    [
+        (
+            "void shut() { jaw.write(95); }",
+            "# ? a guess: the sketch writes 95 alone",
+            ["servos[1]: open = 5, closed = 95 is a guess of the draft: the sketch writes 95 alone"],
+        ),
+        (
+            "void f() { jaw.write(analogRead(0)); }",
+            "# ? a guess: no angle was found in the sketch",
+            ["servos[1]: open = 0, closed = 90 is a guess of the draft: no angle was found in the sketch"],
+        ),
+        ("void shut() { jaw.write(95); }\nvoid free() { jaw.write(20); }", "# ? which is open", []),
+    ],
+)
+def test_angles_that_the_draft_has_invented_are_guesses_until_their_mark_is_gone(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    text: str,
+    mark: str,
+    told: list[str],
+) -> None:
+    monkeypatch.setenv("PATH", "")  # without a compiler nothing is run
+    text = f"#include <Servo.h>\nServo jaw;\nvoid setup() {{ jaw.attach(3); }}\n{text}\nvoid loop() {{}}\n"
+    (tmp_path / "jaw.ino").write_text(text, "utf-8")
+    assert main(["init", str(tmp_path / "set"), "--sketch", str(tmp_path / "jaw.ino")]) == 0
+    wiring = tmp_path / "set" / "wiring.toml"
+    assert mark in wiring.read_text("utf-8")
+    for marked, expected in ((mark, told), ("", [])):
+        wiring.write_text(wiring.read_text("utf-8").replace(mark, marked), "utf-8")
+        capsys.readouterr()
+        main(["check", str(tmp_path / "set")])
+        said = [line.strip() for line in capsys.readouterr().out.splitlines() if "guess" in line]
+        assert [line.partition(";")[0] for line in said] == expected
 
 
 STEPPERS = {

@@ -21,7 +21,7 @@ from simmer_tui.runlog.reader import LogReader
 from simmer_tui.trials import run as module
 from simmer_tui.trials.run import TrialRun
 from simmer_tui.trials.trial import Trial, TrialResult
-from tests.kept_numbers import assert_kept
+from tests.kept_numbers import Fields, assert_kept, usual_of
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals have no names there")
 KEPT = Path(__file__).with_name("kept_runs.json")
@@ -109,14 +109,16 @@ def run(trial: Trial, tmp_path: Path) -> Run:
     return done
 
 
-def figures(result: TrialResult) -> dict[str, object]:
+def figures(result: TrialResult) -> Fields:
     """A result without what depends on the machine."""
     assert result.real_seconds > 0.0
     assert result.simulator_seconds > 0.0
     fields = structs.asdict(result)
     evidence = [each for each in result.verdict["evidence"] if not each.startswith("Real time")]
     fields["verdict"] = {**result.verdict, "evidence": evidence}
-    return {name: fields[name] for name in fields if name not in ("real_seconds", "simulator_seconds")}
+    of_the_machine = ("real_seconds", "simulator_seconds")
+    told = {name: each for name, each in fields.items() if name not in of_the_machine}
+    return Fields(told, usual_of(TrialResult))
 
 
 @pytest.mark.parametrize(

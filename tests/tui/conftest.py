@@ -16,6 +16,7 @@ from textual.widgets import Input
 from simmer_tui.client import Robot
 from simmer_tui.config.loader import Override, load
 from simmer_tui.config.sets import MISSION_SET, bundled_folder, bundled_sets, init_set
+from simmer_tui.config.settings import KeySettings
 from simmer_tui.live.server import Server
 from simmer_tui.run.events import Event, MovementPlanned
 from simmer_tui.run.mission import plan_run
@@ -28,6 +29,9 @@ from simmer_tui.tui.line_panel import LinePanel
 from simmer_tui.tui.log_panel import LogPanel
 from simmer_tui.tui.maze.scene import BeliefMark, Scene, SensorView
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode, TerminalChoice
+
+KEYS = KeySettings()
+"""Keys by default: a test presses them by their action."""
 
 
 @pytest.fixture(scope="session")

@@ -14,6 +14,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from textual.geometry import Region
 from textual.widgets import Input
 from textual.widgets._toast import Toast
 
@@ -27,6 +28,7 @@ from simmer_tui.tui.log_panel import LogPanel
 from simmer_tui.tui.maze.view import MazeView
 from simmer_tui.tui.terminal import GlyphMode
 from simmer_tui.tui.textual_internals import rows_of
+from tests.tui.conftest import KEYS
 
 Fly = Callable[..., int | None]
 Cockpit = Any
@@ -81,7 +83,7 @@ def test_step_sizes_and_keys_come_from_the_settings(fly: Fly) -> None:
 @pytest.mark.slow
 def test_p_reads_every_sensor_once(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
-        await cockpit.press("p")
+        await cockpit.press(KEYS.poll)
         codes = [sensor.code for sensor in cockpit.server.configuration.simulation.sensors]
         await cockpit.until(lambda: len(cockpit.commands("keys")) == len(codes))
         assert cockpit.commands("keys") == codes
@@ -106,7 +108,7 @@ def test_space_stops_a_movement_that_takes_its_time(fly: Fly) -> None:
 @pytest.mark.slow
 def test_r_puts_everything_back_to_the_start(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
-        await cockpit.press("w", "a", "r")
+        await cockpit.press("w", "a", KEYS.reset)
         await cockpit.until(lambda: "back at the start" in cockpit["log"])
         assert cockpit.server.simulator.pose == Pose(9.5, 42.0, 0.0)
 
@@ -116,21 +118,21 @@ def test_r_puts_everything_back_to_the_start(fly: Fly) -> None:
 @pytest.mark.slow
 def test_while_paused_a_clients_command_waits_and_is_let_through_one_by_one(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
-        await cockpit.press("n")
+        await cockpit.press(KEYS.step)
         await cockpit.until(lambda: "nothing is paused" in cockpit["hint"])
         robot = cockpit.client()
-        await cockpit.press("b")
+        await cockpit.press(KEYS.pause)
         await cockpit.until(lambda: "paused" in cockpit["robot"])
         replies: list[float] = []
         program = threading.Thread(target=lambda: replies.extend((robot.send("c1"), robot.send("d1-1"))))
         program.start()
         await cockpit.until(lambda: "paused, a command waits" in cockpit["robot"])
         assert not replies
-        await cockpit.press("n")
+        await cockpit.press(KEYS.step)
         await cockpit.until(lambda: "c1" in cockpit["log"])
         await cockpit.until(lambda: "a command waits" in cockpit["robot"])
         assert "d1-1" not in cockpit["log"]
-        await cockpit.press("b")
+        await cockpit.press(KEYS.pause)
         await cockpit.until(lambda: len(replies) == 2)
         program.join()
         await cockpit.until(lambda: "standing" in cockpit["robot"])
@@ -139,20 +141,20 @@ def test_while_paused_a_clients_command_waits_and_is_let_through_one_by_one(fly:
 
 
 @pytest.mark.slow
-def test_t_y_and_v_show_or_hide_trail_rays_and_true_values(fly: Fly) -> None:
+def test_keys_show_or_hide_trail_rays_and_true_values(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         await cockpit.until(lambda: cockpit.maze.scene is not None)
-        for key, shown in (("t", "show_trail"), ("y", "show_rays")):
+        for key, name in ((KEYS.trail, "trail"), (KEYS.rays, "plot_sense")):
             await cockpit.press(key)
-            await cockpit.until(lambda shown=shown: not getattr(cockpit.maze.scene, shown))
+            await cockpit.until(lambda name=name: name not in cockpit.maze.scene.shown)
             await cockpit.press(key)
-            await cockpit.until(lambda shown=shown: getattr(cockpit.maze.scene, shown))
+            await cockpit.until(lambda name=name: name in cockpit.maze.scene.shown)
         await cockpit.until(lambda: "not read" in cockpit["sensors"])
         before = cockpit["sensors"]
-        await cockpit.press("v")
+        await cockpit.press(KEYS.truth)
         await cockpit.until(lambda: "true value" in cockpit["sensors"])
         assert "35.5" in cockpit["sensors"]
-        await cockpit.press("v")
+        await cockpit.press(KEYS.truth)
         await cockpit.until(lambda: cockpit["sensors"] == before)
 
     fly(scenario)
@@ -166,7 +168,7 @@ def test_keys_zoom_fit_follow_and_look_elsewhere(fly: Fly) -> None:
         await cockpit.until(lambda: cockpit.maze.zoom > zoom)
         await cockpit.press("minus")
         await cockpit.until(lambda: cockpit.maze.zoom == zoom)
-        await cockpit.press("o")
+        await cockpit.press(KEYS.follow)
         await cockpit.until(lambda: cockpit.maze.follow != follow)
         assert cockpit["hint"] == f"follow the robot: {'off' if follow else 'on'}"
         await cockpit.press("plus", "plus", "plus")
@@ -174,14 +176,14 @@ def test_keys_zoom_fit_follow_and_look_elsewhere(fly: Fly) -> None:
         await cockpit.press("ctrl+right", "ctrl+down")
         await cockpit.until(lambda: cockpit.maze.to_inches(5, 5)[0] > place[0])
         assert cockpit.maze.to_inches(5, 5)[1] < place[1]
-        await cockpit.press("f")
+        await cockpit.press(KEYS.fit)
         await cockpit.until(lambda: cockpit.maze.zoom_is_automatic)
         floor = cockpit.maze.painter.floor
-        await cockpit.press("l")
+        await cockpit.press(KEYS.floor)
         await cockpit.until(lambda: cockpit.maze.painter.floor != floor)
         assert "tiles" in cockpit["hint"]
         assert cockpit.maze.painter.heat
-        await cockpit.press("H")
+        await cockpit.press(KEYS.heat)
         await cockpit.until(lambda: not cockpit.maze.painter.heat)
         assert cockpit["hint"] == "map of the belief: off"
 
@@ -358,7 +360,7 @@ def test_one_key_runs_the_sample_program_while_a_robot_waits_for_one(fly: Fly) -
         await cockpit.until(lambda: "F5" not in cockpit["answer"])
         await cockpit.pilot.press("f5")
         assert given == []
-        await cockpit.press("r")
+        await cockpit.press(KEYS.reset)
         await cockpit.until(lambda: "F5" in cockpit["answer"])
         await cockpit.pilot.press("f5")
         (command,) = given
@@ -428,11 +430,11 @@ def test_a_maze_that_is_not_drawn_has_no_legend(fly: Fly) -> None:
 def test_views_are_switched_by_orders_at_run_time(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         await cockpit.type(":plot_sense off")
-        await cockpit.until(lambda: not cockpit.maze.scene.show_rays)
+        await cockpit.until(lambda: "plot_sense" not in cockpit.maze.scene.shown)
         await cockpit.type(":plot_sense")
-        await cockpit.until(lambda: cockpit.maze.scene.show_rays)
+        await cockpit.until(lambda: "plot_sense" in cockpit.maze.scene.shown)
         await cockpit.type(":trail off")
-        await cockpit.until(lambda: not cockpit.maze.scene.show_trail)
+        await cockpit.until(lambda: "trail" not in cockpit.maze.scene.shown)
         await cockpit.type(":truth on")
         await cockpit.until(lambda: "true value" in cockpit["sensors"])
         await cockpit.type(":plot_robot off")
@@ -448,7 +450,9 @@ def test_plot_settings_hold_from_the_start(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         await cockpit.until(lambda: "The maze is not drawn" in cockpit.maze.render_line(0).text)
         await cockpit.type(":plot_robot")
-        await cockpit.until(lambda: cockpit.maze.scene is not None and not cockpit.maze.scene.show_rays)
+        await cockpit.until(
+            lambda: cockpit.maze.scene is not None and "plot_sense" not in cockpit.maze.scene.shown
+        )
 
     fly(scenario, plot_robot=False, plot_sense=False)
 
@@ -669,6 +673,21 @@ def test_too_small_a_terminal_says_so_and_the_robot_goes_on(fly: Fly) -> None:
 
 
 @pytest.mark.slow
+def test_the_end_of_the_start_is_told_once(fly: Fly, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(shell, "_STARTED", 1e6)
+    told: list[bool] = []
+
+    async def scenario(cockpit: Cockpit) -> None:
+        app = cockpit.app
+        app.after_start = lambda: told.append(True)
+        (timer,) = [each for each in app._timers if each._interval == 1e6]
+        timer._callback()  # type: ignore[misc]
+        await cockpit.until(lambda: told)
+
+    fly(scenario)
+
+
+@pytest.mark.slow
 def test_news_of_an_earlier_layout_leaves_no_panel_blank(fly: Fly, monkeypatch: pytest.MonkeyPatch) -> None:
     """On a busy machine the app hears of a layout when the panes have other boxes already, whose layout comes
     after the next picture."""
@@ -824,10 +843,10 @@ def test_a_fault_of_the_app_itself_is_kept_as_one_line(fly: Fly, monkeypatch: py
     async def scenario(cockpit: Cockpit) -> None:
         apps.append(cockpit.app)
 
-        def fail(self: MazeView, y: int) -> None:
+        def fail(self: MazeView, crop: Region) -> None:
             raise RuntimeError("cannot\nrender")
 
-        monkeypatch.setattr(MazeView, "render_line", fail)
+        monkeypatch.setattr(MazeView, "render_lines", fail)
         # The pilot raises what it met itself, too, and may take each picture before the app does.
         for _ in range(2000):
             cockpit.maze.refresh()

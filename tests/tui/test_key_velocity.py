@@ -19,7 +19,7 @@ from simmer_tui.sim.command import Command
 from simmer_tui.sim.records import CommandResult
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.tui.key_velocity import KeyVelocity
-from tests.tui.conftest import Cockpit
+from tests.tui.conftest import KEYS, Cockpit
 
 Fly = Callable[..., "int | None"]
 
@@ -181,7 +181,7 @@ def test_a_set_without_the_row_and_a_pause_are_told(fly: Fly) -> None:
     fly(no_row, screen__keys_velocity=True, files={"drive.csv": without})
 
     async def paused(cockpit: Cockpit) -> None:
-        await cockpit.press("b")
+        await cockpit.press(KEYS.pause)
         await cockpit.until(lambda: cockpit.server.engine.paused)
         await cockpit.press("w")
         await cockpit.until(lambda: "paused: a held key" in cockpit["hint"])

@@ -11,6 +11,7 @@ from textual.widget import Widget
 
 from simmer_tui.sim.specs import BLOCK, START, WALL
 from simmer_tui.tui.log_panel import LogPanel
+from tests.tui.conftest import KEYS
 
 Fly = Callable[..., int | None]
 Cockpit = Any
@@ -102,7 +103,7 @@ def test_the_wheel_zooms_where_the_pointer_is(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         maze = cockpit.maze
         mouse = Mouse(cockpit, maze)
-        await cockpit.press("o")  # following the robot comes before the pointer
+        await cockpit.press(KEYS.follow)  # following the robot comes before the pointer
         zoom = maze.zoom
         for _ in range(3):
             await mouse.do(MouseScrollUp, 30, 10)

@@ -12,6 +12,7 @@ import pytest
 from simmer_tui.config.device_trust import VARIABLE
 from simmer_tui.config.sets import bundled_folder
 from tests.devices.conftest import DEVICE, THERMAL
+from tests.tui.conftest import KEYS
 
 Fly = Callable[..., int | None]
 Cockpit = Any
@@ -38,7 +39,7 @@ def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:
 @pytest.mark.slow
 def test_it_is_read_and_drawn_and_its_fault_is_told(fly: Fly, files: dict[str, str]) -> None:
     async def scenario(cockpit: Cockpit) -> None:
-        await cockpit.press("v")
+        await cockpit.press(KEYS.truth)
         await cockpit.type("h1")
         await cockpit.until(lambda: "20.5" in cockpit["sensors"])
         (view,) = [each.view for each in cockpit.maze.scene.views]

@@ -222,9 +222,9 @@ def test_toggles_zoom_and_help(run: Run) -> None:
     async def act(app: ReplayApp, pilot: Pilot[int]) -> None:
         await pilot.press("n", "r", "y")
         view = app.query_one(MazeView)
-        await until(pilot, lambda: view.scene is not None and not view.scene.show_trail)
+        await until(pilot, lambda: view.scene is not None and "trail" not in view.scene.shown)
         assert view.scene is not None
-        assert not view.scene.show_rays
+        assert "plot_sense" not in view.scene.shown
         zoom = view.zoom
         await pilot.press("plus")
         assert view.zoom > zoom

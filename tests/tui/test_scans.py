@@ -13,6 +13,7 @@ from msgspec.structs import replace
 
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_folder, init_set
+from simmer_tui.live.operating.switches import SHOWN
 from simmer_tui.robot.engine import Engine
 from simmer_tui.run.events import Action, ActionName
 from simmer_tui.run.state import SensorRow
@@ -35,7 +36,7 @@ from simmer_tui.tui.readouts import Room, status_line
 from simmer_tui.tui.recorded import RecordedRun
 from simmer_tui.tui.sensor_facts import sensor_facts
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode
-from tests.tui.conftest import Cockpit
+from tests.tui.conftest import KEYS, Cockpit
 from tests.tui.test_readouts import Run, texts
 
 LIDAR = LidarSpec(kind=Lidar, number=1, code="sc", z=4.0, error=0.0, min_range=0.0, dropout=0.0)
@@ -57,9 +58,9 @@ def run(spec: SimulationSpec) -> Run:
     return Run(spec)
 
 
-def scene(run: Run, *, show_rays: bool = True) -> Scene:
+def scene(run: Run, shown: frozenset[str] = SHOWN) -> Scene:
     spec = run.engine.simulator.spec
-    return scene_of(spec, Maze(spec.maze), run.snapshot(), show_rays=show_rays)
+    return scene_of(spec, Maze(spec.maze), run.snapshot(), shown=shown)
 
 
 def row(run: Run) -> SensorRow:
@@ -211,7 +212,7 @@ def test_the_radar_is_filled_by_a_scan_and_its_scale_holds_it(run: Run) -> None:
         return int((cells.foreground == palette[Role.RAY_STRONG]).sum())
 
     assert dots(shown) > 40
-    assert dots(scene(run, show_rays=False)) == 0
+    assert dots(scene(run, SHOWN - {"plot_sense"})) == 0
 
 
 @pytest.mark.slow
@@ -227,7 +228,7 @@ def test_every_size_shows_a_scan_and_a_key_hides_it(
         await cockpit.until(lambda: "scan" in legend(size[0] - 40).text)
         assert cockpit.maze.scene is not None
         assert len(cockpit.maze.scene.scans) == 1
-        await cockpit.press("y")
+        await cockpit.press(KEYS.rays)
         await cockpit.until(lambda: "scan" not in legend(size[0] - 40).text)
         if size[0] == 120:
             await cockpit.until(lambda: "360 points, 1 deg apart" in cockpit["answer"])

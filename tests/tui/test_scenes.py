@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from simmer_tui.live.operating.switches import SHOWN
 from simmer_tui.live.snapshot import Recorder
 from simmer_tui.robot.engine import Engine
 from simmer_tui.run.events import Belief
@@ -26,9 +27,9 @@ class Run:
         for command in commands:
             self._session.submit(parse_command(command), lambda outcome: None)
 
-    def scene(self, **shown: bool) -> Scene:
+    def scene(self, shown: frozenset[str] = SHOWN) -> Scene:
         simulator = self.engine.simulator
-        return scene_of(simulator.spec, simulator.maze, self.recorder.snapshot(), **shown)
+        return scene_of(simulator.spec, simulator.maze, self.recorder.snapshot(), shown=shown)
 
 
 def test_only_what_was_read_since_the_robot_moved_is_shown(course_spec: SimulationSpec) -> None:
@@ -44,14 +45,14 @@ def test_only_what_was_read_since_the_robot_moved_is_shown(course_spec: Simulati
 def test_pose_block_trail_and_contact_are_those_of_the_snapshot(course_spec: SimulationSpec) -> None:
     run = Run(course_spec)
     run.give("d1-2", "w1-100")
-    scene = run.scene(show_rays=False, show_trail=False)
+    scene = run.scene(SHOWN - {"plot_sense", "trail"})
     assert scene.pose == run.engine.simulator.pose
     assert scene.block_centre == (25.0, 41.0)
     assert scene.contact is not None
     assert abs(scene.contact[1] - 48.0) < 1e-9
     assert scene.trail[0][0, :2].tolist() == [9.5, 42.0]
     assert scene.trail[-1][-1, :2].tolist() == [scene.pose.x, scene.pose.y]
-    assert (scene.show_rays, scene.show_trail) == (False, False)
+    assert scene.shown == {"plot_robot"}
 
 
 def test_a_belief_brings_its_particles_with_or_without_headings(course_spec: SimulationSpec) -> None:

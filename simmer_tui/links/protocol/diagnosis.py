@@ -13,6 +13,8 @@ from simmer_tui.sim.command import LARGEST_VALUE, WORD, cut, parse_value, utf8_t
 # Request line of RFC 9112, section 3: a browser, curl, or a health check.
 _HTTP = re.compile(r"[A-Z]{3,8} \S* ?HTTP/\d")
 _JSON = re.compile(r'\s*\{\s*"')
+_POSE = re.compile(r'"(?:x|y|heading|pose|particles|grid)"')
+"""Keys of a belief."""
 # Far below any intended movement. Bytes in the wrong order give such numbers.
 _TINY = 1e-30
 
@@ -46,11 +48,14 @@ def wrong_protocol(text: str, port: int, others: Mapping[str, int]) -> Diagnosis
             "packets on a line port",
             f"port {port} takes lines; '{cut(utf8_text(text), WORD)}' is a packet: {there}",
         )
-    if _JSON.match(text) and "beliefs" in others:
+    if not _JSON.match(text):
+        return None
+    if "beliefs" in others and _POSE.search(text):
         return Diagnosis(
             "beliefs on a line port", f"port {port} takes commands; beliefs go to port {others['beliefs']}"
         )
-    return None
+    shown = cut(utf8_text(text), WORD)
+    return Diagnosis("JSON on a line port", f"'{shown}' is no command: send plain text such as u1")
 
 
 def wrong_packet(data: bytes, port: int, line_port: int | None) -> Diagnosis | None:

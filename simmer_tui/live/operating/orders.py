@@ -8,6 +8,7 @@ from msgspec import Struct
 
 from simmer_tui.config.settings import PACES
 from simmer_tui.errors import ConsoleCommandError
+from simmer_tui.live.operating.switches import SWITCHES
 from simmer_tui.run.events import LARGEST_NUMBER, Action, ActionName
 from simmer_tui.sim.command import (
     LARGEST_VALUE,
@@ -32,7 +33,8 @@ _SECONDS = NumberRule(0.0, MOST_WAITED, low_open=True)
 
 
 class Local(Struct, frozen=True):
-    """An order that the app itself carries out: `help`, `quit`, `shot`, `save`, `plot_robot` ..."""
+    """An order that the app itself carries out: a switch by its name, any other by its method
+    `order_NAME`."""
 
     name: str
     argument: str = ""
@@ -44,7 +46,7 @@ ConsoleCommand = Command | Action | Local
 class OrderSpec(Struct, frozen=True):
     """One order: its syntax, its effect, and the function that reads its words.
 
-    With an `action` the robot's engine carries it out, otherwise the app.
+    With an `action` the robot's engine carries it out, otherwise the app: see `Local`.
     """
 
     usage: str
@@ -185,10 +187,7 @@ _ORDERS = (
     OrderSpec(":pause", "let commands wait", _alone, ActionName.PAUSE),
     OrderSpec(":resume", "continue after a pause", _alone, ActionName.RESUME),
     OrderSpec(":step", "while paused, let one command through", _alone),
-    OrderSpec(":plot_robot [on|off]", "draw the maze and the robot", _switch),
-    OrderSpec(":plot_sense [on|off]", "draw what the sensors see", _switch),
-    OrderSpec(":trail [on|off]", "draw the route since the start", _switch),
-    OrderSpec(":truth [on|off]", "true values beside readings", _switch),
+    *(OrderSpec(f":{switch.name} [on|off]", switch.help, _switch) for switch in SWITCHES),
     OrderSpec(":shot FILE.svg", "a picture of the screen", _svg),
     OrderSpec(":save FILE", "write the log panel to a file", _file),
     OrderSpec(":copy", "copy the log panel to the clipboard", _alone),

@@ -292,13 +292,22 @@ class ProgramTime:
         """Tell the person which line waits for a process that may have no clock."""
         said_once(OUTSIDE, frame)
 
-    def _ask(self, kind: str, until: float, *, outside: bool = False) -> bool:
+    def begin_wait(self, until: float) -> bool:
+        """Begin a wait for a reply with one question: the simulator answers what was sent, and brings its
+        time up to ours; if no reply has come by then, it lets us wait until a time, nanoseconds. Only for a
+        single thread and process. False if nothing will ever come."""
+        if not self._debt and self._told == self.sent:
+            return True  # nothing has happened that a look would not know
+        return self._ask("W", until, begin=self.here)
+
+    def _ask(self, kind: str, until: float, *, outside: bool = False, begin: int | None = None) -> bool:
         self._debt, self._told = 0, self.sent
         again = "" if self.acted else " again"
         self.acted = not self.is_shared
         self.count += 1
         self.is_moving = True
-        self.say(f"{kind} {until} {self.sent}{again}{' outside' if outside else ''}\n")
+        after = "" if begin is None else f" after {begin}"
+        self.say(f"{kind} {until} {self.sent}{again}{' outside' if outside else ''}{after}\n")
         try:
             return self._hear()
         finally:
@@ -581,6 +590,10 @@ def _replace_sockets(clock: ProgramTime) -> None:
         until, again = clock.end_of(timeout), False
         robot = [_port_of(each) for each in readers if _is_ours(each, ports)]
         outside = bool(writers) or len(robot) + len(inner) < len(readers)
+        if robot and not outside and timeout != 0 and not clock.is_shared and not clock.missing(robot):
+            clock.check_thread("waits")
+            if not clock.begin_wait(until):
+                refuse_waiting()
         while True:
             found = look(readers, writers, others, robot)
             if any(found):

@@ -74,6 +74,10 @@ class Cells(Struct, frozen=True, eq=False):
     def copy(self) -> "Cells":
         return Cells(*(layer.copy() for layer in self._layers))
 
+    def part(self, rows: slice, columns: slice) -> "Cells":
+        """A rectangle of it. Its arrays are views."""
+        return Cells(*(layer[rows, columns] for layer in self._layers))
+
     def paste(self, other: "Cells", row: int, column: int) -> None:
         """Copy another rectangle, which must fit, to a place in this one."""
         rows, columns = other.shape

@@ -69,13 +69,13 @@ class Painter:
         pose = scene.pose
         robot = DrawnRobot(canvas, scene) if is_near(pose.x, pose.y, pose.heading) else None
         # From the least important to the robot, since each replaces earlier marks in its cells.
-        if scene.show_trail:
+        if "trail" in scene.shown:
             lines.draw_trail(canvas, scene, self._trail)
         if belief is not None:
             lines.draw_particles(canvas, belief)
-        if scene.show_rays:
+        if "plot_sense" in scene.shown:
             lines.draw_scans(canvas, scene)
-        rays = lines.draw_rays(canvas, scene) if scene.show_rays else []
+        rays = lines.draw_rays(canvas, scene) if "plot_sense" in scene.shown else []
         # Under the block: the needle is long, the block may be right ahead.
         if robot is not None and not scene.block_held:
             robot.draw_needle()
@@ -244,19 +244,19 @@ def _ground_entries(scene: Scene, painter: Painter) -> list[LegendEntry]:
 def _line_entries(scene: Scene, painter: Painter) -> list[LegendEntry]:
     """Lines and dots: scan, trail, rays and zones."""
     zones = zones_of(scene)
-    rays = len(scene.views) if scene.show_rays else 0
+    rays = len(scene.views) if "plot_sense" in scene.shown else 0
     read_last = min(rays, 0 if scene.scan_is_newest else 1)
     # Rays come and go with each movement: a legend that followed them would be sent over and over.
-    stays = scene.show_rays and scene.has_readings and not scene.scans
+    stays = "plot_sense" in scene.shown and scene.has_readings and not scene.scans
     marks = (
-        (Role.TRAIL, "trail", scene.show_trail and len(scene.trail)),
+        (Role.TRAIL, "trail", "trail" in scene.shown and len(scene.trail)),
         (Role.LOADING_LINE, "loading", zones.loading.any()),
         (Role.DROP_LINE, "drop", zones.drop.any()),
         (Role.RAY_STRONG, "read last", read_last or stays),
         (Role.RAY_WEAK, "ray", rays > read_last or stays),
     )
     entries = [LegendEntry(_line_sign(painter, role), role, word) for role, word, there in marks if there]
-    if scene.show_rays and scene.scans:
+    if "plot_sense" in scene.shown and scene.scans:
         sign = "⠢⠔" if painter.signs.dotted else 2 * chr(painter.signs.line(Role.RAY_STRONG))
         entries.insert(0, LegendEntry(sign, Role.RAY_STRONG, "scan"))
     return entries

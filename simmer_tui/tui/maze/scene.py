@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from msgspec import Struct
 
+from simmer_tui.live.operating.switches import SHOWN
 from simmer_tui.live.route import TOLERANCE, Route, simplified
 from simmer_tui.live.snapshot import Snapshot
 from simmer_tui.run.state import SensorRow, State
@@ -94,6 +95,7 @@ class Scene(Struct, frozen=True, kw_only=True, eq=False):
         line_age: seconds since a line sensor was read, None for never.
         loading_zone: middles of its cells, None for those that the maze marks.
         drop_zone: middle of its cell.
+        shown: names of the switches that are on.
     """
 
     maze: MazeSpec
@@ -119,8 +121,7 @@ class Scene(Struct, frozen=True, kw_only=True, eq=False):
     has_readings: bool = False
     loading_zone: tuple[MazePoint, ...] | None = None
     drop_zone: MazePoint | None = None
-    show_trail: bool = True
-    show_rays: bool = True
+    shown: frozenset[str] = SHOWN
 
     def __post_init__(self) -> None:
         expected = (self.maze.rows * TILES_PER_CELL, self.maze.columns * TILES_PER_CELL)
@@ -175,8 +176,7 @@ def scene_of(
     maze: Maze,
     snapshot: Snapshot,
     *,
-    show_rays: bool = True,
-    show_trail: bool = True,
+    shown: frozenset[str] = SHOWN,
     chosen: str = "",
 ) -> Scene:
     """The scene of a snapshot, with the views read since the robot moved; while it moves, those read before.
@@ -215,8 +215,7 @@ def scene_of(
         has_readings=bool(rows),
         loading_zone=tuple((cell.x, cell.y) for cell in zones.loading_zone) if zones is not None else None,
         drop_zone=(zones.drop_zone.x, zones.drop_zone.y) if zones is not None else None,
-        show_trail=show_trail,
-        show_rays=show_rays,
+        shown=shown,
         chosen=chosen,
     )
 

@@ -24,7 +24,8 @@ def is_near(*numbers: float) -> bool:
 
 def near_places(places: FloatArray) -> FloatArray:
     """Places (n, 2), with those too far out moved to the edge of the drawable area."""
-    near: FloatArray = np.clip(np.nan_to_num(places, nan=FAR), -FAR, FAR)
+    # Of a NaN and a number, `fmin` takes the number.
+    near: FloatArray = np.fmax(np.fmin(places, FAR), -FAR)
     return near
 
 

@@ -77,6 +77,8 @@ class MazeView(CellsWidget, can_focus=True, inherit_bindings=False):
         self.viewport: Viewport | None = None
         """Part of the maze that was last drawn."""
         self._instead = ""
+        self._frame_style: Style | None = None
+        """Kept, since each picture needs it twice, and looking it up takes longer than making a line."""
         self._zoom: float | None = None
         self._left, self._top = 0.0, 0.0
         self._held: Offset | None = None
@@ -240,7 +242,13 @@ class MazeView(CellsWidget, can_focus=True, inherit_bindings=False):
 
     @property
     def _style(self) -> Style:
-        return self.get_component_rich_style("mazeview--frame")
+        if self._frame_style is None:
+            self._frame_style = self.get_component_rich_style("mazeview--frame")
+        return self._frame_style
+
+    def notify_style_update(self) -> None:
+        self._frame_style = None
+        super().notify_style_update()
 
     def on_mount(self) -> None:
         self.app.theme_changed_signal.subscribe(self, self._theme_changed)

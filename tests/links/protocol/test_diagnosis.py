@@ -17,6 +17,10 @@ from simmer_tui.links.protocol.diagnosis import (
 WEB = Diagnosis("HTTP", "HTTP request on port 9, which is no web server: it takes commands such as u1")
 
 
+def json_text(text: str) -> Diagnosis:
+    return Diagnosis("JSON on a line port", f"'{text}' is no command: send plain text such as u1")
+
+
 @pytest.mark.parametrize(
     ("text", "others", "found"),
     [
@@ -47,7 +51,8 @@ WEB = Diagnosis("HTTP", "HTTP request on port 9, which is no web server: it take
             {"beliefs": 7},
             Diagnosis("beliefs on a line port", "port 9 takes commands; beliefs go to port 7"),
         ),
-        ('{"x": 1', {"packets": 5}, None),
+        ('{"x": 1', {"packets": 5}, json_text('{"x": 1')),
+        ('{"cmd": "u1"}', {"beliefs": 7}, json_text('{"cmd": "u1"}')),
         ("{x", {"beliefs": 7}, None),
     ],
 )

@@ -10,8 +10,9 @@ from typing import NamedTuple
 from simmer_tui.sketch.board_process import BYTE, EDGE, BoardEvent, BoardProcess, Query
 from simmer_tui.sketch.boards import UNO
 from simmer_tui.sketch.build import build_sketch
-from simmer_tui.sketch.lockstep import Board, Lockstep, LockstepWorld
+from simmer_tui.sketch.lockstep import BOARD_SLICE, Board, Lockstep, LockstepWorld
 from simmer_tui.sketch.parts import ECHO_DELAY, LARGEST_DUTY, SECOND
+from simmer_tui.sketch.shared_processor import SharedProcessor
 
 HERE = Path(__file__).parent
 SKETCHES = HERE / "sketches"
@@ -114,12 +115,14 @@ def run_ours(sketch: Path, stimuli: Stimuli, seconds: float) -> list[Done]:
     board.events.sort()
     world = _Watching(stimuli)
     tx = 1 if stimuli.soft_tx is None else stimuli.soft_tx
-    world.lockstep = Lockstep([board], world, (board, tx))
+    processor = SharedProcessor()
+    world.lockstep = Lockstep([board], world, (board, tx), BOARD_SLICE, processor)
     try:
         until = round(seconds * SECOND)
         while world.lockstep.run(until) < until:
             pass
     finally:
+        processor.release()
         process.close()
     return _changes(sorted(world.done))
 

@@ -8,18 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-import textual
 from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
-from rich.console import Console
-from rich.segment import Segment
-from rich.style import Style
-from textual._compositor import ChopsUpdate, LayoutUpdate
 from textual.app import App, ComposeResult
 from textual.geometry import Region
 from textual.pilot import Pilot
-from textual.strip import Strip
 
 from simmer_tui.sim.records import Pose
 from simmer_tui.sim.specs import MazeSpec, RobotSpec, SimulationSpec
@@ -28,7 +22,6 @@ from simmer_tui.tui.maze.scene import BeliefMark, FloorMode, Scene
 from simmer_tui.tui.maze.view import MazeView
 from simmer_tui.tui.maze.viewport import arrange, best_zoom
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode
-from simmer_tui.tui.textual_internals import delta_updates, is_known_version
 
 
 class Spy(MazeView):
@@ -419,36 +412,3 @@ def test_layout_never_leaves_the_widget_nor_the_maze(
     assert viewport.top + viewport.rows == layout.maze_rows
     fit = arrange(maze, best_zoom(maze, width, height), width, height)
     assert fit.fits or width < 10 or height < 10
-
-
-def test_of_a_dirty_span_only_what_differs_is_sent() -> None:
-    console = Console(color_system="truecolor", force_terminal=True)
-
-    def update(text: str) -> str:
-        strip = Strip([Segment(text[:6], Style(color="red")), Segment(text[6:], Style(color="blue"))])
-        return ChopsUpdate([{0: strip, 12: None}], [(0, 4, 8)], [[12, 20]]).render_segments(console)
-
-    before = update("abcdefghijkl")
-    assert "abcdef" in before
-    with delta_updates() as written:
-        if not is_known_version(textual.__version__):
-            assert not written
-            return
-        assert written
-        after = update("abcdefghijkl")
-        assert after.startswith("\x1b[1;5H")
-        assert [text in after for text in ("ef", "gh", "d", "i")] == [True, True, False, False]
-        again = update("abcdEfghijkl")
-        assert ("E" in again, "f" in again) == (True, False)
-        whole = LayoutUpdate([[Strip([Segment("abcdEfghijkl" + 8 * " ")])]], Region(0, 0, 20, 1))
-        assert "abcdEfghijkl" in whole.render_segments(console), "all of it, whatever stands there"
-        assert update("abcdEfghijkl") != ""
-    assert update("abcdefghijkl") == before
-
-
-def test_other_versions_of_textual_are_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(textual, "__version__", "9.0.0", raising=False)
-    before = ChopsUpdate.render_segments
-    with delta_updates() as written:
-        assert not written
-        assert ChopsUpdate.render_segments is before

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
+from simmer_tui.live.operating.switches import SHOWN
 from simmer_tui.sim.records import FloorPatch, Pose, RangeScan
 from simmer_tui.sim.specs import MazeSpec, RobotSpec
 from simmer_tui.tui.maze.glyphs import BRAILLE, Cells
@@ -107,7 +108,9 @@ def test_the_trail_is_one_line_and_its_last_seconds_are_brighter(painter: Painte
     # As many dots, however old it is, and no gap in a line.
     assert counts == [new, new, new, 0]
     assert new >= 18.0 * 2 * 8 / 12
-    assert not ink(draw(painter, replace(bare, trail=tuple(legs), show_trail=False)), painter, Role.TRAIL)
+    assert not ink(
+        draw(painter, replace(bare, trail=tuple(legs), shown=SHOWN - {"trail"})), painter, Role.TRAIL
+    )
 
 
 def test_a_trail_that_grows_is_drawn_as_one_that_is_new(painter: Painter, bare: Scene) -> None:

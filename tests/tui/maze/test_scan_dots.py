@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
+from simmer_tui.live.operating.switches import SHOWN
 from simmer_tui.sim.records import Pose, RangeScan
 from simmer_tui.sim.scan_rays import ScanRays
 from simmer_tui.tui.maze.canvas import Canvas
@@ -87,7 +88,7 @@ def test_a_scan_is_drawn_with_the_rays_and_hidden_with_them(plain_scene: Scene) 
     window = whole_maze(scene.maze, 10.0)
     shown = painter.cells(scene, window)
     assert ink(shown, painter) > 10
-    assert ink(painter.cells(replace(scene, show_rays=False), window), painter) == 0
+    assert ink(painter.cells(replace(scene, shown=SHOWN - {"plot_sense"}), window), painter) == 0
     dots = shown.characters[shown.foreground == painter.palette[Role.RAY_STRONG]]
     assert ((dots > BRAILLE) & (dots < BRAILLE + 256)).all()
 
@@ -106,7 +107,7 @@ def test_the_legend_names_it_and_the_ray_before_it_is_weak(plain_scene: Scene) -
     later = replace(scene, scan_is_newest=False)
     assert "scan" in words(later)
     assert "read last" in words(later)
-    assert "scan" not in words(replace(scene, show_rays=False))
+    assert "scan" not in words(replace(scene, shown=SHOWN - {"plot_sense"}))
 
 
 @pytest.mark.parametrize(("glyphs", "depth"), EVERY_MODE)

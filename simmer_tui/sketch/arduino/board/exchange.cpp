@@ -158,6 +158,13 @@ double exchange(Reason reason, Query query, int pin) {
   return grant.answer;
 }
 
+void end_grant(Nanoseconds moment) {
+  grant_flags &= ~STOP_WHEN_SENT;
+  if (moment >= horizon) return;
+  horizon = moment;
+  plan_stop();
+}
+
 void tell(Told kind, int pin, int value, Nanoseconds time) {
   told.records[told_count] = {time, static_cast<uint8_t>(kind), static_cast<uint8_t>(pin), running_task().number, value};
   if (++told_count >= MOST_TOLD) exchange(Reason::Full);

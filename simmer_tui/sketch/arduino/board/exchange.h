@@ -18,7 +18,7 @@
 
 namespace board {
 
-enum class Reason : uint8_t { Horizon = 0, Output = 1, Query = 2, Sent = 3, Full = 4 };
+enum class Reason : uint8_t { Horizon = 0, Output = 1, Query = 2, Full = 3 };
 // Of a part on the bus, `pin` is the number of its row: a distance in inches, an angle, a turning rate in degrees a second.
 // That of a rate has the number of the gyro's low-pass filter in the second byte.
 enum class Query : uint8_t { None = 0, Sonar = 1, Analog = 2, Digital = 3, Range = 4, Angle = 5, Rate = 6 };
@@ -36,7 +36,7 @@ enum class Told : uint8_t {
 // Records of the simulator: an edge of an input, a byte that has arrived.
 enum class Event : uint8_t { Edge = 1, Byte = 2 };
 
-constexpr uint32_t STOP_WHEN_SENT = 0x100;  // flag: the pin in the low byte ends the slice when it sends
+constexpr uint32_t STOP_WHEN_SENT = 0x100;  // flag: the first byte of the pin in the low byte ends the slice when it has arrived
 constexpr uint32_t ANSWER_HOLDS = 0x200;    // flag: until the next grant the same question has the same answer
 
 struct Record {
@@ -56,6 +56,7 @@ extern uint64_t grants;  // their number so far
 void open_channel();
 void send_told(Reason reason, Query query = Query::None, int pin = 0);  // safe in a signal handler
 double exchange(Reason reason, Query query = Query::None, int pin = 0);
+void end_grant(Nanoseconds moment);  // go no farther than that without asking, though the simulator allows it
 void tell(Told kind, int pin, int value, Nanoseconds time = now);
 void make_room(unsigned int count);  // the next records are of one exchange
 void tell_span(Told kind, int pin, uint32_t place, Nanoseconds begin, Nanoseconds end);

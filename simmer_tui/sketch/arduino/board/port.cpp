@@ -93,7 +93,7 @@ void Port::arrived(uint8_t value, unsigned int baud, Nanoseconds time) {
 
 void Port::leave(uint8_t value, Nanoseconds end) {
   tell(Told::Byte, tx_, value, end);
-  if ((grant_flags & STOP_WHEN_SENT) && static_cast<int>(grant_flags & 0xFF) == tx_) exchange(Reason::Sent);
+  if ((grant_flags & STOP_WHEN_SENT) && static_cast<int>(grant_flags & 0xFF) == tx_) end_grant(end);
 }
 
 void receive_byte(int rx, int value, Nanoseconds time) {

@@ -1,0 +1,347 @@
+"""Causes of a run without a contact that ended it: belief, gripper, progress, time, and the program's end."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from msgspec.structs import replace
+
+from simmer_tui.report.belief_facts import is_small
+from simmer_tui.report.cause_text import (
+    Fact,
+    ended_by_link,
+    lost_text,
+    quiet_text,
+    stand_text,
+    then_text,
+    waited_text,
+)
+from simmer_tui.report.command_causes import moved_fact
+from simmer_tui.report.finding import FEWEST
+from simmer_tui.report.run_evidence import RunEvidence
+from simmer_tui.run.facts import missed_zone
+from simmer_tui.run.history_rows import BeliefRow, GripRow
+from simmer_tui.run.phrases import (
+    capitalized,
+    exit_text,
+    miss_text,
+    outside_text,
+    place_text,
+    program_end_text,
+    times_text,
+)
+from simmer_tui.run.progress import GROUND, HUNDRED
+from simmer_tui.sim.command import WORD, counted, cut
+from simmer_tui.sim.specs import CELL_SIZE
+
+# Judged: a good program crosses the maze with fewer movements.
+STAYED, MOVES = 0.25, 20
+"""Share of the time limit, and number of movements (or none), without progress that count as a cause."""
+CONNECT_ADVICE = "connect to the address in SIMMER_HOST and SIMMER_PORT, and send a first command."
+LINK_ADVICE = "which command got no reply, and who closed the connection; simmer-tui doctor checks the ports."
+_COMPARE_MOTION = "Compare what your program adds to its belief for a {what} with the command that it sends."
+_TURNED = 45.0
+"""Degrees by which a heading is another direction, not an error: half of a quarter turn."""
+_KEEP_OPEN = "Keep one connection open for all commands."
+_WAITS_AT = "Find out what your program waits for, or repeats, at {place}."
+_MANY_TRIES = "Count the tries of your program: after three, back up and look for the block again."
+_NOT_NEAR = "Search for the block before you close the gripper: it was not near."
+_TRIES = 10
+"""Grips that took nothing from which the program does not stop to try. Judged."""
+_OF_NOTHING = "Print the value of each movement before you send it: most of them are 0."
+_SMALL = 0.05
+"""Inches or degrees below which a movement is of nothing: half of a command's last usual digit."""
+_SPARE = {
+    "reading": "Read {code} less often.",
+    "the link": "Send several commands in one message: each message waits for the link.",
+    "driving": "Drive further with each movement, on a shorter way.",
+    "waiting": "Send the next command as soon as the reply has come.",
+}
+"""Advice by what most of the time went to."""
+
+
+def crashed_fact(run: RunEvidence) -> Fact | None:
+    """An exception or a signal that ended the program."""
+    program = run.program
+    if program is None or not program.crashed or program.stopped or run.has_contact:
+        return None
+    led = moved_fact(run) or stalled_fact(run)
+    before = "" if led is None else f" {led.text}{led.then}"
+    text = f"{capitalized(program_end_text(program))}.{waited_text(run)}{before}"
+    return Fact(text, culprits=() if led is None else led.culprits, has_behind=led is None)
+
+
+def lost_fact(run: RunEvidence) -> Fact | None:
+    """A belief that was wrong or unsure at the contact, the grip or the end."""
+    seen, met = run.seen, run.contact if run.has_contact else None
+    if met is not None:
+        if met.belief is None or not (met.is_elsewhere or (met.lost is not None and run.belief.text)):
+            return None
+        if met.lost is not None:
+            return _lost_since(run, met.lost)
+        off = met.belief
+        spread = "" if math.isnan(off.spread) else f", with a spread of {off.spread:.1f} in"
+        text = f"It drove on with a belief off by {off.error_text}{spread}."
+        return Fact(text, off, has_behind=True, then=then_text(run))
+    # A program that stopped for another reason may be off as well.
+    if seen.task is None or (run.silence is not None and (seen.is_silent or not run.belief.text)):
+        return None
+    grip, least = run.last_grip, CELL_SIZE if run.unused_grip else 0.0
+    belief, lost = seen.beliefs
+    if grip is not None:
+        # A miss that is larger than the error of the belief has another reason.
+        belief, lost = seen.belief_before(grip.order)
+        least = run.missed_by / 2.0
+    if lost is not None and belief is not None and belief.distance >= least:
+        return _lost_since(run, lost)
+    # A program that was stopped might have found its place.
+    if belief is None or grip is not None or least or run.stopped or stalled_fact(run) is not None:
+        return None
+    if belief.unsure or not run.belief.was_right:
+        ever = "no longer knew" if run.belief.was_right else "never found out"
+        last = f"its last belief was off by {belief.error_text}"
+        if not math.isnan(belief.spread):
+            last += f", with a spread of {belief.spread:.1f} in"
+        return Fact(f"It {ever} where it was: {last}.", belief, has_behind=True, then=then_text(run))
+    return None
+
+
+def _lost_since(run: RunEvidence, lost: BeliefRow) -> Fact:
+    """A belief that was wrong, what explains it, and what came of it."""
+    parted, ranges, advice, unsure = run.belief.parted, run.ranges_before(lost), None, ""
+    last = run.seen.beliefs[0] if run.contact is None or not run.has_contact else run.contact.belief
+    moved = bool(parted) and "no movement" not in parted
+    is_turned = abs(lost.turn) > _TURNED and not run.belief.was_right
+    compass = run.belief.unread_compass if is_turned else ""
+    if compass:
+        parted = f"{parted} {compass}, which tells the heading, was never read."
+        advice = f"Read {compass} before you drive: it tells the heading."
+    elif moved or not (lost.deviation.off_place or lost.deviation.rejects_truth):
+        advice = _COMPARE_MOTION.format(what="movement" if moved else "turn")
+    elif not run.looked_before(lost):
+        parted = parted or " It had read no range before that."
+        advice = "Do not assume the start: read all sensors, and search for the place that they fit."
+    elif last is not None and last.unsure:
+        if not math.isnan(last.spread):
+            unsure = f" It drove on with a spread of {last.spread:.1f} in."
+    elif ranges.were_right and is_small(lost):
+        advice = _COMPARE_MOTION.format(what="movement")
+    elif ranges.were_right and not ranges.fit_belief:
+        advice = "Print the ranges as your program uses them, beside those that its map gives for its belief."
+    text = f"{capitalized(lost_text(run, lost))}.{parted}{ranges.text}{unsure}"
+    return Fact(text, lost, has_behind=True, advice=advice, then=then_text(run))
+
+
+def silence_fact(run: RunEvidence) -> Fact | None:
+    """No command in the last quarter of the time, or none at all."""
+    seen, quiet = run.seen, run.silence
+    if quiet is None or (seen.task is None and run.exit_code is None and not run.cut_off):
+        return None
+    if seen.is_silent:
+        text = "The program sent no command at all."
+        if run.exit_code:
+            text = f"{capitalized(exit_text(run.exit_code))} before it sent a command."
+        return Fact(text, since=seen.elapsed, advice=f"{capitalized(CONNECT_ADVICE)}")
+    advice = _WAITS_AT.format(place=run.ended_at) if run.ended_at else None
+    return Fact("", since=quiet.since, then=quiet_text(run), has_behind=True, advice=advice)
+
+
+def missed_grip_fact(run: RunEvidence) -> Fact | None:
+    """A gripper that closed on nothing, or was not used where it should have been."""
+    seen, gripper = run.seen, run.seen.spec.gripper
+    if seen.task is None or run.has_contact or gripper is None:
+        return None
+    if seen.misses and not seen.taken:
+        return _closed_on_nothing(run, seen.misses[-1], gripper.code)
+    unused = run.unused_grip
+    if unused is None or run.stopped or lacked_time(run):
+        return None
+    first, what, value = unused
+    text = f"The gripper was never {what}, first at {first.elapsed:.1f} s."
+    if seen.asked_after_grip and not seen.holding:
+        load = " and ".join(each.code for each in seen.load_sensors)
+        text += f" {load} was read there, which tells of a block in closed jaws alone."
+    advice = f"Send {gripper.code}-{value} there."
+    return Fact(text, first, place=(first.x, first.y), culprits=(gripper.code,), advice=advice)
+
+
+def _closed_on_nothing(run: RunEvidence, done: GripRow, code: str) -> Fact:
+    seen, missed = run.seen, done.grip.missed
+    often = f" {times_text(len(seen.misses))}" if len(seen.misses) > 1 else ""
+    place = (done.grip.block.x, done.grip.block.y)
+    closed = run.closed_before(done)
+    if closed is not None and missed is not None and not any(missed):
+        since = f"{code}-1 had come at {closed.elapsed:.1f} s, and no {code}-0 since"
+        text = f"The gripper was closed already: {since}."
+        return Fact(text, done, place=place, advice=f"Send {code}-0 before you drive to the block.")
+    last = "" if missed is None else f": {miss_text(missed)}"
+    if often and last:
+        last = f". The last time, {last[2:]}"
+    text = f"The gripper closed on nothing{often}{last}."
+    is_far = missed is not None and math.hypot(*missed) > CELL_SIZE
+    is_often = len(seen.misses) >= _TRIES
+    advice = (_MANY_TRIES if is_often else _NOT_NEAR) if is_far else None
+    return Fact(text, done, place=place, has_behind=True, advice=advice)
+
+
+def dropped_fact(run: RunEvidence) -> Fact | None:
+    """A block that was set down outside the drop zone."""
+    seen, done = run.seen, run.seen.put_down
+    if seen.task is None or done is None or run.has_contact:
+        return None
+    block, zone = done.grip.block, seen.task.zone
+    where = place_text(block.x, block.y)
+    off, advice = "not in the drop zone", None
+    if zone is not None:
+        off = outside_text(missed_zone(zone, block.x, block.y))
+        off = f"{off} the cell around {place_text(zone.x, zone.y)}"
+        there = place_text(zone.x, zone.y)
+        advice = f"Print where your program takes drop zone and block to be; the zone is at {there}."
+    text = f"It set the block down outside the drop zone: at {where}, {off}."
+    lay = next((row.block for row in seen.history.blocks.items if not row.held), block)
+    if lay is not block and math.hypot(block.x - lay.x, block.y - lay.y) <= GROUND:
+        gripper = "" if seen.spec.gripper is None else seen.spec.gripper.code
+        advice = f"Find out why your program sends {gripper}-0 there: the gripper held the block."
+        text = f"It took the block {times_text(seen.takes)}, and let it go where it lay: at {where}, {off}."
+        load = [each.code for each in seen.load_sensors if each.code not in seen.history.sensor_codes]
+        if load:
+            text += f" {load[0]}, which tells of a held block, was never read."
+            advice = f"Read {load[0]} after each grip, before you decide to open the gripper."
+    return Fact(text, done, place=(block.x, block.y), has_behind=True, advice=advice)
+
+
+def nowhere_fact(run: RunEvidence) -> Fact | None:
+    """A robot that a wall held, or that reached no goal and no new place."""
+    seen, stuck = run.seen, run.seen.stuck
+    if seen.task is None:
+        return None
+    if stuck is not None and seen.collision is not None and not run.has_contact:
+        pose = seen.collision.row.pose
+        return Fact(
+            f"It was stuck at {place_text(pose.x, pose.y)}: {stuck.text}.", since=stuck.since, has_behind=True
+        )
+    fact = stalled_fact(run)
+    if fact is None or not run.has_contact:
+        return fact
+    return replace(fact, then=f"{fact.then} {then_text(run)}".lstrip())
+
+
+def stalled_fact(run: RunEvidence) -> Fact | None:
+    """It continued to move, or only to read, and reached no goal and no new place."""
+    seen, task = run.seen, run.seen.task
+    if task is None:
+        return None
+    stalled, long = seen.stalled, STAYED * task.time_limit
+    if run.corrections:
+        # The table behind the fact tells of them.
+        first = run.corrections[0]
+        return Fact("", since=first.elapsed, culprits=first.of, advice=first.advice, has_behind=True)
+    stays = _stays(run)
+    if stays is not None:
+        return stays
+    # A robot that stands and reads is slow, not without progress: half of the time must have been driving.
+    lasted = seen.elapsed - stalled.since
+    idle = lasted < long or stalled.driving < lasted / 2
+    if stalled.movements >= (HUNDRED if idle or not seen.out_of_time else MOVES):
+        turned = f", {stalled.turned:.0f} deg" if stalled.turned >= 1.0 else ""
+        moved = f"{stalled.movements} movements ({stalled.driven:.0f} in{turned})"
+        text = f"From {stalled.since:.1f} s on, {moved} reached no goal and no new place"
+        often = run.movements_by_code(stalled.since)
+        text = f"{text}: {often}." if often else f"{text}."
+        place = (stalled.place.x, stalled.place.y)
+        moves = seen.within(seen.history.movements)
+        moves = moves[(moves["elapsed"] >= stalled.since) & ~moves["grips"]]
+        small = np.abs(moves["asked"]) < _SMALL
+        advice = _OF_NOTHING if 2 * int(small.sum()) > len(moves) else None
+        return Fact("", since=stalled.since, place=place, has_behind=True, advice=advice, then=text)
+    return None
+
+
+def _stays(run: RunEvidence) -> Fact | None:
+    """It read on, and drove no more; it may have turned."""
+    seen, history = run.seen, run.seen.history
+    moves, readings = seen.within(history.movements), seen.within(history.readings)
+    moves, turns = moves[~moves["grips"]], {each.code for each in seen.spec.drives if each.kind.turns}
+    drove, whole = (
+        moves[[history.code_names[code] not in turns for code in moves["code"]]],
+        seen.elapsed - seen.begun,
+    )
+    # With its time up, one that turns and reads may only be slow.
+    if len(drove) < FEWEST["set"] or seen.out_of_time or drove["order"][-1] == moves["order"][-1]:
+        drove, whole = moves, whole if seen.task is None else seen.task.time_limit
+    since = float(drove["elapsed"][-1]) if len(drove) else seen.begun
+    later = int((readings["elapsed"] > since).sum())
+    if later < HUNDRED or seen.elapsed - since < STAYED * whole:
+        return None
+    codes = tuple(history.code_names[number] for number in dict.fromkeys(drove["code"].tolist()))
+    what = "movement" if drove is moves else " or ".join(codes)
+    came = f"{counted(later, 'reading')} did, the last {run.last_reading}"
+    text = f"From {since:.1f} s on no {what} came, and {came}. {stand_text(run)}".rstrip()
+    culprits = () if drove is moves else codes[: len(codes) == 1]
+    advice = "Print what your program compares in the loop that only reads, and what would end it."
+    return Fact("", since=since, culprits=culprits, advice=advice, has_behind=True, then=text)
+
+
+def slow_fact(run: RunEvidence) -> Fact | None:
+    """A time limit that was reached."""
+    seen, spent = run.seen, run.seen.spent
+    if run.has_contact or not (seen.out_of_time or run.cut_off):
+        return None
+    if run.cut_off and not seen.out_of_time:
+        return Fact("At the real time limit the program was still running.")
+    most = next(iter(run.time_parts))
+    listed = ", ".join(f"{name} {time:.1f} s" for name, time in run.time_parts.items() if time >= 0.05)
+    counts = spent.took if most == "reading" else spent.readings
+    code = next((code for code, _ in counts.most_common(1)), "")
+    often = times_text(spent.readings[code])
+    if most == "reading":
+        often = f"{often}, {spent.took[code] / 1000.0:.1f} s"
+    read = f" It read sensors {times_text(spent.readings.total())} ({code} {often})." if code else ""
+    is_most = 2.0 * run.time_parts[most] > seen.elapsed - seen.begun
+    limit = f"{seen.task.time_limit:g} s" if seen.task is not None and not run.cut_off else "time"
+    text = f"Most of its time went to {most} ({listed})." if is_most else f"Its {limit} went to {listed}."
+    advice = _SPARE[most].format(code=code) if is_most else None
+    nominal = seen.history.nominal
+    if run.velocities_left:
+        text, advice = f"{_left_text(run)} {text}", _KEEP_OPEN
+    elif seen.task is not None and nominal is not None and seen.task.time_limit < (nominal.time_limit or 0.0):
+        usual = f"in the set {nominal.name} {nominal.time_limit:g} s"
+        short = f"The time limit was {seen.task.time_limit:g} s, {usual}."
+        text = f"{text} {short}" if is_most else f"{short} {text}"
+    return Fact("", has_behind=True, advice=advice, then=text + read)
+
+
+def _left_text(run: RunEvidence) -> str:
+    """A sentence on velocities that ended with the connections by which they came."""
+    often = f"it made {run.velocities_left} for {counted(run.seen.commands, 'command')}"
+    return f"Its velocities ended with their connections: {often}."
+
+
+def lacked_time(run: RunEvidence) -> bool:
+    """True if time ran out, most of it went to one thing but driving, and the robot got on until then: what
+    it had not done yet it might have done."""
+    most, seconds = next(iter(run.time_parts.items()))
+    is_slow = most != "driving" and 2.0 * seconds > run.seen.elapsed - run.seen.begun
+    return run.seen.out_of_time and is_slow and stalled_fact(run) is None
+
+
+def ended_fact(run: RunEvidence) -> Fact | None:
+    """A program that ended by itself."""
+    seen = run.seen
+    if run.has_contact or run.program is None or run.exit_code is None:
+        return None
+    if seen.task is None and not run.exit_code:
+        return None
+    words = f" Its last output: {run.last_words}." if run.last_words else ""
+    limit = "" if seen.task is None else f" after {seen.seconds:.1f} of {seen.task.time_limit:g} s"
+    text = f"{capitalized(exit_text(run.exit_code))}{limit}, before it was done.{words}{waited_text(run)}"
+    text = " ".join(filter(None, (text, stand_text(run), run.all_movements)))
+    advice = None
+    if ended_by_link(run.last_words):
+        advice = f"Look at the link: {LINK_ADVICE}"
+    elif run.velocities_left:
+        text, advice = f"{_left_text(run)} {text}", _KEEP_OPEN
+    elif run.last_words and run.exit_code:
+        advice = f"Look in your program at what leads to '{cut(run.last_words, WORD)}'."
+    return Fact("", has_behind=True, advice=advice, then=text)

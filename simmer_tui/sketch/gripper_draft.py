@@ -1,0 +1,68 @@
+"""The gripper's angles for the draft of a wiring.toml, and the guesses among them that are left."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+from simmer_tui.config.set_sketches import WIRING_FILE
+from simmer_tui.sketch.sketch_scan import Pins, SketchFacts
+from simmer_tui.sketch.wiring import Wiring
+
+_OPEN, _CLOSED = (re.compile(word, re.IGNORECASE) for word in ("open|release", "clos|grab|hold"))
+_HALF_TURN = 180
+"""The largest angle of a servo; a larger number is a pulse."""
+# Judged: the jaws of most grippers turn by less.
+_QUARTER_TURN = 90
+"""Degrees between two angles of which the sketch has one at most."""
+_GUESS = re.compile(r"gripper\b.*# \? a guess: (.*)")
+
+
+def drafted_angles(facts: SketchFacts, pin: int) -> str:
+    """The line with the angles of the servo at a pin, and a mark: which is open, or that it is a guess."""
+    names = _written_angles(facts, pin)
+    mark = "which is open"
+    if not names:
+        opened, closed, mark = 0, _QUARTER_TURN, "a guess: no angle was found in the sketch"
+    elif len(names) == 1:
+        ((angle, name),) = names.items()
+        other = angle - _QUARTER_TURN if angle >= _QUARTER_TURN else angle + _QUARTER_TURN
+        is_open = _OPEN.search(name) and not _CLOSED.search(name)
+        opened, closed = (angle, other) if is_open else (other, angle)
+        mark = f"a guess: the sketch writes {angle} alone"
+    else:
+        opened, closed = list(names) if len(names) == 2 else (min(names), max(names))
+        if _CLOSED.search(names[opened]) or _OPEN.search(names[closed]):
+            opened, closed = closed, opened
+    return f"gripper = {{ open = {opened}, closed = {closed} }}  # ? {mark}\n"
+
+
+def _written_angles(facts: SketchFacts, pin: int) -> dict[int, str]:
+    """The angles that a sketch writes to the servo at a pin, each with the names at its writes."""
+    servos = {call.object for call in facts.named("attach") if facts.pins(call) == Pins({pin})}
+    names: dict[int, str] = {}
+    for write in facts.named("write"):
+        if write.object not in servos:
+            continue
+        found = facts.pins(write) or Pins()
+        calls = [write] if len(found) == 1 else list(facts.named(write.function))
+        for call in calls:
+            angles = facts.pins(call) or Pins()
+            angle = next(iter(angles)) if len(angles) == 1 else _HALF_TURN + 1
+            if angle in found and angle <= _HALF_TURN:
+                names[angle] = f"{names.get(angle, '')} {call.function} {facts.spelled(call)}"
+    return names
+
+
+def guess_lines(wiring: Wiring, text: str) -> Iterator[str]:
+    """Lines about the angles of a gripper that are the draft's own, by the mark in the file's text."""
+    lines = text.splitlines()
+    for servo in wiring.servos:
+        line = re.match(rf"{re.escape(WIRING_FILE)}:(\d+):", servo.place_of("gripper"))
+        guess = (
+            _GUESS.search(lines[int(line[1]) - 1]) if line is not None and servo.open is not None else None
+        )
+        if guess is not None:
+            angles = f"open = {servo.open:g}, closed = {servo.closed:g}"
+            told = f"{angles} is a guess of the draft: {guess[1]}"
+            yield f"{servo.label}: {told}; correct it, and take the mark away"

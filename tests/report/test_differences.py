@@ -1,0 +1,255 @@
+"""Differences of a run: its set beside the nominal one, and commands that a good program does not send."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+from msgspec.structs import replace
+
+from simmer_tui.report.audit import audit
+from simmer_tui.report.cause_order import cause_of
+from simmer_tui.report.causes import Kind
+from simmer_tui.report.moments import moments_of
+from simmer_tui.report.verdict import verdict_of
+from simmer_tui.run.events import Action, ActionName, ProgramEnded
+from simmer_tui.sim.specs import EMPTY, WALL, GripperSpec, SensorSpec, SimulationSpec
+from tests.report.test_causes import begin
+
+
+def with_cells(*cells: tuple[int, int, int]) -> Callable[[SimulationSpec], SimulationSpec]:
+    """The maze with other cells: row from the top and column from the left, from 1, and kind."""
+
+    def changed(spec: SimulationSpec) -> SimulationSpec:
+        rows = [list(row) for row in spec.maze.cells]
+        for row, column, kind in cells:
+            rows[row - 1][column - 1] = kind
+        return replace(spec, maze=replace(spec.maze, cells=tuple(map(tuple, rows))))
+
+    return changed
+
+
+def grip(**fields: float) -> Callable[[SimulationSpec], SimulationSpec]:
+    def changed(spec: SimulationSpec) -> SimulationSpec:
+        return replace(spec, gripper=replace(spec.gripper or GripperSpec(code="p1"), **fields))
+
+    return changed
+
+
+def slow(spec: SimulationSpec) -> SimulationSpec:
+    return replace(spec, drives=tuple(replace(each, speed=each.speed / 10.0) for each in spec.drives))
+
+
+@pytest.mark.parametrize(
+    ("own", "limit", "said"),
+    [
+        (lambda spec: spec, 300.0, ""),
+        (lambda spec: spec, 200.0, "the time limit is 200 s, not 300 s"),
+        (lambda spec: replace(spec, block_size=5.0), 300.0, "the block is 5 in wide, not 3 in"),
+        (grip(width=0.5), 300.0, "the gripper is 0.5 in wide, not 4 in"),
+        (grip(reach=1.5), 300.0, "the gripper reaches 1.5 in, not 3 in"),
+        (with_cells((1, 4, WALL)), 300.0, "there is a wall in row 1, column 4"),
+        (with_cells((2, 5, EMPTY), (1, 1, WALL)), 300.0, "there is a wall in row 1, column 1"),
+        (with_cells((1, 1, WALL), (1, 4, WALL), (1, 6, WALL)), 300.0, "3 cells of the maze are another kind"),
+        (slow, 300.0, "d1 moves at 0.6 in/s, not 6 in/s"),
+        (grip(speed=0.01), 300.0, "the gripper takes 100 s to close, not 0.5 s"),
+    ],
+)
+def test_a_set_is_told_beside_the_nominal_one(
+    own: Callable[[SimulationSpec], SimulationSpec], limit: float, said: str
+) -> None:
+    mission = begin(own=own, limit=limit)
+    mission.give("u1", "d1-1")
+    found = [each for each in mission.why(1, words="failed").evidence if each.startswith("Unlike in the set")]
+    assert bool(found) is bool(said)
+    assert said in "".join(found)
+
+
+def test_a_wall_that_the_nominal_maze_does_not_have_is_told_at_the_contact() -> None:
+    mission = begin(own=with_cells((1, 4, WALL)))
+    mission.believe()
+    mission.give("u1", "d1-30")
+    cause = mission.why()
+    assert "In the set mission there is no wall." in cause.text
+    assert cause.advice == "Give your program the maze of this run."
+    mission = begin()
+    mission.believe()
+    mission.give("u1", "d1-90")
+    assert "there is no wall" not in mission.why().text
+
+
+def test_time_that_went_to_no_one_thing_is_told_by_its_parts() -> None:
+    mission = begin(limit=62.0, change=lambda sensor: replace(sensor, read_time=0.4))
+    for second in range(51, 64):
+        mission.give("u5", "w1-1" if second % 2 else "s1-1")
+        mission.simulator.advance(float(second))
+    mission.give("u5")
+    cause = mission.why()
+    assert cause.kind is Kind.TOO_SLOW
+    assert "Its 62 s went to " in cause.text
+    assert cause.advice == "Save time where most of it goes."
+
+
+def test_a_gripper_that_closes_on_nothing_again_and_again_is_a_matter_of_counting() -> None:
+    mission = begin((90.0, 42.0, 180.0))
+    mission.give("u1", *("p1-1", "p1-0") * 12)
+    cause = mission.why(1, words="failed")
+    assert cause.kind is Kind.MISSED_GRIP
+    assert cause.advice.startswith("Count the tries")
+
+
+def test_movements_by_nothing_are_told() -> None:
+    mission = begin(limit=100.0)
+    mission.give("u5", *("w1-0", "s1-0") * 100)
+    cause = mission.why(1)
+    assert cause.kind is Kind.GOT_NOWHERE
+    assert cause.advice.endswith("most of them are 0.")
+
+
+def test_a_load_sensor_that_was_never_read_is_told_where_a_held_block_is_let_go() -> None:
+    mission = begin((28.0, 42.0, 180.0))
+    mission.give("u1", "d1-4", "p1-1", "i1", "p1-0", "p1-1", "i1", "p1-0")
+    cause = mission.why()
+    assert "l1, which tells of a held block, was never read." in cause.text
+    assert cause.advice.startswith("Read l1 after each grip")
+
+
+def test_a_load_sensor_that_was_read_between_open_jaws_is_told() -> None:
+    mission = begin((28.0, 42.0, 180.0))
+    mission.give("d1-4", "u5", "l1", "d1--3")
+    cause = mission.why(1, words="failed")
+    assert "l1 was read there, which tells of a block in closed jaws alone." in cause.text
+
+
+def test_a_code_that_no_device_has_is_the_cause_if_it_comes_often() -> None:
+    mission = begin()
+    mission.give(*("u1", "d2-3") * 5)
+    cause = mission.why(1, words="failed")
+    assert cause.kind is Kind.REFUSED
+    assert cause.text.startswith(
+        "5 of 10 commands were refused, since no device has their code, such as d2-3"
+    )
+    mission = begin()
+    mission.give("d2-3", *["u1"] * 40)
+    assert mission.why(1, words="failed").kind is not Kind.REFUSED
+
+
+def test_turns_by_more_than_half_a_turn_are_told() -> None:
+    mission = begin()
+    mission.give("u1", "r1-359.9", "r1-90", "r1--270")
+    assert "2 turns by more than 181 deg, the first r1-359.9 at " in " ".join(mission.why(1).evidence)
+    mission = begin()
+    mission.give("u1", "r1-180")
+    assert "turns" not in " ".join(mission.why(1).evidence)
+
+
+def test_a_belief_that_is_wrong_since_a_person_moved_the_robot_was_right_before() -> None:
+    mission = begin()
+    mission.give("u1")
+    mission.believe()
+    mission.engine.perform(Action(ActionName.TELEPORT, (66.0, 42.0, 180.0)))
+    mission.believe(ahead=-36.0)
+    mission.give("u1", "d1-60")
+    run = mission.evidence()
+    texts = [each.text for each in moments_of(run, cause_of(run))]
+    assert any(each.startswith("it was lost since ") for each in texts)
+    assert not any("never found its place" in each for each in texts)
+
+
+def test_a_question_to_nobody_is_taken_out() -> None:
+    mission = begin()
+    mission.give("u1")
+    error = "EOFError: EOF when reading a line"
+    mission.engine.tell(ProgramEnded(mission.simulator.time, 1, error=error, place="robot.py:8"))
+    verdict = verdict_of(mission.history, mission.task)
+    assert verdict.advice == "Try: take the question out of your program: nobody can type under --run."
+
+
+def test_the_line_at_which_a_silent_program_was_ended_is_told() -> None:
+    mission = begin()
+    mission.give("u1")
+    mission.referee.check(400.0)
+    mission.engine.tell(ProgramEnded(mission.simulator.time, 143, stopped=True, place="robot.py:6"))
+    verdict = verdict_of(mission.history, mission.task)
+    assert verdict.cause is not None
+    assert verdict.cause.kind is Kind.SILENCE
+    assert "The program was at robot.py:6." in verdict.text
+    assert verdict.advice == "Try: Find out what your program waits for, or repeats, at robot.py:6."
+    assert not any("robot.py" in each for each in verdict.evidence)
+
+
+def test_a_short_time_limit_is_told_first() -> None:
+    mission = begin(limit=62.0, change=lambda sensor: replace(sensor, read_time=0.4))
+    for second in range(51, 64):
+        mission.give("u5", "w1-1" if second % 2 else "s1-1")
+        mission.simulator.advance(float(second))
+    mission.give("u5")
+    cause = mission.why()
+    assert cause.text.startswith("The time limit was 62 s, in the set mission 300 s. ")
+    assert not any("time limit" in each for each in cause.evidence)
+
+
+def test_a_blind_spot_that_the_nominal_set_does_not_have_is_told_as_such() -> None:
+    def blind(sensor: SensorSpec) -> SensorSpec:
+        return replace(sensor, min_range=7.0) if sensor.code == "u1" else sensor
+
+    mission = begin((8.0, 42.0, 180.0), change=blind)
+    mission.give(*("u1", "d1-0.5", "u1", "d1--0.5") * 6)
+    (found,) = audit(mission.history)
+    assert (found.of, found.value, found.count) == ("u1", 7.0, 12)
+    assert found.text == "u1 reads nothing nearer than 7 in, unlike in the nominal set mission (12 readings)"
+
+
+def test_a_compass_that_was_never_read_is_told_beside_a_heading_that_was_assumed() -> None:
+    mission = begin()
+    mission.give("u1", "u2", "u4")
+    mission.believe(turn=90.0)
+    cause = mission.why(1, words="failed")
+    assert cause.kind is Kind.LOST
+    assert "c1, which tells the heading, was never read." in cause.text
+    assert cause.advice == "Read c1 before you drive: it tells the heading."
+    mission = begin()
+    mission.give("u1", "u2", "u4", "c1")
+    mission.believe(turn=90.0)
+    assert "was never read" not in mission.why(1, words="failed").text
+
+
+def test_a_reset_that_took_the_block_out_of_the_gripper_is_told() -> None:
+    mission = begin((28.0, 42.0, 180.0))
+    mission.give("u1", "d1-4", "p1-1")
+    mission.engine.perform(Action(ActionName.RESET))
+    mission.believe()
+    mission.give("u1", "d1--1")
+    cause = mission.why()
+    assert cause.kind is Kind.MOVED
+    assert "and the block to its place: the gripper had held it. The program went on." in cause.text
+
+
+def test_a_block_that_is_far_away_was_not_missed_by_inches() -> None:
+    mission = begin((90.0, 42.0, 180.0))
+    mission.give("u1", "p1-1")
+    cause = mission.why(1, words="failed")
+    assert "The gripper closed on nothing: the block lay 64 in away." in cause.text
+    assert cause.advice.startswith("Search for the block")
+
+
+def test_movements_to_and_fro_have_both_signs() -> None:
+    mission = begin(limit=100.0)
+    mission.give("u5", *("r1-30", "r1--30") * 60)
+    assert "mostly by +-30" in mission.why(1).text
+
+
+@pytest.mark.parametrize(
+    ("error", "advice"),
+    [
+        ("KeyboardInterrupt", ""),
+        ("simmer_tui.client.RobotTimeoutError: no reply to 'p1-1' within 30 s", "Try: look at the link: "),
+    ],
+)
+def test_an_interrupt_and_a_reply_that_did_not_come_are_no_error_of_a_line(error: str, advice: str) -> None:
+    mission = begin()
+    mission.give("u1")
+    mission.engine.tell(ProgramEnded(mission.simulator.time, 1, error=error, place="robot.py:8"))
+    verdict = verdict_of(mission.history, mission.task)
+    assert verdict.advice.startswith(advice)
+    assert "robot.py" not in verdict.advice
