@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from simmer_tui.errors import Problem
 from simmer_tui.sim.rules import listed
-from simmer_tui.sketch.build import is_provided
+from simmer_tui.sketch.known_headers import is_provided
 from simmer_tui.sketch.sketch_scan import Pins, SketchCall, SketchFacts
 from simmer_tui.sketch.wiring import GYRO_ADDRESSES, RANGER_ADDRESS, WiredI2c, Wiring
 
