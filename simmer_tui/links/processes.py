@@ -34,6 +34,10 @@ _AT_ONCE = 256
 _SOCKET = "socket:["
 """Begin of the target of /proc/PID/fd/N for a socket; its inode and a bracket follow."""
 
+OWN_PROCESS = {"SIMMER_KEPT": "keeper"}
+"""The variable of the environment by which a process is the simulator's own: it does not end with a program
+that runs beside it (`program/keeper.py`, which imports nothing, has the same)."""
+
 
 class StatField(IntEnum):
     """Positions in /proc/PID/stat, counted after the name: the number in proc(5), less 3. Times are in clock

@@ -62,7 +62,8 @@ class Notice(Struct, frozen=True):
 
     Without a `moment`, simulated seconds, reports take that of the event before it: only boards tell one, and
     the log of a fault. Any other fact with a time is an event of its own.
-    `subject` is the client's address where the notice is about one; a board's is its line in the sketch.
+    `subject` is the client's address where the notice is about one; a board's is its line in the sketch,
+    after the kind of a mistake: a report shows the newest of each.
     `advice` is true if it tells what a new program does wrong with its connection.
     """
 

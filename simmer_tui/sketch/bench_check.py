@@ -27,6 +27,8 @@ from simmer_tui.sketch.wiring import (
 
 BENCH_TIME = 1.0
 """Simulated seconds for which the boards run."""
+_LONGEST_NOTICE = 600
+"""Characters of a notice: six tasks that wait for each other, with their lines."""
 _SEED = 1
 _MICROSECOND = 1000
 
@@ -92,7 +94,7 @@ def _run(
         first = sent.splitlines()[0]
         said = f'sent {counted(len(sent), "byte")} to the laptop, first "{cut(first)}"'
     yield f"The boards ran for {BENCH_TIME:g} s without a program: {said}; {moved}"
-    yield from (f"  {cut(event.text)}" for event in events if isinstance(event, Notice))
+    yield from (f"  {cut(event.text, _LONGEST_NOTICE)}" for event in events if isinstance(event, Notice))
 
 
 def _readings(engine: Engine, wiring: Wiring) -> Iterator[str]:

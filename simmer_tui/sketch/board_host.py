@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Protocol
 
 from simmer_tui import platform_has
+from simmer_tui.links.processes import OWN_PROCESS
 
 _LAST = 2.0
 """Real seconds that a board may take to end once it has closed its channel. It takes milliseconds."""
@@ -61,6 +62,8 @@ class LocalBoard:
             # A terminal that closes, and ctrl+C, reach the processes of its session. Boards would die by them
             # before the run is over, and the run would have a fault.
             start_new_session=True,
+            # Else it is taken for one that the program of the run has left behind, and ends with it.
+            env={**os.environ, **OWN_PROCESS},
         )
         assert self._process.stdin is not None
         assert self._process.stdout is not None

@@ -40,8 +40,10 @@ _CAUSES: dict[int, str] = {
     200: "the function of a task returned; end it with vTaskDelete(NULL)",
     201: "its sketch called ESP.restart(), which no simulated board does",
     202: "it used a queue, semaphore, timer or event group that is not there (NULL): create it first",
+    203: "it gave back a mutex that {task} holds; only the task that took it may give it back",
+    204: "its period has 0 ticks, and FreeRTOS asserts that it has one at least",
 }
-"""Causes of a board's death by its signal; 0 is none."""
+"""Causes of a board's death by its signal; 0 is none. `{task}` is another one that had a part in it."""
 if sys.platform != "win32" and platform_has.POSIX:
     _CAUSES[signal.SIGBUS] = _CAUSES[signal.SIGSEGV]  # bad memory on macOS
 NEVER = 1 << 62
@@ -110,6 +112,24 @@ class Told(IntEnum):
     BUS_STUCK = 16
     TASK_NAME = 17
     FINE_DUTY = 18
+    MISTAKE = 19
+    DETAIL = 20
+
+
+class Mistake(IntEnum):
+    """Mistakes of a sketch that a board does not show by itself (`arduino/board/mistakes.h`)."""
+
+    NO_WAIT = 1
+    NO_PERIOD = 2
+    INPUT_PIN = 3
+    NO_PULL_UP = 4
+    FLASH_PIN = 5
+    IN_INTERRUPT = 6
+    STARVED = 7
+    WATCHDOG = 8
+    CIRCLE = 9
+    ALL_WAIT = 10
+    LOST_ALARM = 11
 
 
 class Waits(IntEnum):
@@ -289,7 +309,7 @@ class BoardProcess:
         by_signal = ended.startswith("exit code -")
         if not self.exchanges and not told and not self._is_hung and not by_signal:
             return f"board {self.name} could not be started: {ended}"
-        died = re.search(r"simmer-board died (\d{1,3}) (\d{1,10}) (\d{1,10}) (\d{1,10})\n", told)
+        died = re.search(r"simmer-board died (\d{1,3}) (\d{1,10}) (\d{1,10}) (\d{1,10}) (-1|\d{1,3})\n", told)
         # Where it died may be a function of C; the last block is the sketch's own.
         places = (int(died[2]) + 1, int(died[3])) if died else (self.place,)
         at = next((line for line in map(self.line_of, places) if line), "")
@@ -305,7 +325,9 @@ class BoardProcess:
                 f"board {self.name} hangs{where} {clock}: it has done nothing for {SILENT:g} s of real time"
             )
         if died:
-            ended = _CAUSES.get(int(died[1]), f"signal {died[1]}")
+            holder = self.task_name(int(died[5]))
+            by = f"task {holder}" if holder else "loop()"
+            ended = _CAUSES.get(int(died[1]), f"signal {died[1]}").format(task=by)
         return f"board {self.name} died{where} {clock}: {ended}"
 
 

@@ -34,6 +34,8 @@ class BoardKind(Struct, frozen=True, kw_only=True):
     """PWM pins whose timer the Servo library uses: with a servo attached they have no PWM."""
     inputs: frozenset[int] = frozenset()
     """Pins that can be read alone."""
+    flash: frozenset[int] = frozenset()
+    """Pins of its flash memory: no sketch can use them."""
     absent: frozenset[int] = frozenset()
     """Numbers that no pin has."""
     analog_names: Mapping[str, int] = {}
@@ -136,8 +138,9 @@ MEGA = BoardKind(
     servo_takes=frozenset((44, 45, 46)),
 )
 _ESP32_INPUTS = frozenset((*range(34, 40),))
-# The flash memory has 6 to 11; the others are on no pin of the chip's case.
-_ESP32_ABSENT = frozenset((*range(6, 12), 20, 24, *range(28, 32)))
+# Beside those of the flash memory, numbers that are on no pin of the chip's case.
+_ESP32_FLASH = frozenset(range(6, 12))
+_ESP32_ABSENT = frozenset((*_ESP32_FLASH, 20, 24, *range(28, 32)))
 _ESP32_PINS = frozenset(range(40)) - _ESP32_ABSENT
 ESP32 = BoardKind(
     name="esp32",
@@ -150,6 +153,7 @@ ESP32 = BoardKind(
         **dict(zip((f"A{n}" for n in range(10, 20)), (4, 0, 2, 15, 13, 12, 14, 27, 25, 26), strict=True)),
     },
     inputs=_ESP32_INPUTS,
+    flash=_ESP32_FLASH,
     absent=_ESP32_ABSENT,
     pwm=_ESP32_PINS - _ESP32_INPUTS,
     interrupts={pin: pin for pin in sorted(_ESP32_PINS)},

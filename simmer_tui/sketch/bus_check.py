@@ -7,7 +7,9 @@ from collections.abc import Iterator
 from simmer_tui.errors import Problem
 from simmer_tui.sim.rules import listed
 from simmer_tui.sketch.known_headers import is_provided
-from simmer_tui.sketch.sketch_scan import Pins, SketchCall, SketchFacts
+from simmer_tui.sketch.sketch_scan import SketchFacts
+from simmer_tui.sketch.sketch_source import SketchCall
+from simmer_tui.sketch.sketch_values import Pins
 from simmer_tui.sketch.wiring import GYRO_ADDRESSES, RANGER_ADDRESS, WiredI2c, Wiring
 
 GYRO_CLASS, RANGER_CLASSES = "MPU6050", ("VL53L0X", "Adafruit_VL53L0X")

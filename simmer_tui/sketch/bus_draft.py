@@ -13,7 +13,9 @@ from msgspec import Struct
 
 from simmer_tui.sketch.bus_check import BEGUN_GYRO_CLASS, GYRO_CLASS, RANGER_CLASSES, addresses
 from simmer_tui.sketch.cpp_tokens import Token
-from simmer_tui.sketch.sketch_scan import Pins, SketchCall, SketchFacts
+from simmer_tui.sketch.sketch_scan import SketchFacts
+from simmer_tui.sketch.sketch_source import SketchCall
+from simmer_tui.sketch.sketch_values import Pins
 from simmer_tui.sketch.wiring import GYRO_ADDRESSES, RANGER_ADDRESS
 
 _OF_A_GYRO = re.compile(r"dmp|mpu|imu|gyro|dataready", re.IGNORECASE)

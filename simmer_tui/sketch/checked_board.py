@@ -11,7 +11,16 @@ from pathlib import Path
 
 from simmer_tui.errors import BoardError
 from simmer_tui.sketch.board_host import BoardStart, LocalBoard
-from simmer_tui.sketch.board_process import NEVER, BoardProcess, BoardRecord, Query, Reason, Told, Waits
+from simmer_tui.sketch.board_process import (
+    NEVER,
+    BoardProcess,
+    BoardRecord,
+    Mistake,
+    Query,
+    Reason,
+    Told,
+    Waits,
+)
 from simmer_tui.sketch.boards import BOARDS
 from simmer_tui.sketch.parts import FINEST_DUTY, LARGEST_DUTY, SECOND
 from simmer_tui.sketch.sketch_lines import SketchLines
@@ -45,6 +54,11 @@ _HIGHEST: dict[int, tuple[int, int]] = {
 }
 """The least and greatest value of a record, by its kind. Those of other kinds are addresses or counts."""
 _KINDS, _REASONS, _QUERIES, _WAITS = (frozenset(map(int, each)) for each in (Told, Reason, Query, Waits))
+_MISTAKES = frozenset(map(int, Mistake))
+_CALLS = range(1, 5)
+"""Calls in an interrupt's function."""
+_MOST_MISTAKES = 400
+"""Mistakes of a board: it tells 100, and one of each of 255 tasks."""
 _SPANS = frozenset((Told.WAITED, Told.LATE_BYTE))
 """Records that begin in the past."""
 
@@ -65,7 +79,9 @@ class CheckedBoard(BoardProcess):
         """Time of the last byte by the pin that sent it."""
         self._stepped: dict[int, int] = {}
         """Time of the last step by its pin."""
-        self._since = self._stops = 0
+        self._since = self._stops = self._mistakes = 0
+        self._detail: int | None = None
+        """The value of the last detail of a mistake that is to come."""
         self._ranged: dict[int, int] = {}
         """Time of the last distance of each part on the bus."""
 
@@ -103,6 +119,8 @@ class CheckedBoard(BoardProcess):
             return "" if pin in _WAITS and time <= self.now else "it waited as no board does"
         if kind == Told.TASK_NAME:
             return ""
+        if kind == Told.MISTAKE:
+            return self._wrong_mistake(record)
         if pin >= _MOST_PINS:
             return f"it told of pin {pin}, which no board has"
         if kind == Told.BYTE:
@@ -111,6 +129,8 @@ class CheckedBoard(BoardProcess):
             self._sent[pin] = time
         elif time > self.now or (time < before and kind not in _SPANS and kind != Told.UNTIL):
             return "it told what was not then"
+        if kind == Told.DETAIL:
+            self._detail = value
         if kind == Told.TEXT and pin >= MOST_DISPLAYS:
             return f"it told of display {pin}, which no board has"
         if kind == Told.STEP:
@@ -118,6 +138,21 @@ class CheckedBoard(BoardProcess):
                 return "it stepped faster than a pin changes"
             self._stepped[pin] = time
         return ""
+
+    def _wrong_mistake(self, record: BoardRecord) -> str:
+        """The fault of a mistake, whose details have come before it; empty without one."""
+        kind, detail = record.pin, self._detail
+        self._detail = None
+        self._mistakes += 1
+        if kind not in _MISTAKES:
+            return f"it told of mistake {kind}, which no sketch makes"
+        if self._mistakes > _MOST_MISTAKES:
+            return "it told more mistakes than a board does"
+        if record.time > self.now:
+            return "it told what was not then"
+        is_whole = detail is not None or kind == Mistake.WATCHDOG
+        is_call = kind != Mistake.IN_INTERRUPT or detail in _CALLS
+        return "" if is_whole and is_call else "it told half of a mistake"
 
     def _too_soon(self) -> str:
         """The fault of a distance that no part measures so soon after the last; empty without one."""

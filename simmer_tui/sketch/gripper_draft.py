@@ -6,7 +6,8 @@ import re
 from collections.abc import Iterator
 
 from simmer_tui.config.set_sketches import WIRING_FILE
-from simmer_tui.sketch.sketch_scan import Pins, SketchFacts
+from simmer_tui.sketch.sketch_scan import SketchFacts
+from simmer_tui.sketch.sketch_values import Pins
 from simmer_tui.sketch.wiring import Wiring
 
 _OPEN, _CLOSED = (re.compile(word, re.IGNORECASE) for word in ("open|release", "clos|grab|hold"))

@@ -33,7 +33,7 @@ from simmer_tui.sketch.steppers import StepperState
 BOARD_SLICE = 20_000_000
 """Nanoseconds that a board runs at most at a time, so that a person's stop is not late."""
 # Boards with motors and encoders each wait for the other; then they go on in steps of this length.
-_STEP = 10_000
+_SHORT_SLICE = 10_000
 _BITS, _USUAL_BAUD = 10, 9600
 # The world is a slice behind a board at most, and a wait that is told lasts as long.
 _KEPT_WAITS = 8
@@ -171,6 +171,9 @@ class LockstepWorld:
     def bus_told(self, board: Board, record: BoardRecord) -> None:
         """A board has a full FIFO at its I2C bus, or uses the bus while interrupts are off."""
 
+    def mistake(self, board: Board, record: BoardRecord, details: Sequence[BoardRecord]) -> None:
+        """A sketch has made a mistake that its board does not show by itself."""
+
     def lost_edge(self, board: Board, record: BoardRecord, edges: int) -> None:
         """A board has lost one of so many edges that a pin has had."""
 
@@ -271,7 +274,7 @@ class Lockstep:
                         break
             else:
                 # The same steps whatever the slices are.
-                horizon = min((now // _STEP + 1) * _STEP, until)
+                horizon = min((now // _SHORT_SLICE + 1) * _SHORT_SLICE, until)
         self._grant(board, horizon)
 
     def _settle(self, board: Board) -> None:
@@ -361,6 +364,7 @@ class Lockstep:
             for stepper in states:
                 stepper.known_until = now
         before: BoardRecord | None = None
+        details: list[BoardRecord] = []
         for record in records:
             kind = record.kind
             if kind == _BYTE:
@@ -384,6 +388,11 @@ class Lockstep:
                 process.name_task(record)
             elif kind == Told.BAUD:
                 board.baud[record.pin] = record.value if record.value > 0 else _USUAL_BAUD
+            elif kind == Told.DETAIL:
+                details.append(record)
+            elif kind == Told.MISTAKE:
+                self._world.mistake(board, record, details)
+                details = []
             elif kind == Told.LOST_BYTE:
                 self._world.lost(board, record)
             elif kind in _OF_THE_BUS:

@@ -14,7 +14,9 @@ from simmer_tui.sim.arcs import Twist
 from simmer_tui.sim.specs import WheelsSpec
 from simmer_tui.sim.wheels import WheelKinematics
 from simmer_tui.sketch.parts import PULSE_PERIOD, SERVO_STOP, rim_speed
-from simmer_tui.sketch.sketch_scan import Pins, SketchFacts, SketchStep
+from simmer_tui.sketch.sketch_scan import SketchFacts
+from simmer_tui.sketch.sketch_steps import SketchStep, deep_steps
+from simmer_tui.sketch.sketch_values import Pins
 from simmer_tui.sketch.wiring import MotorDriver, WiredMotor, WiredStepper, Wiring
 
 TURN_TIME = 0.2
@@ -108,7 +110,7 @@ def levels_of_functions(
     """Functions that set pins to levels that are known: name, place of the first write, and levels by pin.
     Those of `pulsed` pins, which are steps, do not count."""
     steps: dict[str, list[SketchStep]] = {}
-    for step in facts.deep_steps():
+    for step in deep_steps(facts):
         if step is not None and step.root not in _NO_MOTIONS and step.pin not in pulsed:
             steps.setdefault(step.root, []).append(step)
     for function, found in steps.items():
@@ -279,7 +281,7 @@ def wrong_functions(
                 )
                 motion = each.motion.replace(" ", " the robot ", 1)
                 what = f"{each.function}() {motion}: {which}"
-                steps = (step for step in found.deep_steps() if step is not None)
+                steps = (step for step in deep_steps(found) if step is not None)
                 spots = {step.spot for step in steps if step.root == each.function}
                 pulses = (call for call in found.named(*_PULSES) if call.object)
                 spots |= {call.token.spot for call in pulses if call.function == each.function}

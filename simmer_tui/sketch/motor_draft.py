@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from msgspec import Struct
 
-from simmer_tui.sketch.sketch_scan import SketchStep
+from simmer_tui.sketch.sketch_steps import SketchStep
 
 END = SketchStep("", -1, "", None, "", "")
 """A step that ends those of a function."""

@@ -7,7 +7,8 @@ from collections.abc import Iterator
 
 from simmer_tui.sketch.motion_check import promises_ahead, servo_signs
 from simmer_tui.sketch.motor_draft import DraftMotor
-from simmer_tui.sketch.sketch_scan import SketchCall, SketchFacts
+from simmer_tui.sketch.sketch_scan import SketchFacts
+from simmer_tui.sketch.sketch_source import SketchCall
 
 _WHEEL, _NO_WHEEL = (
     re.compile(word, re.IGNORECASE)

@@ -10,8 +10,12 @@ from simmer_tui.errors import Problem, reason_of
 from simmer_tui.sim.rules import listed
 from simmer_tui.sim.specs import WheelsSpec
 from simmer_tui.sketch.bus_check import bus_problems
+from simmer_tui.sketch.interrupt_check import interrupt_problems
 from simmer_tui.sketch.motion_check import wrong_motions
-from simmer_tui.sketch.sketch_scan import PULSES, WRITES, Pins, SketchFacts, SketchPort
+from simmer_tui.sketch.pin_check import pin_problems
+from simmer_tui.sketch.sketch_scan import SketchFacts, SketchPort
+from simmer_tui.sketch.sketch_steps import PULSES, WRITES
+from simmer_tui.sketch.sketch_values import Pins
 from simmer_tui.sketch.task_check import task_problems
 from simmer_tui.sketch.wiring import (
     LaptopLine,
@@ -26,9 +30,11 @@ from simmer_tui.sketch.wiring import (
 )
 
 _READERS = ("digitalRead", "analogRead", *PULSES)
-_MODES = ("pinMode", "digitalPinToInterrupt", "attachInterrupt", "detachInterrupt")
+_MODES = ("pinMode", "digitalPinToInterrupt", "attachInterrupt", "attachInterruptArg", "detachInterrupt")
 """Calls that neither write nor read a pin; interrupts are found by their own list."""
-_NO_PIN = re.compile(r"(ledc(?!Attach)|delay|pdMS|[xuv](Task|Queue|Semaphore|Timer|EventGroup))\w*")
+_NO_PIN = re.compile(
+    r"(ledc(?!Attach)|delay|timer[A-Z]|pdMS|[xuv](Task|Queue|Semaphore|Timer|EventGroup))\w*"
+)
 """Calls whose numbers are no pins: channels, times, priorities."""
 _LINES = ("rx", "tx", "from", "to", "sda", "scl")
 """Names of the uses of pins by serial lines and the bus, which have messages of their own."""
@@ -68,6 +74,8 @@ def sketch_problems(
         problems += _deaf_ports(found)
         problems += bus_problems(wiring, name, found)
         problems += task_problems(found)
+        problems += pin_problems(found)
+        problems += interrupt_problems(found)
         for sensor in wiring.sensors:
             if isinstance(sensor, WiredSonar) and sensor.board == name:
                 problems += _swapped_sonar(found, sensor)

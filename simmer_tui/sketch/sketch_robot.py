@@ -38,6 +38,7 @@ from simmer_tui.run.events import (
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.records import CommandResult, Status
 from simmer_tui.sketch.board_facts import BoardFacts, in_task
+from simmer_tui.sketch.board_mistakes import BoardMistakes
 from simmer_tui.sketch.board_process import (
     BYTE,
     EDGE,
@@ -249,6 +250,7 @@ class SketchRobot(LockstepWorld):
     def _start(self) -> None:
         """Start the boards at time 0."""
         self._is_over = False
+        self._mistakes = BoardMistakes(self.engine.tell, self._set.facts)
         wheels = self.engine.simulator.spec.wheels
         self._wrong = list(wrong_functions(self._set.wiring, wheels, self._set.facts))
         """Functions that move the robot otherwise than they are named, until that is told."""
@@ -620,6 +622,9 @@ class SketchRobot(LockstepWorld):
             part = self._set.wiring.sensors[record.pin]
             name = f"{part.label} {getattr(part, 'code', '')}"
             self._tell_fact(record.time, partial(self._facts.fifo_overflow, board, name, record))
+
+    def mistake(self, board: Board, record: BoardRecord, details: Sequence[BoardRecord]) -> None:
+        self._tell_fact(record.time, partial(self._mistakes.add, board, record, details))
 
     def lost_edge(self, board: Board, record: BoardRecord, edges: int) -> None:
         pin = self._pin_name(board, record)

@@ -8,7 +8,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from msgspec import Struct
 
 from simmer_tui.sketch.motion_check import forward_levels, is_inverted
-from simmer_tui.sketch.sketch_scan import Pins, SketchCall, SketchFacts
+from simmer_tui.sketch.sketch_scan import SketchFacts
+from simmer_tui.sketch.sketch_source import SketchCall
+from simmer_tui.sketch.sketch_values import Pins
 
 _DIRECTION, _ENABLE, _STEP = (
     re.compile(word, re.IGNORECASE) for word in ("dir", r"enable|^en_?\w?(pin)?$|_en(pin)?$", "step|stp|pul")

@@ -24,15 +24,10 @@ from simmer_tui.sketch.gripper_draft import drafted_angles
 from simmer_tui.sketch.motion_check import forward_levels
 from simmer_tui.sketch.motor_draft import END, draft_motors, oriented
 from simmer_tui.sketch.servo_draft import attached_servos, draft_servo_wheels
-from simmer_tui.sketch.sketch_scan import (
-    PULSES,
-    WRITES,
-    Pins,
-    SketchCall,
-    SketchFacts,
-    SketchPort,
-    SketchStep,
-)
+from simmer_tui.sketch.sketch_scan import SketchFacts, SketchPort
+from simmer_tui.sketch.sketch_source import SketchCall
+from simmer_tui.sketch.sketch_steps import PULSES, WRITES, SketchStep, pulses, steps
+from simmer_tui.sketch.sketch_values import Pins
 from simmer_tui.sketch.stepper_draft import draft_steppers
 from simmer_tui.sketch.wiring import GYRO_ADDRESSES
 
@@ -80,8 +75,8 @@ class BoardDraft:
 
     def __init__(self, name: str, sketch: str, facts: SketchFacts) -> None:
         self.name, self.sketch, self.facts = name, sketch, facts
-        steps = [END if step is None else step for step in facts.steps()]
-        self.sonars = list(_sonars(facts, steps))
+        written_steps = [END if step is None else step for step in steps(facts)]
+        self.sonars = list(_sonars(facts, written_steps))
         echoes = {each.echo for each in self.sonars}
         pulsed = [facts.pins(call) for call in facts.named(*PULSES)]
         self.has_lost_pulses = any(not self.sonars if pins is None else pins - echoes for pins in pulsed)
@@ -97,7 +92,7 @@ class BoardDraft:
         taken |= {each.interrupt for each in self.gyros if each.interrupt is not None}
         taken |= {each.xshut for each in self.rangers if each.xshut is not None}
         ahead = forward_levels(facts)
-        found = draft_motors([each for each in steps if each.pin not in taken])
+        found = draft_motors([each for each in written_steps if each.pin not in taken])
         if self.steppers:
             # The enables of their coils have a duty, and no direction.
             found = [each for each in found if each.driver == "hbridge"]
@@ -113,7 +108,9 @@ class BoardDraft:
         written = _read(facts, "digitalWrite")
         self.digital = sorted(_read(facts, "digitalRead") - taken - {*self.analog} - written)
         grouped = {pin for motor in self.motors for pin in motor.pins.values()}
-        self.loose = sorted({each.pin for each in steps if each.call == "analogWrite"} - grouped - taken)
+        self.loose = sorted(
+            {each.pin for each in written_steps if each.call == "analogWrite"} - grouped - taken
+        )
         """Pins with a PWM whose motor was not found."""
 
 
@@ -186,7 +183,7 @@ def _sonars(facts: SketchFacts, steps: Sequence[SketchStep]) -> Iterator[DraftSo
             written = step.pin
         elif step.call in PULSES and written >= 0 and written != step.pin:
             found.setdefault(step.pin, DraftSonar(written, step.pin))
-    for written, pulsed in facts.pulses():
+    for written, pulsed in pulses(facts):
         found.setdefault(pulsed, DraftSonar(written, pulsed))
     yield from found.values()
     # An echo by interrupt or by digitalRead has no call that tells its trigger: the names do.

@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import re
+import subprocess
+import sys
+from enum import IntEnum
 from pathlib import Path
 
 import pytest
 
+from simmer_tui.links.processes import OWN_PROCESS
+from simmer_tui.program import keeper
+from simmer_tui.program.kept_process import Adoption
 from simmer_tui.run.events import WireMessage
-from simmer_tui.sketch.board_process import SILENT, BoardSilence
+from simmer_tui.sketch.board_host import LocalBoard
+from simmer_tui.sketch.board_process import SILENT, BoardSilence, Mistake, Query, Reason, Told, Waits
 from simmer_tui.sketch.boards import BOARDS, ESP32, MEGA, BoardKind
 from simmer_tui.sketch.compiler import find_compiler
 from simmer_tui.sketch.known_headers import RUNTIME
@@ -194,3 +201,45 @@ def test_the_runtime_has_the_pins_of_an_esp32() -> None:
     )
     assert found
     assert [int(each) for each in found.groups()] == [pin for pair in ESP32.serial.values() for pin in pair]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux has processes that are adopted")
+def test_a_board_is_none_of_the_processes_that_a_program_leaves_behind() -> None:
+    """Whichever of them starts first."""
+    assert {keeper.MARK: keeper.KEEPER} == OWN_PROCESS
+    adoption = Adoption("mark")
+    with subprocess.Popen(["sleep", "60"], env={keeper.MARK: "mark"}, start_new_session=True) as program:
+        adoption.begin(program.pid)
+        with subprocess.Popen(["sleep", "60"], start_new_session=True) as left:
+            board = LocalBoard(Path("/bin/sh"), ["-c", "read line"])
+            try:
+                assert left.pid in adoption.living()
+                assert not set(board.pids) & adoption.living()
+            finally:
+                board.close()
+                left.kill()
+                program.kill()
+
+
+@pytest.mark.parametrize(
+    ("header", "name", "numbers"),
+    [
+        ("exchange.h", "Told", Told),
+        ("exchange.h", "Query", Query),
+        ("exchange.h", "Reason", Reason),
+        ("mistakes.h", "Mistake", Mistake),
+        ("clock.h", "Waits", None),
+    ],
+)
+def test_the_numbers_of_the_channel_are_the_same_at_both_ends(
+    header: str, name: str, numbers: type[IntEnum] | None
+) -> None:
+    text = (RUNTIME / "board" / header).read_text("utf-8")
+    found = re.search(rf"enum class {name} : uint8_t \{{(.*?)\}};", text, re.DOTALL)
+    assert found
+    there = {each[0]: int(each[1]) for each in re.findall(r"(\w+) = (\d+)", found[1])}
+    if numbers is None:  # its names begin with `In`
+        assert sorted(there.values()) == sorted(Waits)
+    else:
+        words = {re.sub(r"(?<!^)(?=[A-Z])", "_", each).upper(): number for each, number in there.items()}
+        assert words == {each.name: each.value for each in numbers}

@@ -11,7 +11,7 @@ import pytest
 
 from simmer_tui.errors import BoardError, ProgramError
 from simmer_tui.sketch.board_host import BoardHost
-from simmer_tui.sketch.board_process import BoardProcess, BoardRecord, Query, Reason, Told
+from simmer_tui.sketch.board_process import BoardProcess, BoardRecord, Mistake, Query, Reason, Told
 from simmer_tui.sketch.boards import UNO
 from simmer_tui.sketch.build import build_sketch
 from simmer_tui.sketch.checked_board import CheckedBoard
@@ -106,6 +106,8 @@ def begun(pipes: Pipes) -> Begun:
         request(100, record(Told.TEXT, 4 << 24 | 1)),
         request(100, record(Told.FIFO_OVERFLOW, 0x400123, pin=31), reason=Reason.QUERY, query=Query.RATE),
         request(100, record(Told.BUS_STUCK, 0x400123, pin=0)),
+        request(100, record(Told.DETAIL, 34), record(Told.MISTAKE, 0x400123, pin=3), reason=Reason.OUTPUT),
+        request(100, record(Told.MISTAKE, 0x400123, pin=Mistake.WATCHDOG), reason=Reason.OUTPUT),
     ],
 )
 def test_what_boards_tell_is_taken(begun: Begun, pipes: Pipes, fine: bytes) -> None:
@@ -144,6 +146,13 @@ def test_what_boards_tell_is_taken(begun: Begun, pipes: Pipes, fine: bytes) -> N
         (request(100, record(Told.TEXT, -1)), "it told -1 as TEXT"),
         (request(100, record(Told.TEXT, 0, pin=8)), "it told of display 8"),
         (request(100, wait=(0, 6)), "it waits as no board does"),
+        (request(100, record(Told.DETAIL), record(Told.MISTAKE, pin=12)), "it told of mistake 12"),
+        (request(100, record(Told.MISTAKE, pin=Mistake.INPUT_PIN)), "it told half of a mistake"),
+        (
+            request(100, record(Told.DETAIL, 5), record(Told.MISTAKE, pin=Mistake.IN_INTERRUPT)),
+            "it told half of a mistake",
+        ),
+        (request(100, *[record(Told.DETAIL, 3), record(Told.MISTAKE, pin=3)] * 500), "more mistakes than"),
         (request(100, record(Told.BYTE, 65, 1 << 62)), "faster than a line carries them"),
         (request(100, record(Told.BYTE, 65, 9000), record(Told.BYTE, 65, 9001)), "faster than a line"),
     ],
@@ -192,11 +201,11 @@ def test_a_clock_goes_neither_back_nor_stands(begun: Begun, pipes: Pipes) -> Non
 def test_last_words_may_be_those_of_the_sketch(begun: Begun, pipes: Pipes) -> None:
     """A sketch that writes the words itself cannot set the world's clock, and no number is too long."""
     board = begun()
-    pipes.words = "simmer-board died 11 0 0 4000000000\n"
+    pipes.words = "simmer-board died 11 0 0 4000000000 -1\n"
     pipes.hang_up()
     with pytest.raises(BoardError, match=r"died after 0\.02 s: it used memory"):
         board.receive()
-    pipes.words = f"simmer-board died 11 0 0 {'9' * 5000}\n"
+    pipes.words = f"simmer-board died 11 0 0 {'9' * 5000} -1\n"
     with pytest.raises(BoardError, match=r"died after 0\.02 s: exit code 7"):
         board.receive()
 

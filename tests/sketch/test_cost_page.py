@@ -60,6 +60,10 @@ def test_a_cost_is_the_runtimes(phrase: str, names: tuple[str, ...]) -> None:
     assert phrase.format(*(f"{cost(name):g}" for name in names)) in PAGE
 
 
+def test_a_call_of_a_hardware_timer_costs_a_tenth_of_a_pins_mode() -> None:
+    assert f"A call costs {cost('PIN_MODE') / 10:g} us" in PAGE
+
+
 def test_the_libraries_of_the_pages_are_those_that_are_there() -> None:
     there = {name.removesuffix(".h") for name in libraries()}
     rows = set(re.findall(r"^\| (\w+) \|", PAGE.partition("## Libraries")[2], re.M)) - {"library"}

@@ -288,7 +288,7 @@ void setup() {
 REFUSED = {
     "#include <WiFi.h>": "WiFi.h: WiFi is not simulated; use Bluetooth or the USB port",
     "#include <Servo.h>": "Servo.h is no library of the ESP32; there are .*ESP32Servo.h",
-    "hw_timer_t *timer;": "hw_timer_t is not simulated; the calls of an ESP32 are in",
+    "void f() { dacWrite(25, 9); }": "dacWrite is not simulated; the calls of an ESP32 are in",
     "void f() { touchRead(4); }": "touchRead is not simulated",
 }
 
@@ -371,6 +371,11 @@ void loop() { ledcWrite(25, Serial2.read()); digitalWrite(26, HIGH); }
     row = '[[motors]]\nboard = "rover"\ndriver = "pwm2"\nin1 = 25\nin2 = 26\nwheel = "left"\ntop_speed = 12\n'
     found, _ = wiring(f"{BOARD}rx = 18\ntx = 19\n{row}")
     assert [str(each) for each in sketch_problems(found, facts, PARTS.wheels)] == []
+    text = text.replace("Serial2.begin", "port.begin").replace(
+        "void setup", "HardwareSerial port(2);\nvoid setup"
+    )
+    own = {"rover": SketchFacts({"rover.ino": text}, ESP32)}
+    assert [str(each) for each in sketch_problems(found, own, PARTS.wheels)] == []
     found, _ = wiring(f"{BOARD}rx = 16\ntx = 17\n{row.replace('25', '27')}")
     assert [str(each) for each in sketch_problems(found, facts, PARTS.wheels)] == [
         "wiring.toml:11:motors.1.in1: the sketch never writes pin 27 (rover.ino); look at its pin numbers",
@@ -411,6 +416,22 @@ CHANNELS = {
     ),
     "channels that are computed": (
         "int p[] = {25, 26};\nvoid setup() { for (int i = 0; i < 2; i++) ledcAttachPin(p[i], i * 2 + 1); }\n"
+        "void loop() { ledcWrite(1, 9); ledcWrite(3, 0); }",
+        [{"in1": 25, "in2": 26}],
+    ),
+    "channels and pins that are computed beside the call": (
+        "#define FIRST 25\nconst int COUNT = 2;\nvoid setup() { for (int i = 0; i < COUNT; ++i) {\n"
+        " int channel = i + COUNT; int pin = FIRST + i; ledcSetup(channel, 5000, 8);"
+        " ledcAttachPin(pin, channel); } }\nvoid loop() { ledcWrite(2, 9); ledcWrite(3, 0); }",
+        [{"in1": 25, "in2": 26}],
+    ),
+    "a loop over the elements of an array": (
+        "int p[] = {25, 26}, next_ = 0;\nvoid setup() { for (int i = 0; i < sizeof(p) / sizeof(p[0]); i++)"
+        " ledcAttachPin(p[i], i); }\nvoid loop() { ledcWrite(0, 9); ledcWrite(1, 0); }",
+        [{"in1": 25, "in2": 26}],
+    ),
+    "channels that are unknown": (
+        "int p[] = {25, 26};\nvoid setup() { for (int i = 0; i < 2; i++) ledcAttachPin(p[i], other(i)); }\n"
         "void loop() { ledcWrite(1, 9); ledcWrite(3, 0); }",
         [],
     ),

@@ -85,8 +85,11 @@ def test_the_samples_program_drives_its_boards(
     compiler_or_skip()
     monkeypatch.chdir(tmp_path)
     shutil.copytree(SAMPLE, tmp_path / "line")
-    assert main(["check", "line"]) == 0
-    assert "motors[1] left: forward turns the robot right" in capsys.readouterr().out
+    # Its bug is one that the text shows.
+    assert main(["check", "line"]) == 1
+    checked = capsys.readouterr().out
+    assert "motors[1] left: forward turns the robot right" in checked
+    assert "  follower.ino:26: bluetooth.print in leftEdge(), the function of an interrupt: " in checked
     command = [sys.executable, "-m", "simmer_tui", "--no-ui", "--sketch", "line", "--clock", "program"]
     command += ["--seed", "1", "--port", "0", "--reply-port", "0", "--belief-port", "0"]
     done = subprocess.run(

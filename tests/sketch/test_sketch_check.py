@@ -313,7 +313,7 @@ def test_values_of_pins_are_followed() -> None:
     static const byte a = A0, trio[] = {2, LED, 0x0B};
     void on(int pin) { digitalWrite(pin, HIGH); }
     void both(int x, int y) { on(x); on(y > 0 ? y : 7); }
-    void loop() { both(trio[1], a); for (int i = 2; i < 4; i++) pinMode(i, OUTPUT); analogWrite(trio[n], 1); }
+    void loop() { both(trio[1], a); for (int i = 2; i < n; i++) pinMode(i, OUTPUT); analogWrite(trio[n], 1); }
     """
     facts = SketchFacts({"s.ino": text}, UNO)
     (write,) = facts.named("digitalWrite")
@@ -331,6 +331,7 @@ def test_values_of_pins_are_followed() -> None:
         "void f(int a) { f(a); digitalWrite(a, 1); }" * 400,
         "int a = b, b = a; void loop() { digitalWrite(a, 1); }",
         "{" * 20_000 + "}" * 20_000,
+        "int a[n = 2] = {1, 2}; void loop() { digitalWrite(a[n = 1], 1); }",
         'x = "' + "\\" * 20_001,
         "int a = " + "(" * 20_000 + "1" + ")" * 20_000 + "; void loop() { digitalWrite(a, 1); }",
     ],

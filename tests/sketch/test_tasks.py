@@ -364,6 +364,63 @@ def test_facts_name_the_task_that_waits(tmp_path: Path) -> None:
     assert "board rover was in vTaskDelay() at rover.ino:15 in task Drive" in told
 
 
+@pytest.mark.slow
+@no_compiler
+@pytest.mark.parametrize("board", ["uno", "esp32"])
+def test_a_pulse_that_a_more_urgent_task_interrupts(board: str, tmp_path: Path) -> None:
+    """An AVR counts its own loops, so the pulse is too short; an ESP32 sees its end too late."""
+    sketch = """
+volatile bool works;
+void work() { for (int i = 0; i < 4; i++) delayMicroseconds(1000); }
+void other(void*) { for (;;) { if (works) work(); vTaskDelay(1); } }
+unsigned long longest, shortest;
+void measure() {
+  longest = 0; shortest = 1000000;
+  for (int i = 0; i < 40; i++) {
+    digitalWrite(4, HIGH); delayMicroseconds(10); digitalWrite(4, LOW);
+    unsigned long width = pulseIn(2, HIGH);
+    if (width > longest) longest = width;
+    if (width < shortest) shortest = width;
+    delayMicroseconds(3300 + i * 370);
+  }
+}
+void looks(void*) {
+  measure();
+  unsigned long alone = longest;
+  Serial.println(longest - shortest < 300);
+  works = true;
+  measure();
+  Serial.println(longest > alone + 500);
+  Serial.println(shortest + 500 < alone);
+  vTaskDelete(NULL);
+}
+void setup() {
+  Serial.begin(115200);
+  pinMode(4, OUTPUT);
+  MAKE(looks, "looks", 2000, NULL, 1, NULL CORE);
+  MAKE(other, "other", 2000, NULL, 2, NULL CORE);
+}
+"""
+    is_uno = board == "uno"
+    sketch = sketch.replace("MAKE", "xTaskCreate" if is_uno else "xTaskCreatePinnedToCore")
+    sketch = (HEAD if is_uno else "") + sketch.replace(" CORE", "" if is_uno else ", 0")
+    wiring = ROVER.replace('board = "uno"', f'board = "{board}"')
+    wiring += '[[sensors]]\nboard = "rover"\npart = "hc-sr04"\ncode = "u1"\ntrig = 4\necho = 2\n'
+    configuration = made_set(tmp_path / "set", wiring, {"rover.ino": sketch + LOOP})
+    boards = Boards(configuration, noise=False)
+    try:
+        boards.run_to(4.0)
+        told = bytes(value for _, value in boards.robot.lockstep.sent).decode()
+    finally:
+        boards.close()
+    alone, too_long, too_short = told.split()
+    assert alone == "1"
+    if is_uno:
+        assert (too_long, too_short) == ("0", "1")
+    else:
+        assert too_long == "1"
+
+
 def test_check_finds_waits_of_no_tick_and_waits_of_the_idle_task() -> None:
     text = (
         "#include <Arduino_FreeRTOS.h>\n"
@@ -383,6 +440,22 @@ def test_check_finds_waits_of_no_tick_and_waits_of_the_idle_task() -> None:
         f"rover.ino:5: {idle}",
     ]
     assert not list(task_problems(SketchFacts({"rover.ino": text.partition("\n")[2]}, UNO)))
+
+
+def test_check_finds_timers_and_limits_of_no_tick() -> None:
+    text = (
+        "#include <Arduino_FreeRTOS.h>\n"
+        "const int period = 5;\n"
+        'void setup() { timer = xTimerCreate("t", pdMS_TO_TICKS(period), pdTRUE, NULL, fires); }\n'
+        "void eyes(void*) { xQueueReceive(queue, &item, 10 / portTICK_PERIOD_MS);\n"
+        "  xQueueReceive(queue, &item, 0); xSemaphoreTake(lock, pdMS_TO_TICKS(100)); }\n"
+        "void loop() {}\n"
+    )
+    short = "a tick of the Uno has 16 ms, and this is less than one"
+    assert [str(each) for each in task_problems(SketchFacts({"rover.ino": text}, UNO))] == [
+        f"rover.ino:3: xTimerCreate of 5 ms makes no timer: {short}",
+        f"rover.ino:4: xQueueReceive of 10 ms does not wait: {short}",
+    ]
 
 
 def test_check_counts_the_ticks_that_the_macro_gives_and_knows_that_loop_is_a_task_of_an_esp32() -> None:

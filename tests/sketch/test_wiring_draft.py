@@ -611,7 +611,7 @@ def test_sonars_that_are_not_found_are_told(tmp_path: Path) -> None:
     sketch = tmp_path / "rover.ino"
     sketch.write_text(
         "const int p[] = {5, 8, 4, 9};\nvoid loop() { for (int i = 0; i < 2; i++) {"
-        " digitalWrite(13, HIGH); digitalWrite(p[i * 2], HIGH); pulseIn(p[i * 2 + 1], HIGH); } }",
+        " digitalWrite(13, HIGH); digitalWrite(p[i * two()], HIGH); pulseIn(p[i * two() + 1], HIGH); } }",
         "utf-8",
     )
     made = draft([sketch], tmp_path, [], [])

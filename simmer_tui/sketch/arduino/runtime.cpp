@@ -2,8 +2,10 @@
 #include "board/clock.cpp"
 #include "board/exchange.cpp"
 #include "board/interrupts.cpp"
+#include "board/mistakes.cpp"
 #include "board/context.cpp"
 #include "board/tasks.cpp"
+#include "board/task_mistakes.cpp"
 #include "board/i2c.cpp"
 #include "board/mpu6050.cpp"
 #include "board/vl53l0x.cpp"
@@ -26,6 +28,9 @@
 #include "libraries/freertos/tasks.cpp"
 #include "libraries/freertos/queues.cpp"
 #include "libraries/freertos/timers.cpp"
+#if defined(SIMMER_ESP32)
+#include "board/hardware_timers.cpp"
+#endif
 #include "libraries/Wire.cpp"
 #include "libraries/MPU6050.cpp"
 #include "libraries/VL53L0X.cpp"

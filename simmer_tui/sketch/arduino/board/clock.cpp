@@ -1,6 +1,7 @@
 #include "clock.h"
 
 #include "exchange.h"
+#include "hardware_timers.h"
 #include "i2c.h"
 #include "interrupts.h"
 #include "tasks.h"
@@ -42,6 +43,7 @@ void plan_stop() {
   next_stop = horizon < next_event() ? horizon : next_event();
   if (next_interrupt() < next_stop) next_stop = next_interrupt();
   if (next_part() < next_stop) next_stop = next_part();
+  if (next_alarm() < next_stop) next_stop = next_alarm();
   if (next_task_stop() < next_stop) next_stop = next_task_stop();
 }
 
@@ -51,6 +53,7 @@ void service() {
     if (now >= horizon) exchange(Reason::Horizon);
     apply_events();
     run_parts();
+    run_alarms();
     if (taken) {
       const Nanoseconds duration = taken;
       taken = 0;
@@ -66,8 +69,7 @@ void service() {
   plan_stop();
 }
 
-void pass(Nanoseconds duration) {
-  Nanoseconds end = now + (duration >> halving);
+void pass_stops(Nanoseconds end) {
   while (next_stop <= end) {
     if (next_stop > now) now = next_stop;
     const Nanoseconds before = now;

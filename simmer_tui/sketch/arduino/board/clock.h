@@ -101,8 +101,16 @@ constexpr unsigned int halving = 0;
 
 // An interrupt of the core takes time from the sketch, as soon as what is due now has been applied.
 void take_time(Nanoseconds duration);
-// Let time pass. Interrupts within it come at their own time, and prolong it.
-void pass(Nanoseconds duration);
+// Let time pass until a moment at which something is due before: interrupts come at their own time, and prolong it.
+void pass_stops(Nanoseconds end);
+// Let time pass. Mostly nothing is due: so much is inline, since every call of a sketch and pass of loop() does it.
+inline void pass(Nanoseconds duration) {
+  const Nanoseconds end = now + (duration >> halving);
+  if (next_stop > end)
+    now = end;
+  else
+    pass_stops(end);
+}
 // Let time pass until a moment. Interrupts within it do not move the moment.
 void pass_until(Nanoseconds moment);
 // Let time pass until something happens outside, at most until a moment.

@@ -165,8 +165,10 @@ void end_grant(Nanoseconds moment) {
   plan_stop();
 }
 
-void tell(Told kind, int pin, int value, Nanoseconds time) {
-  told.records[told_count] = {time, static_cast<uint8_t>(kind), static_cast<uint8_t>(pin), running_task().number, value};
+void tell(Told kind, int pin, int value, Nanoseconds time) { tell(kind, pin, value, time, running_task().number); }
+
+void tell(Told kind, int pin, int value, Nanoseconds time, uint8_t task) {
+  told.records[told_count] = {time, static_cast<uint8_t>(kind), static_cast<uint8_t>(pin), task, value};
   if (++told_count >= MOST_TOLD) exchange(Reason::Full);
 }
 

@@ -29,9 +29,11 @@ enum class Query : uint8_t { None = 0, Sonar = 1, Analog = 2, Digital = 3, Range
 // `FifoOverflow` has the number of a part's row for its pin. `BusStuck` is a use of the bus while interrupts are off.
 // `TaskName` has the number of a task for its pin, and four characters of its name, of four records.
 // `FineDuty` is a duty as a share of 65,535.
+// `Mistake` has its kind for its pin, and the place in the sketch (see mistakes.h). The `Detail`s of a mistake come before
+// it: a number, or a task with what it waits for.
 enum class Told : uint8_t {
   Level = 1, Duty = 2, Servo = 3, Byte = 4, LostEdge = 5, LostByte = 6, Baud = 7, Mode = 8, Waited = 9, LateByte = 10, Until = 11,
-  Edges = 12, Step = 13, Text = 14, FifoOverflow = 15, BusStuck = 16, TaskName = 17, FineDuty = 18
+  Edges = 12, Step = 13, Text = 14, FifoOverflow = 15, BusStuck = 16, TaskName = 17, FineDuty = 18, Mistake = 19, Detail = 20
 };
 // Records of the simulator: an edge of an input, a byte that has arrived.
 enum class Event : uint8_t { Edge = 1, Byte = 2 };
@@ -58,6 +60,7 @@ void send_told(Reason reason, Query query = Query::None, int pin = 0);  // safe 
 double exchange(Reason reason, Query query = Query::None, int pin = 0);
 void end_grant(Nanoseconds moment);  // go no farther than that without asking, though the simulator allows it
 void tell(Told kind, int pin, int value, Nanoseconds time = now);
+void tell(Told kind, int pin, int value, Nanoseconds time, uint8_t task);  // of another task than the running one
 void make_room(unsigned int count);  // the next records are of one exchange
 void tell_span(Told kind, int pin, uint32_t place, Nanoseconds begin, Nanoseconds end);
 Nanoseconds next_event();

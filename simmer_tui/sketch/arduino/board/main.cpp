@@ -65,12 +65,15 @@ uint32_t fault_address(const void* context) {
 uint32_t fault_address(const void*) { return 0; }
 #endif
 
-void report_death(int number, uint32_t address) {
+constexpr int NO_TASK = -1;
+
+// `task` is the number of another one that had a part in it.
+void report_death(int number, uint32_t address, int task = NO_TASK) {
   // Only what is safe in a signal handler. First what the sketch did before; the simulator finds the line by the addresses.
   board::send_told(board::Reason::Full);
   char text[80];
   const uint32_t clock = static_cast<uint32_t>(board::now / board::MICROSECOND);
-  const int size = avr_snprintf(text, sizeof text, "simmer-board died %d %lu %lu %lu\n", number, address, board::place, clock);
+  const int size = avr_snprintf(text, sizeof text, "simmer-board died %d %lu %lu %lu %d\n", number, address, board::place, clock, task);
   std::fwrite(text, 1, static_cast<size_t>(size), stderr);
   std::fflush(stderr);
   std::_Exit(3);
@@ -98,7 +101,7 @@ void listen_for_death(int number) { std::signal(number, died); }
 // A sketch that calls exit(): the board has no system to go back to.
 void left() { report_death(0, 0); }
 
-constexpr int TASK_RETURNED = 200, RESTARTED = 201, ABSENT = 202;  // beyond the signals of all systems
+constexpr int TASK_RETURNED = 200, RESTARTED = 201, ABSENT = 202, FOREIGN = 203, NO_TICKS = 204;  // beyond the signals of all systems
 
 void run_loop() {
   if (sketch_start.loop) sketch_start.loop();
@@ -109,6 +112,7 @@ void run_loop() {
 #if defined(SIMMER_ESP32)
 void run_sketch(void*) {
   sketch_start.setup();
+  board::begin_loop();
   for (;;) run_loop();
 }
 #endif
@@ -132,6 +136,8 @@ void EspClass::restart() {
 #endif
 void board::report_return() { report_death(TASK_RETURNED, 0); }
 void board::report_absent(uint32_t at) { report_death(ABSENT, at); }
+void board::report_foreign(uint32_t at, const Task& holder) { report_death(FOREIGN, at, holder.number); }
+void board::report_no_ticks(uint32_t at) { report_death(NO_TICKS, at); }
 void board::start_scheduler() { start_tasks(run_loop); }
 
 int main(int count, char** arguments) {

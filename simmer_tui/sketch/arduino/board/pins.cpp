@@ -4,6 +4,7 @@
 #include "exchange.h"
 #include "i2c.h"
 #include "interrupts.h"
+#include "mistakes.h"
 #include "tasks.h"
 
 namespace board {
@@ -52,6 +53,16 @@ bool set_output(int number, Pin& pin, int level, int duty) {
     exchange(Reason::Output);
   return true;
 }
+
+// Pins of an ESP32 that cannot do what the sketch wants: those that are inputs alone, and those of its flash memory.
+void look_at_use(int number, bool writes, uint32_t at) {
+#if defined(SIMMER_ESP32)
+  if (number >= 6 && number <= 11) note_mistake(Mistake::FlashPin, at, number);
+  if (writes && number >= 0 && number < PINS && !digitalPinCanOutput(number)) note_mistake(Mistake::InputPin, at, number);
+#else
+  (void)number, (void)writes, (void)at;
+#endif
+}
 }  // namespace
 
 void set_input(int number, int level) {
@@ -81,8 +92,11 @@ using namespace board;
 void pinMode(int number, int mode) {
   pass(cost::PIN_MODE);
   Pin* pin = pin_of(number);
+  look_at_use(number, mode == OUTPUT, CALLED_AT);
   // As the core: what is neither of the inputs is an output, such as the 7 of pinMode(OUTPUT, 7).
 #if defined(SIMMER_ESP32)
+  if ((mode == INPUT_PULLUP || mode == INPUT_PULLDOWN) && !digitalPinCanOutput(number))
+    note_mistake(Mistake::NoPullUp, CALLED_AT, number);
   if (mode == INPUT_PULLDOWN || !digitalPinCanOutput(number)) mode = INPUT;
 #endif
   if (mode != INPUT && mode != INPUT_PULLUP) mode = OUTPUT;
@@ -102,6 +116,7 @@ void pinMode(int number, int mode) {
 
 void digitalWrite(int number, int value) {
   pass(cost::DIGITAL);
+  look_at_use(number, true, CALLED_AT);
   if (Pin* pin = pin_of(number)) set_output(number, *pin, value ? 1 : 0, 0);
 }
 
@@ -175,6 +190,7 @@ double ledcSetup(int channel, unsigned int frequency, int bits) {
   return frequency;
 }
 void ledcAttachPin(int pin, int channel) {
+  look_at_use(pin, true, CALLED_AT);
   if (!is_pin(pin) || channel < 0 || channel >= CHANNELS) return;
   channel_of_pin[pin] = static_cast<int8_t>(channel + 1);
   write_channel(pin, channels[channel]);
@@ -185,7 +201,8 @@ void ledcDetachPin(int pin) {
   is_attached[pin] = false;
   write_duty(pin, 0, FINEST);
 }
-bool ledcAttach(int pin, unsigned int, int bits) {
+namespace {
+bool attach_channel(int pin, int bits) {
   if (!is_pin(pin)) return false;
   is_attached[pin] = true;
   own_channels[pin].bits = constrain(bits, 1, MOST_BITS);
@@ -193,7 +210,15 @@ bool ledcAttach(int pin, unsigned int, int bits) {
   write_channel(pin, own_channels[pin]);
   return true;
 }
-bool ledcAttachChannel(int pin, unsigned int frequency, int bits, int) { return ledcAttach(pin, frequency, bits); }
+}  // namespace
+bool ledcAttach(int pin, unsigned int, int bits) {
+  look_at_use(pin, true, CALLED_AT);
+  return attach_channel(pin, bits);
+}
+bool ledcAttachChannel(int pin, unsigned int, int bits, int) {
+  look_at_use(pin, true, CALLED_AT);
+  return attach_channel(pin, bits);
+}
 bool ledcDetach(int pin) {
   ledcDetachPin(pin);
   return is_pin(pin);
@@ -222,7 +247,8 @@ void analogWriteFrequency(unsigned int) {}
 void analogWriteFrequency(int, unsigned int) {}
 void analogWrite(int pin, int value) {
   if (!is_pin(pin)) return;
-  if (!is_attached[pin]) ledcAttach(pin, 1000, analog_bits);
+  look_at_use(pin, true, CALLED_AT);
+  if (!is_attached[pin]) attach_channel(pin, analog_bits);
   ledcWrite(pin, value < 0 ? 0 : static_cast<unsigned int>(value));
 }
 #endif
@@ -261,6 +287,7 @@ void analogReference(int) {}
 unsigned int pulseIn(int number, int value, unsigned int timeout) {
   const Pin* pin = pin_of(number);
   if (!pin) return 0;
+  note_in_interrupt(InterruptCall::Pulse, CALLED_AT);
   const WaitScope scope(Waits::InPulse, CALLED_AT);
   const Nanoseconds limit = now + timeout * MICROSECOND;
   const auto wait = [&](bool level) {
@@ -271,13 +298,22 @@ unsigned int pulseIn(int number, int value, unsigned int timeout) {
     return true;
   };
   if (!wait(!value) || !wait(value)) return 0;
-  const Nanoseconds begin = now;
+  const Nanoseconds begin = now, away = running_task().away;
   if (!wait(!value)) return 0;
-  return static_cast<unsigned int>((now - begin) / MICROSECOND);
+  // An AVR counts its own loops, an ESP32 looks at the clock.
+  const Nanoseconds others = CORES == 1 ? running_task().away - away : 0;
+  return static_cast<unsigned int>((now - begin - others) / MICROSECOND);
 }
 
-void attachInterrupt(int number, void (*function)(), int mode) { attach(interrupt_pin(number), function, mode); }
-void detachInterrupt(int number) { attach(interrupt_pin(number), nullptr, 0); }
+void attachInterrupt(int number, void (*function)(), int mode) {
+  attach(interrupt_pin(number), InterruptFunction(function), mode);
+}
+#if defined(SIMMER_ESP32)
+void attachInterruptArg(int number, void (*function)(void*), void* argument, int mode) {
+  attach(interrupt_pin(number), InterruptFunction(function, argument), mode);
+}
+#endif
+void detachInterrupt(int number) { attach(interrupt_pin(number), InterruptFunction(), 0); }
 void interrupts() {
   set_interrupts(true);
   if (interrupt_waits() || next_task_stop() <= now) service();

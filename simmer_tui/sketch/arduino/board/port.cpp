@@ -2,6 +2,7 @@
 
 #include "../core/HardwareSerial.h"
 #include "exchange.h"
+#include "mistakes.h"
 
 namespace board {
 
@@ -109,6 +110,7 @@ void receive_byte(int rx, int value, Nanoseconds time) {
 using namespace board;
 
 size_t HardwareSerial::write(uint8_t value) {
+  note_in_interrupt(InterruptCall::Print, place);
   pass(cost::SERIAL_WRITE);
   if (!open_) return 1;
   // 63 bytes wait behind the one on the line: then the sketch waits too.

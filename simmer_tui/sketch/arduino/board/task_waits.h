@@ -1,6 +1,8 @@
 // Waits of a task for something that others give, with a limit in ticks.
 #pragma once
 #include "interrupts.h"
+#include "mistakes.h"
+#include "task_mistakes.h"
 #include "tasks.h"
 #include "../libraries/freertos/FreeRTOS.h"
 
@@ -16,14 +18,21 @@ template <class Kind>
   return *made;
 }
 
+// A call that an interrupt's function may not make: its kind with FromISR is for that.
+[[gnu::always_inline]] inline void begin_call() {
+  note_in_interrupt(InterruptCall::Task, CALLED_AT);
+  pass(cost::TASK_CALL);
+}
+
 // Attempt something until it is done. In an interrupt's function, nobody can wait.
 template <class Attempt>
-bool wait_for(const void* key, TickType_t ticks, Attempt attempt) {
+bool wait_for(const Awaited& awaited, TickType_t ticks, Attempt attempt) {
   const uint64_t end = wake_tick(ticks);
   for (;;) {
     if (attempt()) return true;
     if (tick_count() >= end || !interrupts_on()) return false;
-    block(key, end);
+    if (awaited.mutex && end == NEVER) look_for_circle(awaited);
+    block(awaited, end);
   }
 }
 

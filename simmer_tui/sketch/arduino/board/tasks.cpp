@@ -1,10 +1,10 @@
 #include "tasks.h"
 
 #include <cstring>
-#include <deque>
 
 #include "exchange.h"
 #include "interrupts.h"
+#include "task_mistakes.h"
 
 namespace board {
 
@@ -13,13 +13,13 @@ Task idle_task;  // loop(), on the stack of the process
 std::deque<Task> made;  // tasks stay where they are
 Task* running = &idle_task;
 Task* last_blocked = nullptr;
-bool is_used = false, has_begun = false, switch_asked = false;
+bool is_used = false, has_begun = false, loop_has_begun = false, switch_asked = false;
 unsigned int held = 0;  // vTaskSuspendAll() and its kind, one in the other
 uint64_t ticks = 0, held_ticks = 0, turns = 0;
 Nanoseconds next_tick = NEVER;
 // The task of each core; none where the core is idle. An AVR has the idle task among the others.
 Task* chosen[CORES] = {};
-Nanoseconds idle_since = 0;
+Nanoseconds idle_since = 0, last_idle = 0;
 Nanoseconds share_end = NEVER;  // the end of a core's turn, while both work
 constexpr bool IDLE_IS_A_TASK = CORES == 1;
 // A pass of loop() that takes no longer has nothing in it.
@@ -27,6 +27,10 @@ constexpr Nanoseconds EMPTY_LOOP = 2 * (cost::LOOP + cost::BLOCK) + cost::SERIAL
 
 bool is_before(const Task& one, const Task& other) {
   return one.priority != other.priority ? one.priority > other.priority : one.turn < other.turn;
+}
+
+bool is_waiting(const Task& task, const void* key) {
+  return task.state == TaskState::Blocked && task.awaited.key == key;
 }
 
 bool is_chosen(const Task& task) {
@@ -63,6 +67,7 @@ void choose() {
     if (!best) break;
     chosen[best->core == ANY_CORE ? free_core() : best->core] = best;
   }
+  if (!chosen[0]) last_idle = now;
 }
 
 bool both_work() { return CORES > 1 && chosen[0] && chosen[CORES - 1]; }
@@ -92,6 +97,7 @@ void go_to(Task& next) {
   before.interrupts_on = interrupts_on();
   if (before.state == TaskState::Blocked) last_blocked = &before;
   if (!is_chosen(before)) before.turn = ++turns;
+  before.ready_since = now;
   if (!IDLE_IS_A_TASK && &before == &idle_task) waited += now - idle_since;
   if (&next == &idle_task) idle_since = now;
   before.left = now;
@@ -142,6 +148,7 @@ void run_tick() {
     }
     choose();
     for (int core = 0; core < CORES; ++core) switch_asked |= chosen[core] != before[core];
+    look_at_tasks();
   }
   set_interrupts(true);
 }
@@ -224,7 +231,9 @@ Task* create_task(void (*function)(void*), const char* name, void* argument, uns
   task->mutexes = 0;
   task->turn = ++turns;
   task->wake = NEVER;
-  task->waits_for = nullptr;
+  task->awaited = Awaited();
+  task->ready_since = task->works_since = now;
+  task->is_told = task->is_told_passed = false;
   task->notification = 0;
   task->is_notified = false;
   task->waiting = task->last_wait = Wait();
@@ -275,7 +284,8 @@ void suspend_task(Task& task) {
 void make_ready(Task& task) {
   task.state = TaskState::Ready;
   task.wake = NEVER;
-  task.waits_for = nullptr;
+  task.awaited = Awaited();
+  task.ready_since = task.works_since = now;
   task.turn = ++turns;
 }
 
@@ -284,29 +294,28 @@ void set_priority(Task& task, unsigned int priority) {
   ask_for_switch();
 }
 
-void block(const void* waits_for, uint64_t wake) {
+void block(const Awaited& awaited, uint64_t wake) {
   if (is_idle()) {
     // loop() may not wait. Here it looks again at each tick, while tasks run.
     pass_until(has_begun ? next_tick + 1 : now + TICK);
     if (!has_begun) ++ticks;
     return;
   }
-  running->waits_for = waits_for;
+  running->awaited = awaited;
   running->wake = wake;
   running->state = TaskState::Blocked;
   switch_tasks();
 }
 
-Task* first_waiting(const void* waits_for) {
+Task* first_waiting(const void* key) {
   Task* first = nullptr;
   for (Task& each : made)
-    if (each.state == TaskState::Blocked && each.waits_for == waits_for && (!first || is_before(each, *first)))
-      first = &each;
+    if (is_waiting(each, key) && (!first || is_before(each, *first))) first = &each;
   return first;
 }
 
-bool wake_first(const void* waits_for) {
-  Task* first = first_waiting(waits_for);
+bool wake_first(const void* key) {
+  Task* first = first_waiting(key);
   if (!first) return false;
   make_ready(*first);
   return is_urgent(*first);
@@ -355,6 +364,14 @@ void exit_critical() {
 }
 
 bool switches_are_held() { return held != 0; }
+
+std::deque<Task>& all_tasks() { return made; }
+Task* task_on(int core) { return chosen[core]; }
+bool is_on_core(const Task& task) { return is_chosen(task); }
+Task* idle_loop() { return IDLE_IS_A_TASK ? &idle_task : nullptr; }
+void begin_loop() { loop_has_begun = true; }
+bool is_loop(const Task& task) { return loop_has_begun && &task == &made.front(); }
+Nanoseconds idle_at() { return last_idle; }
 
 Nanoseconds next_task_stop() {
   if (!has_begun || !interrupts_on()) return NEVER;

@@ -103,11 +103,22 @@ struct EspClass {
 extern EspClass ESP;
 int64_t esp_timer_get_time();
 uint32_t esp_random();
+// The watchdog of a core's idle task: core 0 has one. loop() has none unless the sketch wants it, which changes nothing.
+void enableCore0WDT();
+void disableCore0WDT();
+inline void enableCore1WDT() {}
+inline void disableCore1WDT() {}
+inline void enableLoopWDT() {}
+inline void disableLoopWDT() {}
+inline void feedLoopWDT() {}
 #endif
 
 // -- interrupts --------------------------------------------------------------------------------------
 
 void attachInterrupt(int number, void (*function)(), int mode);
+#if defined(SIMMER_ESP32)
+void attachInterruptArg(int number, void (*function)(void*), void* argument, int mode);
+#endif
 void detachInterrupt(int number);
 void interrupts();
 void noInterrupts();
@@ -208,4 +219,5 @@ extern const SketchStart sketch_start;
 #include "../libraries/freertos/event_groups.h"
 #include "../libraries/freertos/semphr.h"
 #include "../libraries/freertos/timers.h"
+#include "hardware_timers.h"
 #endif

@@ -1,6 +1,8 @@
 // Time and waits, and what is left of the core.
 #include "../board/clock.h"
 #include "../board/interrupts.h"
+#include "../board/mistakes.h"
+#include "../board/task_mistakes.h"
 #include "../board/tasks.h"
 #include "Arduino.h"
 
@@ -21,13 +23,14 @@ unsigned int micros() {
 }
 
 void delay(unsigned int milliseconds) {
+  note_in_interrupt(InterruptCall::Delay, CALLED_AT);
   const WaitScope scope(Waits::InDelay, CALLED_AT);
   const Nanoseconds begin = now, away = running_task().away;
 #if defined(SIMMER_ESP32)
   // vTaskDelay(): other tasks run.
   if (interrupts_on() && !is_idle()) {
     if (milliseconds)
-      block(nullptr, tick_count() + milliseconds);
+      block({WaitsFor::Time, nullptr, CALLED_AT}, tick_count() + milliseconds);
     else
       yield_task();
     return;
@@ -43,6 +46,8 @@ int64_t esp_timer_get_time() {
   pass(cost::MICROS);
   return static_cast<int64_t>((now - boot) / MICROSECOND);
 }
+void enableCore0WDT() { watch_core_0(true); }
+void disableCore0WDT() { watch_core_0(false); }
 uint32_t esp_random() { return static_cast<uint32_t>(random(1 << 16)) << 16 | static_cast<uint32_t>(random(1 << 16)); }
 #else
 void delayMicroseconds(unsigned int microseconds) { pass(microseconds * MICROSECOND); }

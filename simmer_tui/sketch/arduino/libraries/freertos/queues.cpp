@@ -15,7 +15,7 @@ struct Queue {
   unsigned int length, item_size, count = 0, first = 0;
   std::vector<uint8_t> items;
   bool is_mutex = false;
-  Task* holder = nullptr;    // of a mutex
+  Holder holder;             // of a mutex
   unsigned int depth = 0;    // of a recursive one
   char senders = 0, receivers = 0;  // their addresses are what tasks wait for
 
@@ -81,8 +81,9 @@ using namespace board;
 
 namespace {
 [[gnu::always_inline]] inline BaseType_t send(QueueHandle_t queue, const void* item, TickType_t ticks, bool in_front) {
-  pass(cost::TASK_CALL);
-  if (!wait_for(&there(queue).senders, ticks, [&] { return queue->put(item, in_front); })) return errQUEUE_FULL;
+  begin_call();
+  const Awaited room = {WaitsFor::Room, &there(queue).senders, CALLED_AT};
+  if (!wait_for(room, ticks, [&] { return queue->put(item, in_front); })) return errQUEUE_FULL;
   pass_on(&queue->receivers);
   return pdTRUE;
 }
@@ -95,8 +96,9 @@ namespace {
 }
 
 [[gnu::always_inline]] inline BaseType_t receive(QueueHandle_t queue, void* item, TickType_t ticks, bool keep) {
-  pass(cost::TASK_CALL);
-  if (!wait_for(&there(queue).receivers, ticks, [&] { return queue->take(item, keep); })) return errQUEUE_EMPTY;
+  begin_call();
+  const Awaited one = {WaitsFor::Item, &there(queue).receivers, CALLED_AT};
+  if (!wait_for(one, ticks, [&] { return queue->take(item, keep); })) return errQUEUE_EMPTY;
   pass_on(keep ? &queue->receivers : &queue->senders);
   return pdTRUE;
 }
@@ -124,6 +126,7 @@ BaseType_t xQueueSendToFront(QueueHandle_t queue, const void* item, TickType_t t
   return send(queue, item, ticks, true);
 }
 BaseType_t xQueueOverwrite(QueueHandle_t queue, const void* item) {
+  note_in_interrupt(InterruptCall::Task, CALLED_AT);
   replace(queue, item);
   pass_on(&queue->receivers);
   return pdTRUE;
@@ -131,7 +134,7 @@ BaseType_t xQueueOverwrite(QueueHandle_t queue, const void* item) {
 BaseType_t xQueueReceive(QueueHandle_t queue, void* item, TickType_t ticks) { return receive(queue, item, ticks, false); }
 BaseType_t xQueuePeek(QueueHandle_t queue, void* item, TickType_t ticks) { return receive(queue, item, ticks, true); }
 BaseType_t xQueueReset(QueueHandle_t queue) {
-  pass(cost::TASK_CALL);
+  begin_call();
   there(queue).count = 0;
   pass_on(&queue->senders);
   return pdPASS;
@@ -182,8 +185,8 @@ SemaphoreHandle_t make_semaphore(unsigned int most, unsigned int first, bool is_
 
 // The holder of a mutex is as urgent as those that wait for it.
 void lend_priority(Queue& mutex) {
-  if (mutex.is_mutex && mutex.holder && mutex.holder->priority < running_task().priority)
-    mutex.holder->priority = running_task().priority;
+  Task* holder = mutex.holder.task;
+  if (mutex.is_mutex && holder && holder->priority < running_task().priority) holder->priority = running_task().priority;
 }
 }  // namespace
 
@@ -195,48 +198,63 @@ SemaphoreHandle_t xSemaphoreCreateMutex() { return make_semaphore(1, 1, true); }
 SemaphoreHandle_t xSemaphoreCreateRecursiveMutex() { return make_semaphore(1, 1, true); }
 void vSemaphoreDelete(SemaphoreHandle_t semaphore) { delete semaphore; }
 
-BaseType_t xSemaphoreTake(SemaphoreHandle_t semaphore, TickType_t ticks) {
-  pass(cost::TASK_CALL);
-  const bool taken = wait_for(&there(semaphore).receivers, ticks, [&] {
-    if (semaphore->take(nullptr, false)) return true;
-    if (ticks) lend_priority(*semaphore);
+namespace {
+[[gnu::always_inline]] inline BaseType_t take(SemaphoreHandle_t semaphore, TickType_t ticks) {
+  begin_call();
+  const uint32_t at = CALLED_AT;
+  Queue& taken = there(semaphore);
+  const Awaited awaited = {taken.is_mutex ? WaitsFor::Mutex : WaitsFor::Semaphore, &taken.receivers, at,
+                           taken.is_mutex ? &taken.holder : nullptr};
+  const bool is_taken = wait_for(awaited, ticks, [&] {
+    if (taken.take(nullptr, false)) return true;
+    if (ticks) lend_priority(taken);
     return false;
   });
-  if (taken && semaphore->is_mutex) {
-    semaphore->holder = &running_task();
+  if (is_taken && taken.is_mutex) {
+    taken.holder = {&running_task(), at};
     ++running_task().mutexes;
   }
-  return taken;
+  return is_taken;
 }
 
-BaseType_t xSemaphoreGive(SemaphoreHandle_t semaphore) {
-  pass(cost::TASK_CALL);
-  if (there(semaphore).is_mutex && semaphore->holder && semaphore->holder != &running_task()) return pdFALSE;
+// A mutex that another task holds: FreeRTOS asserts that nobody else gives it back.
+[[gnu::always_inline]] inline void expect_own(const Queue& semaphore, bool by_interrupt) {
+  const Task* holder = semaphore.is_mutex ? semaphore.holder.task : nullptr;
+  if (holder && (by_interrupt || holder != &running_task())) report_foreign(CALLED_AT - 1, *holder);
+}
+
+[[gnu::always_inline]] inline BaseType_t give(SemaphoreHandle_t semaphore) {
+  begin_call();
+  expect_own(there(semaphore), false);
   if (!semaphore->put(nullptr, false)) return pdFALSE;
-  const bool returns_priority = semaphore->is_mutex && semaphore->holder;
-  semaphore->holder = nullptr;
+  const bool returns_priority = semaphore->is_mutex && semaphore->holder.task;
+  semaphore->holder = Holder();
   pass_on(&semaphore->receivers);
   if (!returns_priority) return pdTRUE;
   Task& task = running_task();
   if (task.mutexes && --task.mutexes == 0 && task.priority != task.own_priority) set_priority(task, task.own_priority);
   return pdTRUE;
 }
+}  // namespace
+
+BaseType_t xSemaphoreTake(SemaphoreHandle_t semaphore, TickType_t ticks) { return take(semaphore, ticks); }
+BaseType_t xSemaphoreGive(SemaphoreHandle_t semaphore) { return give(semaphore); }
 
 BaseType_t xSemaphoreTakeRecursive(SemaphoreHandle_t semaphore, TickType_t ticks) {
-  if (there(semaphore).holder == &running_task()) {
-    pass(cost::TASK_CALL);
+  if (there(semaphore).holder.task == &running_task()) {
+    begin_call();
     ++semaphore->depth;
     return pdTRUE;
   }
-  const BaseType_t taken = xSemaphoreTake(semaphore, ticks);
+  const BaseType_t taken = take(semaphore, ticks);
   if (taken) semaphore->depth = 1;
   return taken;
 }
 
 BaseType_t xSemaphoreGiveRecursive(SemaphoreHandle_t semaphore) {
-  if (there(semaphore).holder != &running_task()) return pdFALSE;
-  if (--semaphore->depth == 0) return xSemaphoreGive(semaphore);
-  pass(cost::TASK_CALL);
+  if (there(semaphore).holder.task != &running_task()) return pdFALSE;
+  if (--semaphore->depth == 0) return give(semaphore);
+  begin_call();
   return pdTRUE;
 }
 
@@ -244,10 +262,11 @@ BaseType_t xSemaphoreTakeFromISR(SemaphoreHandle_t semaphore, BaseType_t* is_wok
   return xQueueReceiveFromISR(semaphore, nullptr, is_woken);
 }
 BaseType_t xSemaphoreGiveFromISR(SemaphoreHandle_t semaphore, BaseType_t* is_woken) {
+  expect_own(there(semaphore), true);
   return send_from_isr(semaphore, nullptr, is_woken, false);
 }
 UBaseType_t uxSemaphoreGetCount(SemaphoreHandle_t semaphore) { return uxQueueMessagesWaiting(semaphore); }
-TaskHandle_t xSemaphoreGetMutexHolder(SemaphoreHandle_t semaphore) { return semaphore ? semaphore->holder : nullptr; }
+TaskHandle_t xSemaphoreGetMutexHolder(SemaphoreHandle_t semaphore) { return semaphore ? semaphore->holder.task : nullptr; }
 
 // -- groups of events --------------------------------------------------------------------------------
 
@@ -258,12 +277,12 @@ EventGroupHandle_t xEventGroupCreate() {
 void vEventGroupDelete(EventGroupHandle_t group) { delete group; }
 
 EventBits_t xEventGroupSetBits(EventGroupHandle_t group, EventBits_t bits) {
-  pass(cost::TASK_CALL);
+  begin_call();
   if (there(group).set(bits)) ask_for_switch();
   return group->bits;
 }
 EventBits_t xEventGroupClearBits(EventGroupHandle_t group, EventBits_t bits) {
-  pass(cost::TASK_CALL);
+  begin_call();
   const EventBits_t before = there(group).bits;
   group->bits &= static_cast<EventBits_t>(~bits);
   return before;
@@ -272,25 +291,32 @@ EventBits_t xEventGroupGetBits(EventGroupHandle_t group) {
   pass(cost::MILLIS);
   return there(group).bits;
 }
-EventBits_t xEventGroupWaitBits(EventGroupHandle_t group, EventBits_t bits, BaseType_t clear, BaseType_t all,
-                                TickType_t ticks) {
-  pass(cost::TASK_CALL);
-  EventGroup::Waiter waiter = {&running_task(), bits, all != 0, clear != 0, false, there(group).bits};
+namespace {
+[[gnu::always_inline]] inline EventBits_t wait_for_bits(EventGroupHandle_t group, EventBits_t bits, bool clear, bool all,
+                                                        TickType_t ticks) {
+  begin_call();
+  EventGroup::Waiter waiter = {&running_task(), bits, all, clear, false, there(group).bits};
   if (waiter.fits(group->bits)) {
     if (clear) group->bits &= static_cast<EventBits_t>(~bits);
     return waiter.found;
   }
   group->waiters.push_back(&waiter);
-  wait_for(group, ticks, [&] { return waiter.has_come; });
+  wait_for({WaitsFor::Bits, group, CALLED_AT}, ticks, [&] { return waiter.has_come; });
   group->waiters.erase(std::find(group->waiters.begin(), group->waiters.end(), &waiter));
   return waiter.has_come ? waiter.found : group->bits;
 }
+}  // namespace
+
+EventBits_t xEventGroupWaitBits(EventGroupHandle_t group, EventBits_t bits, BaseType_t clear, BaseType_t all,
+                                TickType_t ticks) {
+  return wait_for_bits(group, bits, clear != 0, all != 0, ticks);
+}
 EventBits_t xEventGroupSync(EventGroupHandle_t group, EventBits_t set, EventBits_t bits, TickType_t ticks) {
   // The last one that comes is as free to go on as the others: its own bits count before they are cleared.
-  pass(cost::TASK_CALL);
+  begin_call();
   const EventBits_t found = static_cast<EventBits_t>(there(group).bits | set);
   if (group->set(set)) ask_for_switch();
-  if ((found & bits) != bits) return xEventGroupWaitBits(group, bits, pdTRUE, pdTRUE, ticks);
+  if ((found & bits) != bits) return wait_for_bits(group, bits, true, true, ticks);
   group->bits &= static_cast<EventBits_t>(~bits);
   return found;
 }

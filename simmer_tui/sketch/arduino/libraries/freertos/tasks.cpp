@@ -55,12 +55,13 @@ void vTaskStartScheduler() {
 }
 
 void vTaskDelete(TaskHandle_t task) {
-  pass(cost::TASK_CALL);
+  begin_call();
   delete_task(meant(task));
 }
 
 namespace {
 void delay_task(uint64_t ticks, uint32_t at) {
+  note_in_interrupt(InterruptCall::Task, at);
   pass(cost::TASK_CALL);
   if (ticks == 0) {
     yield_task();
@@ -69,12 +70,19 @@ void delay_task(uint64_t ticks, uint32_t at) {
   const WaitScope scope(Waits::InTask, at);
   const uint64_t end = tick_count() + ticks;
   do
-    block(nullptr, end);
+    block({WaitsFor::Time, nullptr, at}, end);
   while (is_idle() && tick_count() < end);
+}
+
+// A wait of no tick, which few mean: a tick of an AVR is long.
+void look_at_ticks(TickType_t ticks, uint32_t at) {
+  if (CORES == 1 && ticks == 0) note_mistake(Mistake::NoWait, at);
 }
 
 // Returns true if the moment was not over.
 bool delay_until(TickType_t* previous, TickType_t ticks, uint32_t at) {
+  look_at_ticks(ticks, at);
+  if (CORES > 1 && ticks == 0) report_no_ticks(at - 1);
   const TickType_t gone = static_cast<TickType_t>(tick_count()) - *previous;
   *previous = static_cast<TickType_t>(*previous + ticks);
   if (gone >= ticks) {
@@ -86,12 +94,15 @@ bool delay_until(TickType_t* previous, TickType_t ticks, uint32_t at) {
 }
 }  // namespace
 
-void vTaskDelay(TickType_t ticks) { delay_task(ticks, CALLED_AT); }
+void vTaskDelay(TickType_t ticks) {
+  look_at_ticks(ticks, CALLED_AT);
+  delay_task(ticks, CALLED_AT);
+}
 BaseType_t xTaskDelayUntil(TickType_t* previous, TickType_t ticks) { return delay_until(previous, ticks, CALLED_AT); }
 void vTaskDelayUntil(TickType_t* previous, TickType_t ticks) { delay_until(previous, ticks, CALLED_AT); }
 
 BaseType_t xTaskAbortDelay(TaskHandle_t task) {
-  pass(cost::TASK_CALL);
+  begin_call();
   if (!task || task->state != TaskState::Blocked) return pdFAIL;
   make_ready(*task);
   ask_for_switch();
@@ -99,12 +110,12 @@ BaseType_t xTaskAbortDelay(TaskHandle_t task) {
 }
 
 void vTaskSuspend(TaskHandle_t task) {
-  pass(cost::TASK_CALL);
+  begin_call();
   suspend_task(meant(task));
 }
 
 void vTaskResume(TaskHandle_t task) {
-  pass(cost::TASK_CALL);
+  begin_call();
   if (!task || task->state != TaskState::Suspended) return;
   make_ready(*task);
   if (task->priority >= running_task().priority || is_urgent(*task)) ask_for_switch();
@@ -130,7 +141,7 @@ TickType_t xTaskGetTickCount() {
 TickType_t xTaskGetTickCountFromISR() { return xTaskGetTickCount(); }
 
 void vTaskPrioritySet(TaskHandle_t task, unsigned int priority) {
-  pass(cost::TASK_CALL);
+  begin_call();
   Task& each = meant(task);
   const bool inherits = each.priority > each.own_priority;
   each.own_priority = priority < PRIORITIES ? priority : PRIORITIES - 1;
@@ -193,12 +204,19 @@ BaseType_t notify(TaskHandle_t task, uint32_t value, eNotifyAction action) {
 }
 }  // namespace
 
-BaseType_t xTaskNotify(TaskHandle_t task, uint32_t value, eNotifyAction action) {
+namespace {
+[[gnu::always_inline]] inline BaseType_t notify_by_task(TaskHandle_t task, uint32_t value, eNotifyAction action) {
+  note_in_interrupt(InterruptCall::Task, CALLED_AT);
   const BaseType_t done = notify(task, value, action);
   if (done) pass_on(key_of(*task));
   return done;
 }
-BaseType_t xTaskNotifyGive(TaskHandle_t task) { return xTaskNotify(task, 0, eIncrement); }
+}  // namespace
+
+BaseType_t xTaskNotify(TaskHandle_t task, uint32_t value, eNotifyAction action) {
+  return notify_by_task(task, value, action);
+}
+BaseType_t xTaskNotifyGive(TaskHandle_t task) { return notify_by_task(task, 0, eIncrement); }
 
 BaseType_t xTaskNotifyFromISR(TaskHandle_t task, uint32_t value, eNotifyAction action, BaseType_t* is_woken) {
   const BaseType_t done = notify(task, value, action);
@@ -210,9 +228,9 @@ void vTaskNotifyGiveFromISR(TaskHandle_t task, BaseType_t* is_woken) {
 }
 
 uint32_t ulTaskNotifyTake(BaseType_t clear, TickType_t ticks) {
-  pass(cost::TASK_CALL);
+  begin_call();
   Task& task = running_task();
-  wait_for(key_of(task), ticks, [&] { return task.notification != 0; });
+  wait_for({WaitsFor::Notification, key_of(task), CALLED_AT}, ticks, [&] { return task.notification != 0; });
   const uint32_t value = task.notification;
   if (value) task.notification = clear ? 0 : value - 1;
   task.is_notified = false;
@@ -220,10 +238,10 @@ uint32_t ulTaskNotifyTake(BaseType_t clear, TickType_t ticks) {
 }
 
 BaseType_t xTaskNotifyWait(uint32_t clear_before, uint32_t clear_after, uint32_t* value, TickType_t ticks) {
-  pass(cost::TASK_CALL);
+  begin_call();
   Task& task = running_task();
   if (!task.is_notified) task.notification &= ~clear_before;
-  const bool came = wait_for(key_of(task), ticks, [&] { return task.is_notified; });
+  const bool came = wait_for({WaitsFor::Notification, key_of(task), CALLED_AT}, ticks, [&] { return task.is_notified; });
   if (value) *value = task.notification;
   if (came) task.notification &= ~clear_after;
   task.is_notified = false;

@@ -37,7 +37,7 @@ void run_timers(void*) {
   for (;;) {
     Timer* first = first_due();
     if (!first || first->due > tick_count()) {
-      block(&commands, first ? first->due : NEVER);
+      block({WaitsFor::Time, &commands}, first ? first->due : NEVER);
       continue;
     }
     first->due = first->repeats ? first->due + first->period : NEVER;
@@ -54,6 +54,7 @@ void run_timers(void*) {
   return pdPASS;
 }
 [[gnu::always_inline]] inline BaseType_t command(TimerHandle_t timer, uint64_t due) {
+  note_in_interrupt(InterruptCall::Task, CALLED_AT);
   const BaseType_t done = set_due(timer, due);
   pass_on(&commands);
   return done;
@@ -64,8 +65,15 @@ void run_timers(void*) {
   return done;
 }
 [[gnu::always_inline]] inline uint64_t next_due(TimerHandle_t timer) { return tick_count() + there(timer).period; }
+// FreeRTOS asserts that a period has a tick. The library of an AVR goes on, without the timer.
+[[gnu::always_inline]] inline bool has_period(TickType_t period) {
+  if (period) return true;
+  if (CORES > 1) report_no_ticks(CALLED_AT - 1);
+  note_mistake(Mistake::NoPeriod, CALLED_AT);
+  return false;
+}
 [[gnu::always_inline]] inline bool change(TimerHandle_t timer, TickType_t period) {
-  if (!period) return false;
+  if (!has_period(period)) return false;
   there(timer).period = period;
   return true;
 }
@@ -74,7 +82,7 @@ void run_timers(void*) {
 TimerHandle_t xTimerCreate(const char* name, TickType_t period, BaseType_t repeats, void* id,
                            TimerCallbackFunction_t function) {
   pass(cost::TASK_CREATE);
-  if (!period) return nullptr;
+  if (!has_period(period)) return nullptr;
   if (timers.empty()) create_task(run_timers, "Tmr Svc", nullptr, configTIMER_TASK_PRIORITY);
   timers.push_back({name, period, repeats != 0, id, function});
   return &timers.back();

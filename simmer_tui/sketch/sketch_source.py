@@ -1,0 +1,421 @@
+"""A sketch read as text: its calls, constants, arrays, functions, classes and loops. It is no compiler: what
+it does not know it leaves out."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import KeysView, Mapping, Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Self
+
+from msgspec import Struct
+
+from simmer_tui.config.set_sketches import source_paths
+from simmer_tui.sketch.boards import BoardKind
+from simmer_tui.sketch.cpp_tokens import SourceDirective, Token, TokenKind, tokens_of
+
+_KEYWORDS = frozenset(
+    (
+        "if",
+        "for",
+        "while",
+        "switch",
+        "return",
+        "catch",
+        "sizeof",
+        "else",
+        "do",
+        "case",
+        "new",
+        "delete",
+        "throw",
+    )
+)
+"""Names before `(` that are no calls, or before a name that are no types."""
+_CHANGED = ("++", "--", "+=", "-=", "*=", "/=")
+_OPEN, _CLOSE = "([{", ")]}"
+# More than the pins of a Mega.
+MOST_VALUES = 100
+"""Values of a name, or rows of an array, that are looked at."""
+# Bounds for files that are no sketches: judged, ten times a long sketch.
+MOST_CALLS = 20_000
+LONGEST_CALL = 500
+"""Most tokens of a call's arguments."""
+_MOST_LOOPS = 4
+"""Loops in each other that are looked at."""
+
+Row = tuple[tuple[Token, ...], ...]
+"""A row of an array: expressions. An array with one index has rows of one."""
+
+
+class SketchLoop(Struct, frozen=True):
+    """A loop that counts by one, `for (int i = first; i < limit; i++)`, or that takes each element of an
+    array."""
+
+    name: str
+    first: tuple[Token, ...]
+    limit: tuple[Token, ...]
+    is_inclusive: bool
+    array: str = ""
+
+
+class SketchCall(Struct, frozen=True):
+    """A call, or the definition of an object with arguments: `type` is the object's class then.
+
+    `object` is what stands before the dot. `function` is the function that it is in, empty outside, and
+    `loops` are those that it is in, from the outside.
+    """
+
+    name: str
+    object: str
+    type: str
+    arguments: tuple[tuple[Token, ...], ...]
+    function: str
+    token: Token
+    order: int
+    """The number of its token in the sketch."""
+    loops: tuple[SketchLoop, ...] = ()
+
+
+class DeclaredObject(Struct, frozen=True):
+    """An object of a class that is declared without arguments, or an array of them: `count` has its size."""
+
+    type: str
+    name: str
+    count: tuple[Token, ...]
+    spot: str
+
+
+class SketchSource:
+    """The text of one sketch.
+
+    Args:
+        sources: The texts of its files by name, the sketch's own first.
+        kind: The board that it is for.
+    """
+
+    def __init__(self, sources: Mapping[str, str], kind: BoardKind) -> None:
+        self.file = next(iter(sources), "")
+        self.files = frozenset(sources)
+        self.kind = kind
+        self.includes: list[tuple[str, str]] = []
+        """Names of the headers that it includes, with their places."""
+        self.expressions: dict[str, list[tuple[tuple[Token, ...], str]]] = defaultdict(list)
+        """The expressions that a name is set to, each with the function that it is in."""
+        self.arrays: dict[str, tuple[Row, ...]] = {}
+        self.changed: set[str] = set()
+        """Names that `++` and its kind change."""
+        self.parameters: dict[str, list[str]] = {}
+        self.class_methods: dict[str, list[str]] = defaultdict(list)
+        """The methods of a class with a body."""
+        self.members: dict[str, int] = {}
+        """Places of the members of structs among their values."""
+        self.declared: list[DeclaredObject] = []
+        self._defined: tuple[int, Token] | None = None
+        """The end of the last definition of an object, and its class."""
+        self._loops: list[tuple[int, SketchLoop]] = []
+        """The loops around the token that is read, with their ends."""
+        self.calls: list[SketchCall] = []
+        """Calls and definitions of objects, in the order of the text."""
+        tokens: list[Token] = []
+        for name, text in sources.items():
+            found, directives = tokens_of(text, name)
+            tokens += found
+            self._read_directives(directives, name)
+        self._read(tokens)
+
+    @classmethod
+    def read(cls, sketch: Path, kind: BoardKind) -> Self:
+        """The facts of a sketch by its .ino file or its folder. Raises OSError, or ValueError for a source
+        that is too long."""
+        paths = source_paths(sketch)
+        return cls({path.name: path.read_text("utf-8", "replace") for path in paths}, kind)
+
+    @property
+    def functions(self) -> KeysView[str]:
+        """The names of its own functions."""
+        return self.parameters.keys()
+
+    # -- reading ------------------------------------------------------------------------------------
+
+    def _read_directives(self, directives: Sequence[SourceDirective], file: str) -> None:
+        for each in directives:
+            rest = each.rest
+            if each.name == "include" and rest:
+                name = "".join(token.text for token in rest).strip('<>"')
+                self.includes.append((name, f"{file}:{each.line}"))
+            elif each.name == "define" and len(rest) > 1 and rest[1].text != "(":
+                self.expressions[rest[0].text].append((rest[1:], ""))
+            elif each.name == "define" and len(rest) > 3 and rest[-1].text == ")":
+                # `#define PIN (9)` has a blank before the bracket, which a macro with arguments has not.
+                self.expressions[rest[0].text].append((rest[1:], ""))
+
+    def _read(self, tokens: Sequence[Token]) -> None:
+        partners = partners_of(tokens)
+        self._find_functions(tokens, partners)
+        function, end = "", -1
+        for at, token in enumerate(tokens):
+            if at > end:
+                function = ""
+            if at in self._bodies:
+                function, end = self._bodies[at], partners.get(at, len(tokens))
+            after = tokens[at + 1].text if at + 1 < len(tokens) else ""
+            before = tokens[at - 1].text if at else ""
+            if not token.is_name:
+                continue
+            while self._loops and at > self._loops[-1][0]:
+                self._loops.pop()
+            if token.text == "for" and after == "(":
+                self._read_loop(tokens, at, partners)
+            if at + 1 < len(tokens) and tokens[at + 1].is_name and token.text not in _KEYWORDS:
+                self._read_declaration(tokens, at, partners)
+            if after in _CHANGED or before in ("++", "--"):
+                self.changed.add(token.text)
+            elif after == "=" and (before not in (".", "->") or (at > 1 and tokens[at - 2].text == "this")):
+                self._read_value(tokens, at, partners, function)
+            elif after == "[":
+                self._read_array(tokens, at, partners)
+            elif after in ("(", "{") and token.text not in _KEYWORDS:
+                self._read_call(tokens, at, partners, function)
+
+    def _read_loop(self, tokens: Sequence[Token], at: int, partners: Mapping[int, int]) -> None:
+        """Take a loop that counts by one, or over an array, until its end."""
+        close = partners.get(at + 1)
+        if close is None or close - at > LONGEST_CALL or len(self._loops) == _MOST_LOOPS:
+            return
+        # It ends with its block, with its only statement, or with the block around it.
+        end = close + 1
+        while end < len(tokens) and tokens[end].text != ";":
+            partner = partners.get(end, end)
+            if partner < end or tokens[end].text == "{":
+                end = max(end, partner)
+                break
+            end = partner + 1
+        loop = _loop_of(tokens[at + 2 : close])
+        if loop is not None:
+            self._loops.append((end, loop))
+
+    def _read_declaration(self, tokens: Sequence[Token], at: int, partners: Mapping[int, int]) -> None:
+        """Take `Class one, two[3];`, and `Class one = Class();`."""
+        place = at + 1
+        while place + 1 < len(tokens) and len(self.declared) < MOST_CALLS:
+            name, mark, end = tokens[place], tokens[place + 1].text, place + 1
+            count: tuple[Token, ...] = ()
+            if not name.is_name:
+                return
+            if mark == "[":
+                end = partners.get(end, end)
+                count = tuple(tokens[place + 2 : end])
+                end += 1
+                mark = tokens[end].text if end < len(tokens) else ""
+            if mark not in (",", ";", "="):
+                return
+            self.declared.append(DeclaredObject(tokens[at].text, name.text, count, name.spot))
+            if mark != ",":
+                return
+            place = end + 1
+
+    def _find_functions(self, tokens: Sequence[Token], partners: Mapping[int, int]) -> None:
+        """Find the bodies of functions, by the index of their brace, and the names of their parameters."""
+        self._bodies: dict[int, str] = {}
+        self._find_classes(tokens, partners)
+        for at, token in enumerate(tokens):
+            if token.text != "{" or at < 3 or tokens[at - 1].text != ")":
+                continue
+            end, members = at - 1, []
+            start = partners.get(end, 0)
+            # A constructor's `: en(a), in1(b)` before its body.
+            while start > 2 and tokens[start - 2].text in (",", ":") and tokens[start - 3].text == ")":
+                members.append((tokens[start - 1].text, tuple(tokens[start + 1 : end])))
+                mark, end = tokens[start - 2].text, start - 3
+                start = partners.get(end, 0)
+                if mark == ":":
+                    break
+            name = tokens[start - 1] if start else token
+            if not name.is_name or name.text in _KEYWORDS:
+                continue
+            self._bodies[at] = name.text
+            if start > 2 and tokens[start - 2].text == "::":
+                self.class_methods[tokens[start - 3].text].append(name.text)
+            else:
+                self.class_methods[self._class_at(start)].append(name.text)
+            self.parameters[name.text] = [_parameter(each) for each in split(tokens[start + 1 : end])]
+            for member, value in members[:MOST_VALUES]:
+                self.expressions[member].append((value, name.text))
+
+    def _find_classes(self, tokens: Sequence[Token], partners: Mapping[int, int]) -> None:
+        """Find the bodies of classes, and the places of the members of structs among their values."""
+        self._classes: list[tuple[int, int, str]] = []
+        for at, token in enumerate(tokens[:-2]):
+            if token.text not in ("class", "struct") or not tokens[at + 1].is_name:
+                continue
+            begin = at + 2
+            while begin < len(tokens) and tokens[begin].text not in ("{", ";", "(", "="):
+                begin += 1
+            end = partners.get(begin)
+            if begin == len(tokens) or tokens[begin].text != "{" or end is None:
+                continue
+            self._classes.append((begin, end, tokens[at + 1].text))
+            body = tokens[begin + 1 : end]
+            if not any(each.text in "({" for each in body):
+                # Each member stands before a comma or the end of its declaration.
+                members = [one.text for one, other in pairwise(body) if other.text in (",", ";", "[")]
+                self.members |= {name: place for place, name in enumerate(members[:MOST_VALUES])}
+
+    def _class_at(self, place: int) -> str:
+        """The class in whose body a token is; empty outside."""
+        return next((name for begin, end, name in self._classes if begin < place < end), "")
+
+    def _read_value(
+        self, tokens: Sequence[Token], at: int, partners: Mapping[int, int], function: str
+    ) -> None:
+        """Take `name = value` up to the next comma or end."""
+        start = end = at + 2
+        while end < len(tokens) and tokens[end].text not in (",", ";", ")", "}", "]"):
+            end = partners.get(end, end) + 1
+        value = tuple(tokens[start : min(end, start + LONGEST_CALL)])
+        known = self.expressions[tokens[at].text]
+        if value and value[0].text != "{" and len(known) < MOST_VALUES:
+            known.append((value, function))
+
+    def _read_array(self, tokens: Sequence[Token], at: int, partners: Mapping[int, int]) -> None:
+        """Take the elements of `name[...] = {...}`, of inner braces as well."""
+        end = at + 1
+        while end < len(tokens) and tokens[end].text == "[" and end in partners:
+            end = partners[end] + 1
+        if end + 1 < len(tokens) and tokens[end].text == "=" and tokens[end + 1].text == "{":
+            inner = tokens[end + 2 : partners.get(end + 1, end + 2)]
+            rows = []
+            for item in split(inner)[:MOST_VALUES]:
+                if not item:
+                    continue  # after a last comma
+                is_row = item[0].text == "{"
+                rows.append(tuple(split(item[1:-1])[:MOST_VALUES]) if is_row else (item,))
+            self.arrays[tokens[at].text] = tuple(rows)
+
+    def _read_call(
+        self, tokens: Sequence[Token], at: int, partners: Mapping[int, int], function: str
+    ) -> None:
+        close = partners.get(at + 1)
+        if close is None or not at or close - at > LONGEST_CALL or len(self.calls) == MOST_CALLS:
+            return
+        before = tokens[at - 1]
+        is_definition = before.is_name and before.text not in _KEYWORDS
+        if before.text == "," and self._defined is not None and self._defined[0] == at - 2:
+            before, is_definition = self._defined[1], True  # `Motor left(9), right(10);`
+        if close + 1 in self._bodies and tokens[close + 1].text == "{":
+            return  # the head of a function
+        if tokens[at + 1].text == "{" and not is_definition:
+            return
+        arguments = tuple(split(tokens[at + 2 : close]))
+        if is_definition and any(_is_parameter(each) for each in arguments):
+            return  # the prototype of a function
+        has_members = close + 1 < len(tokens) and tokens[close + 1].text == ":"
+        if has_members and arguments and all(_is_parameter(each) for each in arguments):
+            return  # the head of a constructor with values of members
+        call = SketchCall(
+            name=tokens[at].text,
+            object=_object_before(tokens, at, partners),
+            type=before.text if is_definition else "",
+            arguments=arguments,
+            function=function,
+            token=tokens[at],
+            order=len(self.calls),
+            loops=tuple(loop for _, loop in self._loops),
+        )
+        self.calls.append(call)
+        if is_definition:
+            self._defined = (close, before)
+
+
+def _loop_of(head: Sequence[Token]) -> SketchLoop | None:
+    """The loop of a head without its brackets; None for one of another form."""
+    marks = [token.text for token in head]
+    if marks.count(";") != 2:
+        # for (int pin : pins)
+        is_range = len(marks) > 3 and marks[-2] == ":" and head[-1].is_name and head[-3].is_name
+        return SketchLoop(marks[-3], (), (), False, marks[-1]) if is_range else None
+    begin, end = marks.index(";"), len(marks) - 1 - marks[::-1].index(";")
+    start, middle, step = head[:begin], head[begin + 1 : end], marks[end + 1 :]
+    at = next((place for place, token in enumerate(start) if token.text == "="), 0)
+    if not at or len(middle) < 3 or middle[1].text not in ("<", "<="):
+        return None
+    name = start[at - 1].text
+    if middle[0].text != name or sorted(step) != sorted(("++", name)):
+        return None
+    return SketchLoop(name, tuple(start[at + 1 :]), tuple(middle[2:]), middle[1].text == "<=")
+
+
+def without_casts(tokens: Sequence[Token]) -> Sequence[Token]:
+    """An expression without brackets around it, and without `(int)` before it."""
+    while len(tokens) >= 3 and tokens[0].text == "(":
+        if tokens[-1].text == ")" and partners_of(tokens).get(0) == len(tokens) - 1:
+            tokens = tokens[1:-1]
+        elif tokens[1].is_name and tokens[2].text == ")":
+            tokens = tokens[3:]
+        else:
+            break
+    return tokens
+
+
+def partners_of(tokens: Sequence[Token]) -> dict[int, int]:
+    """The index of the other bracket, by the index of each. One without a partner is missing."""
+    opened: list[int] = []
+    found: dict[int, int] = {}
+    for at, token in enumerate(tokens):
+        if token.kind is not TokenKind.MARK:
+            continue
+        if token.text in _OPEN:
+            opened.append(at)
+        elif token.text in _CLOSE:
+            wanted = _OPEN[_CLOSE.index(token.text)]
+            # A bracket that an #if leaves open is passed over.
+            while opened and tokens[opened[-1]].text != wanted:
+                opened.pop()
+            if opened:
+                start = opened.pop()
+                found[start], found[at] = at, start
+    return found
+
+
+def split(tokens: Sequence[Token]) -> list[tuple[Token, ...]]:
+    """The parts of a list at its commas; commas in inner brackets do not count."""
+    parts: list[tuple[Token, ...]] = []
+    current: list[Token] = []
+    depth = 0
+    for token in tokens:
+        if token.kind is TokenKind.MARK:
+            depth += (token.text in _OPEN) - (token.text in _CLOSE)
+            if token.text == "," and depth == 0:
+                parts.append(tuple(current))
+                current = []
+                continue
+        current.append(token)
+    return [*parts, tuple(current)] if current or parts else []
+
+
+def _parameter(tokens: Sequence[Token]) -> str:
+    """The name of a parameter: the last one before its default and its brackets."""
+    name = ""
+    for token in tokens:
+        if token.text in ("=", "["):
+            break
+        if token.is_name:
+            name = token.text
+    return name
+
+
+def _is_parameter(tokens: Sequence[Token]) -> bool:
+    """True for `int x`: two names side by side, which no argument has."""
+    return any(one.is_name and other.is_name for one, other in pairwise(tokens))
+
+
+def _object_before(tokens: Sequence[Token], at: int, partners: Mapping[int, int]) -> str:
+    """The name before the dot of a method: `sonar` of `sonar[1].ping(`."""
+    if at < 2 or tokens[at - 1].text not in (".", "->"):
+        return ""
+    place = at - 2
+    if tokens[place].text == "]":
+        place = partners.get(place, 0) - 1
+    return tokens[place].text if place >= 0 and tokens[place].is_name else ""
