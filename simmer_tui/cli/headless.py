@@ -13,6 +13,7 @@ from simmer_tui.cli.command_line import say
 from simmer_tui.cli.run_life import FrontEnd
 from simmer_tui.live.server import Server
 from simmer_tui.run.events import (
+    BOARDS_ENDED,
     Event,
     EventHandler,
     LegEnded,
@@ -181,6 +182,12 @@ class Headless(LinePrinter, FrontEnd):
 
     def program_ended(self, code: int, *, stopped: bool) -> None:
         self.finish(code)
+
+    def ended(self) -> None:
+        """Tell why boards have ended the run, if no line about events has."""
+        boards = self._server.boards
+        if self._quiet and boards is not None and boards.failed:
+            say(f"{BOARDS_ENDED}{boards.failed}")
 
     def judged(self, verdict: Verdict) -> None:
         """Print the end of the run: the evidence, and the verdict's sentence as the last line."""

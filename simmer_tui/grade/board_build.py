@@ -26,9 +26,10 @@ from simmer_tui.grade.limits import Limits
 from simmer_tui.grade.sandbox import SANDBOXED_FILES
 from simmer_tui.sim.command import cut
 from simmer_tui.sketch.boards import BoardKind
-from simmer_tui.sketch.build import BOARD_PROGRAM, MOST_ERRORS, BuiltSketch, runtime_object
+from simmer_tui.sketch.build import BOARD_PROGRAM, BuiltSketch, runtime_object
 from simmer_tui.sketch.build_order import BuildAnswer, BuildOrder
 from simmer_tui.sketch.compiler import Compiler, find_compiler
+from simmer_tui.sketch.compiler_messages import MOST_ERRORS
 from simmer_tui.whole_file import write_whole
 
 # A sketch of 3,800 lines took g++ 3.3 s and 155 MB, and 24 s of real time on a busy machine.

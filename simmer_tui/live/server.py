@@ -195,7 +195,7 @@ class Server:
     def _take_ports(self, server: ServerSettings) -> None:
         """Take all ports. Raises PortError."""
         taken = self._listeners
-        if self.sketches is not None and self.sketches.wiring.laptop is not None:
+        if self.sketches is not None:
             taken[SERIAL.purpose] = self._take_port(server.host, port_request(server, SERIAL))
         for dialect, requests in port_requests(server):
             try:
@@ -238,7 +238,7 @@ class Server:
             self.warnings.append(NOT_ON_WINDOWS)
         elif self.configuration.settings.motion.is_by_program:
             self.warnings.append(f"--pty: {NOT_SERVED}; use --clock real")
-        elif SERIAL.purpose not in self._listeners:
+        elif SERIAL.purpose not in self._listeners or self._is_unwired:
             # `wiring.toml` allows the setting: whether its boards run is known here only.
             why = "no boards run; --sketch DIR runs those of wiring.toml"
             if self.sketches is not None:
@@ -251,6 +251,11 @@ class Server:
                 self._close_listeners()
                 raise
         return None
+
+    @property
+    def _is_unwired(self) -> bool:
+        """True if boards run, and none has a line to the program."""
+        return self.sketches is not None and self.sketches.wiring.laptop is None
 
     @property
     def ports(self) -> dict[str, int]:
@@ -711,10 +716,13 @@ class Server:
         )
         self._links += open_links(context)
         if self.boards is not None and SERIAL.purpose in self._listeners:
-            from simmer_tui.sketch.board_link import BoardLink
+            from simmer_tui.sketch.board_link import BoardLink, UnwiredLink
 
-            self.board_link = BoardLink(context, self.boards)
-            self._links.append(self.board_link)
+            if self._is_unwired:
+                self._links.append(UnwiredLink(context, tuple(self.boards.boards)))
+            else:
+                self.board_link = BoardLink(context, self.boards)
+                self._links.append(self.board_link)
         if self.clock is not None:
             from simmer_tui.links.clock_link import ClockLink
 

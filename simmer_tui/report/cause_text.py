@@ -16,6 +16,7 @@ from simmer_tui.run.phrases import (
     grip_ending,
     obstacle_place,
     place_text,
+    sent_by_text,
     times_text,
 )
 from simmer_tui.run.table import Timed
@@ -123,7 +124,8 @@ def sent_text(run: RunEvidence) -> str:
         return ""
     again = run.repeated
     often = f" {times_text(again[1])} in a row" if again is not None and again[2] else ""
-    return f"{met.met.row.shown} was sent{often}{', and nothing ended it' if met.goes_on else ''}"
+    sent = sent_by_text(met.met.row.ended.command.source, met.met.row.shown)
+    return f"{sent}{often}{', and nothing ended it' if met.goes_on else ''}"
 
 
 def _twice(run: RunEvidence) -> str:

@@ -23,7 +23,7 @@ from simmer_tui.run.facts import (
     facing_sensor,
 )
 from simmer_tui.run.history_rows import BeliefRow
-from simmer_tui.run.phrases import contact_text, side_text
+from simmer_tui.run.phrases import contact_text, is_of_boards, side_text
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.angles import half_turn
 from simmer_tui.sim.arrays import BoolArray
@@ -221,7 +221,11 @@ class ContactEvidence:
     @property
     def never_read(self) -> str:
         """A sensor without a reading in words. Those before a person moved the robot do not count."""
-        return "not read since a person moved the robot" if self._seen.was_moved else "never read"
+        if self._seen.was_moved:
+            return "not read since a person moved the robot"
+        if is_of_boards(self.met.ended.command.source):
+            return "never read: no part of wiring.toml has it, or the sketch does not ask for it"
+        return "never read"
 
     @cached_property
     def not_read(self) -> str:

@@ -17,7 +17,7 @@ from simmer_tui.report.why import looks_there, shown_range
 from simmer_tui.run.events import ActionName, NoticeKind, Result
 from simmer_tui.run.facts import ALIKE
 from simmer_tui.run.history_rows import NoticeRow
-from simmer_tui.run.phrases import board_place, grip_ending, place_text, pose_text, program_end_text
+from simmer_tui.run.phrases import grip_ending, place_text, pose_text, program_end_text, sent_by_text
 from simmer_tui.sim.command import WORD, counted, cut
 
 MOST_MOMENTS = 7
@@ -199,8 +199,7 @@ def _deciding(run: RunEvidence) -> Iterator[Moment]:
     if met is not None and (run.has_contact or seen.task is None):
         row, last = met.met.row, met.facing
         code = row.ended.command.code
-        by = board_place(row.ended.command.source)
-        sent = f"{by} set {row.shown}" if by else f"{row.shown} was sent"
+        sent = sent_by_text(row.ended.command.source, row.shown)
         yield Moment(MomentKind.COMMAND, met.sent, sent, row.line, code)
         text, sight, at = "no sensor looks at the place that was touched", "", met.sent
         if met.looks is not None and looks_there(met.looks):

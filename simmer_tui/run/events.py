@@ -74,6 +74,8 @@ class Notice(Struct, frozen=True):
     moment: float | None = None
 
 
+BOARDS_ENDED = "the boards have ended: "
+"""Beginning of the notice that a board has died or hangs: the run is over."""
 NOT_CONNECTED = "the program was not connected to the robot's serial port"
 """Beginning of the notice that says so."""
 NOT_STARTED = "could not start: "

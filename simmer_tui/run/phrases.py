@@ -38,6 +38,13 @@ def board_place(source: str) -> str:
     return f"board {place}" if place and is_of_boards(source) else ""
 
 
+def sent_by_text(source: str, shown: str) -> str:
+    """The sender's action, for a command as it is shown: a program sends it, a board sets its speeds."""
+    if is_of_boards(source):
+        return f"{board_place(source) or 'a board'} set {shown}"
+    return f"{shown} was sent"
+
+
 # -- numbers and places ----------------------------------------------------------------------------
 
 

@@ -24,6 +24,9 @@ from simmer_tui.sim.wheels import WheelKinematics
 WAIT = "wt"
 """Code of the command that waits, in every set."""
 _BETWEEN = re.compile("[;,]")
+# Enough for all duties that a sketch changes between; others are parsed again.
+_MOST_PARSED = 256
+"""Requests that are known at a time."""
 # An hour: longer than any mission. A longer wait was most likely meant in milliseconds.
 MOST_WAITED = 3600.0
 """Longest wait of one command, seconds."""
@@ -56,10 +59,30 @@ class VelocityControl:
     def __init__(self, drives: Sequence[DriveSpec], wheels: WheelsSpec | None) -> None:
         self._drives: Mapping[DriveKind, DriveSpec] = {each.kind: each for each in drives if each.enabled}
         self._wheels = WheelKinematics.of(wheels) if wheels is not None else None
+        self._parsed: dict[tuple[object, ...], VelocityRequest | str] = {}
+        """Requests of the last commands, by all that they depend on."""
 
     def parse(self, spec: VelocitySpec, argument: str | None, commanded: Twist) -> VelocityRequest | str:
         """The request of a command for a robot whose velocity was `commanded` before, or the reason it is
         refused."""
+        # A sketch that follows a line changes between a few velocities, thousands of times a second.
+        before = astuple(commanded)
+        # A 0 with another sign is another velocity: runs are the same bit for bit.
+        key = (
+            spec.kind,
+            spec.code,
+            argument,
+            before,
+            *(math.copysign(1.0, each) for each in before if not each),
+        )
+        known = self._parsed.get(key)
+        if known is None:
+            if len(self._parsed) >= _MOST_PARSED:
+                self._parsed.clear()
+            known = self._parsed[key] = self._parse(spec, argument, commanded)
+        return known
+
+    def _parse(self, spec: VelocitySpec, argument: str | None, commanded: Twist) -> VelocityRequest | str:
         if spec.kind is VelocityKind.WHEELS and self._wheels is None:
             return f"{spec.code} needs the robot's wheels: [wheels] in settings.toml"
         names = _names(spec.kind, self._wheels)

@@ -5,11 +5,14 @@ A program opens it by the hook in its pyserial, or by a pseudo-terminal. One at 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from simmer_tui.config.settings import BITS_OF_A_BYTE, USUAL_BAUD
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.port_link import PortLink
 from simmer_tui.links.serial_wire import MOST_IN_TRANSIT, LostBytes, SerialEndpoint
 from simmer_tui.run.events import ActionDone, Event
+from simmer_tui.sim.command import WORD, cut
 from simmer_tui.sketch.parts import SECOND
 from simmer_tui.sketch.sketch_robot import SketchRobot
 
@@ -25,6 +28,37 @@ def sampled(value: int, sent_at: int, read_at: int) -> int:
         # Before the first data bit is the start bit, low; after the last one the line is high.
         made |= (1 if place > 8 else (value << 1 >> place) & 1) << bit
     return made
+
+
+class UnwiredLink(PortLink):
+    """The port of a program where no board has a line to it: it cannot be opened, and the reason is told."""
+
+    device = "board"
+
+    def __init__(self, context: LinkContext, boards: Sequence[str]) -> None:
+        super().__init__(context)
+        self._boards = boards
+
+    def _watch(self, event: Event) -> None:
+        """A program may do without the port."""
+
+    def opened(self, endpoint: SerialEndpoint, name: str, baud: float | None) -> None:
+        """Refuse the port."""
+        boards = " or ".join(f'board = "{each}"' for each in self._boards)
+        why = f"wiring.toml has no [laptop], the line of a board to the program. Add it, with {boards}"
+        self.engine.tell_fault(f"a program opened {cut(name, WORD)}, but {why}")
+        endpoint.answer(f"could not open port '{name}': {why}")
+
+    def send(self, data: bytes) -> None:
+        """No board has the line."""
+
+    def _joined(self, baud: float | None) -> None: ...
+
+    def _set_rate(self, baud: float) -> None: ...
+
+    def _flush(self) -> None: ...
+
+    def _left(self, endpoint: SerialEndpoint) -> None: ...
 
 
 class BoardLink(PortLink):

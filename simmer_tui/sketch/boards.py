@@ -49,7 +49,10 @@ class BoardKind(Struct, frozen=True, kw_only=True):
     bluetooth: tuple[int, int] | None = None
     """Numbers that stand for the two directions of its Bluetooth line."""
     lacks: frozenset[str] = frozenset(
-        ("BluetoothSerial.h", "ESP32Servo.h", "soc/soc.h", "soc/rtc_cntl_reg.h")
+        (
+            *("BluetoothSerial.h", "ESP32Servo.h", "FunctionalInterrupt.h", "esp_log.h"),
+            *("soc/soc.h", "soc/rtc_cntl_reg.h"),
+        )
     )
     """Libraries of the simulator that are for other boards."""
     tick: int = 16

@@ -8,7 +8,7 @@ import re
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 
@@ -17,10 +17,24 @@ from msgspec import Struct
 from simmer_tui import platform_has
 from simmer_tui.config.set_sketches import library_paths, main_files, source_paths
 from simmer_tui.errors import ConfigurationError, Problem, reason_of
-from simmer_tui.sketch.boards import BOARDS, BoardKind
+from simmer_tui.sketch.boards import BoardKind
 from simmer_tui.sketch.compiler import NO_COMPILER, Compiler, find_compiler, links_at_fixed_addresses
+from simmer_tui.sketch.compiler_messages import (
+    compiler_errors,
+    compiler_warnings,
+    missing_header,
+    missing_headers,
+)
+from simmer_tui.sketch.known_headers import (
+    C_STANDARD,
+    CPP_STANDARD,
+    NOWHERE,
+    OTHER_NAMES,
+    RUNTIME,
+    library_headers,
+    provided_headers,
+)
 from simmer_tui.sketch.preprocess import (
-    OWN,
     board_source,
     includes,
     joined_source,
@@ -29,81 +43,35 @@ from simmer_tui.sketch.preprocess import (
     sketch_start,
     sketch_text,
 )
+from simmer_tui.sketch.struct_layout import PACKING, with_board_layout
+from simmer_tui.sketch.switch_scopes import with_case_scopes
 
-RUNTIME = Path(__file__).parent / "arduino"
-"""The C++ runtime: Arduino's core and libraries in simulated time."""
 RUNTIME_NAME = "<runtime>"
 """Folder of the runtime in a build's debugging information, which may have been made by another
 installation."""
 BOARD_PROGRAM, _WARNINGS_FILE = "board.exe", "warnings.txt"
 """In the folder of a build: the compiled sketch, and what its compiler told."""
-MOST_ERRORS = 3
-"""Errors of the compiler that are shown: later ones mostly follow from the first."""
 _COMPILED = frozenset((".c", ".cpp", ".cc", ".cxx"))
 _HEADERS = frozenset((".h", ".hpp", ".hh"))
-_NOWHERE = "no-library/"
-"""Folder before the headers that no board has, so that the compiler finds none of this machine."""
-_STANDARD = frozenset(
-    f"{name}.h"
-    for name in (
-        *("assert", "ctype", "errno", "float", "inttypes", "limits", "math", "setjmp", "stdarg", "stdbool"),
-        *("stddef", "stdint", "stdio", "stdlib", "string", "strings", "time", "new"),
-    )
+_REWRITING = (
+    "preprocess",
+    "c_names",
+    "cpp_text",
+    "prototypes",
+    "struct_layout",
+    "switch_scopes",
+    "known_headers",
 )
-"""Headers of the C library that avr-libc has too."""
-CPP_STANDARD = frozenset(
-    (
-        *(
-            "algorithm",
-            "array",
-            "bitset",
-            "cassert",
-            "cctype",
-            "cfloat",
-            "chrono",
-            "cinttypes",
-            "climits",
-            "cmath",
-        ),
-        *("complex", "cstdarg", "cstddef", "cstdint", "cstdio", "cstdlib", "cstring", "deque", "exception"),
-        *(
-            "forward_list",
-            "functional",
-            "initializer_list",
-            "iterator",
-            "limits",
-            "list",
-            "map",
-            "memory",
-            "new",
-        ),
-        *("numeric", "optional", "queue", "random", "set", "sstream", "stack", "stdexcept", "string"),
-        *(
-            "string_view",
-            "tuple",
-            "type_traits",
-            "unordered_map",
-            "unordered_set",
-            "utility",
-            "variant",
-            "vector",
-        ),
-    )
+"""Modules that make the C++ of a sketch."""
+_FLAGS = (
+    "-std=gnu++17",
+    "-fpermissive",
+    "-Wno-narrowing",
+    "-Wreturn-type",
+    "-DARDUINO=10819",
+    "-Ulinux",
+    "-Uunix",
 )
-"""Headers of C++ that an ESP32's compiler has. That of an AVR has none."""
-# The files of Windows and macOS have no case: sketches from there include such names.
-_OTHER_NAMES = {
-    "arduino.h": "Arduino.h",
-    "wprogram.h": "Arduino.h",
-    "math.h": "math.h",
-    "string.h": "string.h",
-    "wire.h": "Wire.h",
-    "lcd.h": "LiquidCrystal_I2C.h",  # of a library with the same class
-    # FreeRTOS for AVR boards has its headers in no folder.
-    **{f"{name}.h": f"freertos/{name}.h" for name in ("task", "queue", "semphr", "timers", "event_groups")},
-    "freertos.h": "Arduino_FreeRTOS.h",
-}
-_FLAGS = ("-std=gnu++17", "-fpermissive", "-Wno-narrowing", "-Wreturn-type", "-DARDUINO=10819")
 _AVR_FLAGS = ("-DARDUINO_ARCH_AVR", "-D__AVR__")
 _ESP32_FLAGS = ("-DARDUINO_ARCH_ESP32", "-DESP32", "-DSIMMER_ESP32")
 _BAUDS = frozenset(
@@ -115,33 +83,6 @@ _BAUDS = frozenset(
 _USUAL_BAUD = 9600
 _BLUETOOTH_BAUD = 115200
 """The rate of BluetoothSerial.h."""
-_NO_REASONS = ("Please ", "See ", "compilation terminated")
-"""Beginnings of lines of gcc that follow the reason."""
-# Names of the data sheets of ATmega328P and ATmega2560.
-_REGISTER = re.compile(
-    r"(?:PORT|DDR|PIN)[A-L][0-7]?|P[A-L][0-7]|(?:TCCR|TCNT|OCR|ICR|TIMSK|TIFR|ADC(?!_)|ADMUX|PCICR|PCMSK|PCIFR|EIMSK|EICR"
-    r"|EIFR|SPCR|SPSR|SPDR|UCSR|UBRR|UDR|TW[BSACD]|GTCCR|ASSR|SMCR|PRR|MCUSR|WDTCSR)\w*"
-    r"|(?:WGM|COM|CS|OCIE|TOIE|TOV|OCF)[0-5]\w*|AD(?:EN|SC|ATE|IF|IE|PS[0-2]|LAR)|PCI(?:E|NT)[0-9]+"
-)
-"""Registers and bits of the boards' chips."""
-_OTHER_BOARD = re.compile(
-    r"ledc\w+|xTaskCreatePinnedToCore|xPortGetCoreID|esp_\w+|analogWrite(?:Resolution|Frequency)|touchRead"
-    r"|dacWrite|hallRead|timer(?:Begin|Attach|Alarm|Write|Read|Start|Stop)\w*|hw_timer_t|ESP|portMUX_TYPE"
-    r"|analogReadResolution|analogSet\w+|ADC_\w+|WRITE_PERI_REG|attachInterruptArg"
-)
-"""Calls of the ESP32 and of 32-bit boards."""
-_OF_TASKS = re.compile(
-    r"(?:[evx]|u[lx]|p[cv])(?:Task|Queue|Semaphore|Timer|EventGroup|StreamBuffer|MessageBuffer)\w+"
-    r"|(?:task|port|config|pd|err)[A-Z]\w+|(?:Task|Queue|Semaphore|Timer|EventGroup)Handle_t"
-    r"|(?:TickType|BaseType|UBaseType|EventBits)_t"
-)
-"""Names of FreeRTOS."""
-_WARNINGS = {
-    "-Woverflow": "this number does not fit",
-    "-Wconstant-conversion": "this number does not fit",
-    "-Wreturn-type": "this function ends without its return",
-}
-"""Sentences about the warnings of compilers that are passed on, by the warning's option."""
 
 
 class BuiltSketch(Struct, frozen=True):
@@ -164,19 +105,6 @@ class _Source(Struct, frozen=True):
 
     path: Path
     name: str
-
-
-def libraries() -> list[str]:
-    """The libraries that sketches may include, by their headers."""
-    return sorted(each.name for each in (RUNTIME / "libraries").glob("*.h"))
-
-
-def is_provided(header: str, own: Collection[str]) -> bool:
-    """True if a header is the runtime's, the C library's, or one of a sketch's `own` files."""
-    name = header.lower()
-    core = {each.name.lower() for each in (RUNTIME / "core").glob("*.h")}
-    known = core | _provided() | _STANDARD | CPP_STANDARD | set(_OTHER_NAMES) | {each.lower() for each in own}
-    return name in known or name.rpartition("/")[2] in known
 
 
 def build_sketch(sketch: Path, kind: BoardKind, place: str = "") -> BuiltSketch:
@@ -256,7 +184,7 @@ def _sources(sketch: Path, files: Sequence[Path]) -> Iterator[_Source]:
             beside.append(_Source(path, name))
         else:
             libraries_there.setdefault(name.split("/")[1], []).append(_Source(path, name))
-    provided = _provided()
+    provided = provided_headers()
     for name, code in tuple(libraries_there.items()):
         # Arduino takes one library for a header. That of the whole sketchbook needs the real chip.
         if not own.is_dir() and not provided.isdisjoint(_headers_of(code)):
@@ -286,47 +214,16 @@ def _library_of(header: str, there: Mapping[str, Sequence[_Source]]) -> str:
     return min(found, key=lambda each: (each.lower() != stem, each), default="")
 
 
-def _provided() -> set[str]:
-    """The headers of the runtime's libraries, in small letters."""
-    return {each.relative_to(RUNTIME / "libraries").as_posix().lower() for each in _library_headers()}
-
-
 def _known_headers(sources: Sequence[_Source], kind: BoardKind) -> set[str]:
     """The headers that a sketch may include, in small letters."""
     own = {Path(each.name).name.lower() for each in sources}
     core = {each.name.lower() for each in (RUNTIME / "core").glob("*.h")}
-    known = core | _provided() | _STANDARD | set(_OTHER_NAMES)
+    known = core | provided_headers() | C_STANDARD | set(OTHER_NAMES)
     if kind.int_bits == 32:
         known |= CPP_STANDARD
     # The sketches of an ESP32 have FreeRTOS without a header, or by those of its folder.
     lacks = {each.lower() for each in kind.lacks}
-    return (known - ({"wire.h"} - _provided()) - lacks) | own
-
-
-def _missing_header(output: str, files: Sequence[Path], board: BoardKind | None) -> Problem | None:
-    """The problem of the header that a compiler did not find."""
-    for place, kind, text in _messages(output):
-        found = re.match(r"'?([^':]+?)'?(?:: No such file or directory| file not found)", text)
-        if kind == "error" and found:
-            name = found[1].removeprefix(_NOWHERE)
-            if name.lower().startswith("wifi"):
-                return Problem(place, f"{name}: WiFi is not simulated; use Bluetooth or the USB port")
-            lacks = frozenset[str]() if board is None else board.lacks
-            listed = ", ".join(each for each in libraries() if each not in lacks)
-            what = f"there is no library with {name}"
-            if name in CPP_STANDARD:
-                what = f"{name} is a header of C++, which an AVR board has not"
-            if board is not None and name in lacks:
-                what = f"{name} is no library of the {board.title}"
-            return Problem(
-                place,
-                f"{what}; there are {listed}. Put one of your own in {files[0].parent.name}/libraries/NAME",
-            )
-    return None
-
-
-def _library_headers() -> list[Path]:
-    return list((RUNTIME / "libraries").rglob("*.h"))
+    return (known - ({"wire.h"} - provided_headers()) - lacks) | own
 
 
 def _digest_of(paths: Sequence[Path]) -> str:
@@ -345,7 +242,7 @@ def _runtime_digest() -> str:
         [
             *files,
             Path(__file__),
-            *(Path(__file__).with_name(f"{each}.py") for each in ("preprocess", "c_names")),
+            *(Path(__file__).with_name(f"{each}.py") for each in _REWRITING),
         ]
     )
 
@@ -373,13 +270,21 @@ def _compile(
 ) -> None:
     """Compile a sketch in a folder. Raises ConfigurationError."""
     known = _known_headers(sources, kind)
+    missing = list(missing_headers(files, known, kind))
+    if missing:
+        raise ConfigurationError(missing)
     # Arduino's build names it so too. Debuggers take the name of the unit for that of its first file.
     main = f"{files[0].name}.cpp"
     beside = [each.path for each in sources if not _in_library(each)]
     texts = [sketch_text(each) for each in (*files, *beside)]
     names, templates = own_c_names(texts), own_templates(texts)
     joined = joined_source(files, names, templates, kind.int_bits) + sketch_start(texts)
-    (work / main).write_text(_with_names(joined, known, sources), encoding="utf-8")
+    own_files = {Path(each.name).name.lower() for each in sources}
+
+    def laid_out(text: str) -> str:
+        return with_board_layout(with_case_scopes(text), own_files) if kind.int_bits == 16 else text
+
+    (work / main).write_text(laid_out(_with_names(joined, known, sources)), encoding="utf-8")
     for each in sources:
         target = work / each.name
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -390,7 +295,10 @@ def _compile(
             code = board_source(code, int_bits=bits)
         else:
             code = board_source(code, names, templates, bits)
-        text = f'#line 1 "{each.name}"\n{_with_names(code, own, sources)}'
+        text = laid_out(f'#line 1 "{each.name}"\n{_with_names(code, own, sources)}')
+        if target.suffix == ".c":
+            # Arduino compiles it as C: its functions have the names of C, and the sketch needs extern "C".
+            text = f'extern "C" {{\n{text}\n}}\n'
         if target.suffix in _COMPILED:
             text = f'#include "Arduino.h"\n{text}'
         target.write_text(text, encoding="utf-8")
@@ -399,7 +307,7 @@ def _compile(
     objects = []
     for number, unit in enumerate(units):
         made = f"{number}.o"
-        flags = [*_flags(kind), *_instrumented(compiler), *_include_paths(work, sources)]
+        flags = [*_flags(kind), *_instrumented(compiler), *_include_paths(work, sources), *_packed(kind)]
         told += _run(compiler, [*flags, "-x", "c++", "-c", unit, "-o", made], work, files, kind)
         objects.append(made)
     fixed = ["-no-pie"] if links_at_fixed_addresses() else []
@@ -458,6 +366,13 @@ def _instrumented(compiler: Compiler) -> list[str]:
     return ["-O1", "-g1", named, f"-fsanitize-coverage={coverage}", *returns]
 
 
+def _packed(kind: BoardKind) -> list[str]:
+    """The headers that come before a file of a sketch, so that its structs are those of the board."""
+    if kind.int_bits != 16:
+        return []
+    return [part for name in ("Arduino.h", PACKING) for part in ("-include", str(RUNTIME / "core" / name))]
+
+
 def _include_paths(work: Path, sources: Sequence[_Source]) -> list[str]:
     folders = [str(work), str(work / "src"), *(str(work / Path(each.name).parent) for each in sources)]
     paths = dict.fromkeys([*folders, str(RUNTIME / "core"), str(RUNTIME / "libraries")])
@@ -467,7 +382,7 @@ def _include_paths(work: Path, sources: Sequence[_Source]) -> list[str]:
 def _with_names(source: str, allowed: set[str] | None, sources: Sequence[_Source]) -> str:
     """Includes with the names of the files as they are here: elsewhere file names have no case. Headers that
     are not among those allowed get a folder that is not there."""
-    known = {each.name.lower(): each.name for each in (*(RUNTIME / "core").glob("*.h"), *_library_headers())}
+    known = {each.name.lower(): each.name for each in (*(RUNTIME / "core").glob("*.h"), *library_headers())}
     own = {Path(each.name).name for each in sources}
     own_there = {each.lower(): each for each in own}
     known |= own_there
@@ -476,11 +391,11 @@ def _with_names(source: str, allowed: set[str] | None, sources: Sequence[_Source
         name = match[2]
         low = name.lower()
         if allowed is not None and low not in allowed and low.rpartition("/")[2] not in allowed:
-            return f"{match[1]}{_NOWHERE}{name}{match[3]}"
+            return f"{match[1]}{NOWHERE}{name}{match[3]}"
         folder, slash, last = name.rpartition("/")
         if last in own:
             return match[0]
-        found = own_there.get(low) or _OTHER_NAMES.get(low) or known.get(low)
+        found = own_there.get(low) or OTHER_NAMES.get(low) or known.get(low)
         if slash and last.lower() in {each.lower() for each in own}:
             found = f"{folder}/{known[last.lower()]}"
         return f"{match[1]}{found or name}{match[3]}"
@@ -501,107 +416,7 @@ def _run(
     except (OSError, subprocess.SubprocessError) as error:
         raise ConfigurationError([Problem(compiler.name, f"could not be run: {error}")]) from None
     if done.returncode:
-        missing = _missing_header(done.stderr, files, kind) if files else None
-        found = [missing] if missing else list(_errors(done.stderr, compiler, files, kind))
+        missing = missing_header(done.stderr, files, kind) if files else None
+        found = [missing] if missing else list(compiler_errors(done.stderr, compiler, files, kind))
         raise ConfigurationError(found)
-    return [
-        f"{place}: {sentence}: {text}"
-        for place, kind, text in _messages(done.stderr)
-        for option, sentence in _WARNINGS.items()
-        if kind == "warning" and option in text
-    ]
-
-
-def _messages(output: str) -> Iterator[tuple[str, str, str]]:
-    """The place, kind and text of each message of a compiler."""
-    for line in output.splitlines():
-        found = re.match(r"(.+?:\d+)(?::\d+)?: (?:fatal )?(error|warning): (.*)", line)
-        if found:
-            name, _, number = found[1].rpartition(":")
-            yield f"{_own_name(Path(name).name)}:{number}", found[2], found[3].replace(OWN, "")
-
-
-def _own_name(name: str) -> str:
-    """The file of a sketch that a unit was made of."""
-    return name.removesuffix(".cpp") if name.endswith((".ino.cpp", ".pde.cpp")) else name
-
-
-def _of_no_library(text: str) -> str:
-    """The sentence about a name that a class of the runtime's libraries has not; else empty."""
-    # As gcc and clang write them: of an object, then of the class.
-    found = (
-        re.search(r"'(?:class |struct )?(?P<kind>\w+)' has no member named '(?P<name>\w+)'", text)
-        or re.search(r"'(?P<name>\w+)' is not a member of '(?P<kind>\w+)'", text)
-        or re.search(r"no member named '(?P<name>\w+)' in '(?P<kind>\w+)'", text)
-    )
-    if found is None or found["kind"] not in _library_classes():
-        return ""
-    what = f"the simulator's {found['kind']} has no {found['name']}; its calls are in docs/sketch-calls.md"
-    return f"{what}. Put another library of this name in the sketch's folder, in libraries/NAME"
-
-
-@cache
-def _library_classes() -> frozenset[str]:
-    texts = (each.read_text(encoding="utf-8") for each in _library_headers())
-    return frozenset(name for text in texts for name in re.findall(r"(?m)^class (\w+)", text))
-
-
-def _of_no_board(text: str, line: str, kind: BoardKind | None) -> str:
-    """The sentence about a register, an interrupt or a call that no simulated board has; else empty."""
-    undeclared = re.search(
-        r"'(?P<gcc>\w+)' (?:was not declared|does not name a type|has not been declared)"
-        r"|(?:undeclared identifier|unknown type name) '(?P<clang>\w+)'",
-        text,
-    )
-    name = (undeclared["gcc"] or undeclared["clang"]) if undeclared else ""
-    vector = re.match(r"\s*ISR\s*\(\s*(\w+)", line)
-    if vector is not None:
-        what = f"{vector[1]} is an interrupt of the chip's own parts, which are not simulated"
-        return f"{what}: use attachInterrupt, millis or micros"
-    if _REGISTER.fullmatch(name):
-        what = f"{name} is a register of the chip, and registers are not simulated"
-        return f"{what}: use digitalRead, digitalWrite, analogRead, analogWrite or attachInterrupt"
-    if _OTHER_BOARD.fullmatch(name):
-        if kind is not None and kind.int_bits == 32:
-            return f"{name} is not simulated; the calls of an ESP32 are in docs/sketch-esp32-freertos.md"
-        return f"{name} is a call of another board; give it in wiring.toml. There are {', '.join(BOARDS)}"
-    return _of_no_task(name) if _OF_TASKS.fullmatch(name) else ""
-
-
-def _of_no_task(name: str) -> str:
-    """The sentence about a name of FreeRTOS that a sketch has not."""
-    for header in sorted((RUNTIME / "libraries" / "freertos").glob("*.h")):
-        if re.search(rf"\b{name}\b", header.read_text(encoding="utf-8")):
-            last = "Arduino_FreeRTOS.h" if header.stem in ("FreeRTOS", "task") else header.name
-            return f"{name} is of FreeRTOS, which is not included: add #include <{last}>"
-    what = f"the simulator's FreeRTOS has no {name}; its calls are in docs/sketch-esp32-freertos.md"
-    return f"{what}. Write it with those that are there"
-
-
-def _errors(
-    output: str, compiler: Compiler, files: Sequence[Path], board: BoardKind | None = None
-) -> Iterator[Problem]:
-    """At most three errors, with the lines of the sketch."""
-    texts = {each.name: sketch_text(each).split("\n") for each in files}
-    seen = 0
-    for place, kind, text in _messages(output):
-        if kind != "error":
-            continue
-        name, _, number = place.rpartition(":")
-        lines = texts.get(name, [])
-        line = lines[int(number) - 1].strip() if 0 < int(number) <= len(lines) else ""
-        told = _of_no_board(text, line, board) or _of_no_library(text)
-        yield Problem(place, told or (f"{text}: {line}" if line else text))
-        seen += 1
-        if seen == MOST_ERRORS:
-            return
-    if not seen:
-        undefined = re.search(r"undefined (?:reference to|symbol:?) [`'\"]?([^'\"\n]+)", output)
-        twice = re.search(r"(?:multiple definition of|duplicate symbol:?) [`'\"]?([^'\"\n]+)", output)
-        lines = [each for each in output.strip().splitlines() if not each.startswith(_NO_REASONS)]
-        what = (lines or ["it printed nothing"])[-1]
-        if undefined is not None:
-            what = f"{undefined[1]} is used, and defined nowhere"
-        elif twice is not None:
-            what = f"{twice[1]} is defined more than once"
-        yield Problem(files[0].name if files else compiler.name, what)
+    return compiler_warnings(done.stderr)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from simmer_tui.errors import Problem
 from simmer_tui.sim.rules import listed
-from simmer_tui.sketch.build import is_provided
+from simmer_tui.sketch.known_headers import is_provided
 from simmer_tui.sketch.sketch_scan import SketchFacts
 from simmer_tui.sketch.sketch_source import SketchCall
 from simmer_tui.sketch.sketch_values import Pins

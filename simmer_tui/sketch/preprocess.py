@@ -7,23 +7,21 @@ bytes. Line numbers stay those of its files.
 from __future__ import annotations
 
 import re
-from bisect import bisect_right
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from simmer_tui.sketch.c_names import C_NAMES
-
-_TOKEN = re.compile(
-    r"""
-    (?P<comment>//[^\n]*|/\*.*?(?:\*/|\Z))
-  | (?P<raw>R"(?P<mark>[^()\\\s]{0,16})\(.*?\)(?P=mark)")
-  | (?P<text>"(?:\\.|[^"\\\n])*"?|'(?:\\.|[^'\\\n])*'?)
-  | (?P<directive>^[ \t]*\#[ \t]*(?:include|error|warning|pragma|line)\b[^\n]*)
-  | (?P<number>\.?[0-9](?:[eEpP][+-]|['\w.])*)
-  | (?P<word>[A-Za-z_]\w*)
-    """,
-    re.VERBOSE | re.DOTALL | re.MULTILINE,
+from simmer_tui.sketch.cpp_text import (
+    CPP_TOKEN,
+    blank,
+    closing_places,
+    code_text,
+    global_text,
+    line_at,
+    without_comments,
 )
+from simmer_tui.sketch.prototypes import prototypes
+
 _TYPE_WORDS = frozenset(("unsigned", "signed", "long", "short", "int", "double"))
 # Of <limits.h> and <float.h>, which have those of this machine.
 _LIMITS = {
@@ -49,32 +47,23 @@ _LOOP = re.compile(r"\b(?P<kind>while|for)\b\s*(?=\()")
 _NO_BODY = re.compile(r"\s*(?:;|continue\s*;|\{(?:[\s;]|continue\b)*\})")
 _ENDLESS = re.compile(r"\s*(?:|1|true|HIGH)\s*")
 _DECLARATION = re.compile(r"[\w:<>\s]*[\w>][\s*&]+[A-Za-z_]\w*\s*(?:=(?!=)|\{)")
+_ENUMERATORS = re.compile(r"\benum\b[^;{}()]*\{([^{}]*)\}")
 # A block without a statement has no instrumentation in gcc: a loop of it would take no time, and never end.
 # A compiler that computes a constant has no board.
 _STATEMENT = "(__builtin_is_constant_evaluated() || (::yield(), true))"
-_FUNCTION = re.compile(
-    r"(?:^|[)] ?)(?P<type>[A-Za-z_][\w:<>, ]*?[ *&]+)"
-    r"(?P<name>[A-Za-z_]\w*) ?\((?P<arguments>[^()]*)\) ?$"
-)
 OWN = "_of_sketch"
 """Ending of a name of the C library that a sketch has as its own."""
 _ARGUMENTS = re.compile(r"\([^()]*\)")
 _DEFINED = re.compile(r"(?:[\w>]\s|[*&,])\s*([A-Za-z_]\w*)\s*(?=[(=;\[,{]|\Z|\n)")
 _METHOD = re.compile(r"(?:[\w>]\s|[*&])\s*([A-Za-z_]\w*)\s*(?=\()")
 _CLASS = re.compile(r"\b(?:class|struct)\b[^;{}]*\{(.*?)\};", re.DOTALL)
-_CONDITION = re.compile(
-    r"^[ \t]*#[ \t]*(?P<kind>ifdef|ifndef|if|elif|else|endif)\b(?:[^\n]*\\\n)*[^\n]*", re.MULTILINE
+# The sum of a stack's address and that of a mark has no meaning here, and is another one in each run.
+_HEAP_MARK = re.compile(
+    r"(?:\breturn\b|(?<![=!<>])=(?!=))(?P<value>[^;={}]*\b__(?:brkval|heap_start|bss_end|malloc_heap_start)\b"
+    r"[^;{}]*)(?=;)"
 )
-_DECLARED = re.compile(r"[\w:<>, *&]*\([^()]*\) ?$")
-# Arguments of many defaults are shorter.
-_LONGEST_HEADER = 2000
-"""Characters of a function's type, name and arguments."""
-_NO_FUNCTIONS = frozenset(("if", "while", "for", "switch", "catch"))
-_NO_TYPES = frozenset(
-    ("else", "return", "new", "struct", "class", "union", "enum", "namespace", "template", "do")
-)
-
-
+FREE_MEMORY = 1500
+"""Bytes that a usual sketch leaves free of the 2 kB of an Uno."""
 _MAIN = re.compile(r"\bint\s+(?P<name>main)\s*\((?P<arguments>[^(){};]*)\)\s*\{")
 
 Templates = Mapping[str, tuple[int, ...]]
@@ -104,7 +93,7 @@ def with_board_widths(source: str, int_bits: int = 16) -> str:
         made.append(gap)
         gap = ""
 
-    for match in _TOKEN.finditer(source):
+    for match in CPP_TOKEN.finditer(source):
         between = source[end : match.start()]
         end = match.end()
         word = match["word"]
@@ -164,7 +153,8 @@ def board_source(
     names of the C library are other ones (see own_c_names); calls of its templates have arguments of one
     width. Without `templates` those of the source itself are meant."""
     templates = own_templates([source]) if templates is None else templates
-    with_calls = _with_one_width(_renamed(_without_main(source), own_names), templates)
+    source = _with_free_memory(_without_main(source))
+    with_calls = _with_one_width(_renamed(source, own_names), templates)
     return _with_timed_loops(_char_types_kept(with_board_widths(with_calls, int_bits)))
 
 
@@ -173,7 +163,7 @@ def _without_main(source: str) -> str:
     end returns."""
     if "main" not in source:
         return source
-    plain = _plain_text(source)
+    plain = code_text(source)
     match = _MAIN.search(plain)
     if match is None:
         return source
@@ -185,12 +175,26 @@ def _without_main(source: str) -> str:
             source = f"{source[:end]} return 0; {source[end:]}"
             break
     name, (begin, end) = match.end("name"), match.span("arguments")
-    return f"{source[:name]}{OWN}{source[name:begin]}{_blank(source[begin:end])}{source[end:]}"
+    return f"{source[:name]}{OWN}{source[name:begin]}{blank(source[begin:end])}{source[end:]}"
+
+
+def _with_free_memory(source: str) -> str:
+    """The source with a constant for the memory that is free between the heap and the stack of an AVR."""
+    if "__" not in source:
+        return source
+    plain = code_text(source)
+    made: list[str] = []
+    done = 0
+    for match in _HEAP_MARK.finditer(plain):
+        begin, end = match.span("value")
+        made += [source[done:begin], f" {FREE_MEMORY}", "\n" * source[begin:end].count("\n")]
+        done = end
+    return "".join((*made, source[done:]))
 
 
 def sketch_start(sources: Sequence[str]) -> str:
     """The end of a sketch's source: what the board runs, a `main` of its own or `setup` and `loop`."""
-    if any(_MAIN.search(_plain_text(each)) for each in sources if "main" in each):
+    if any(_MAIN.search(code_text(each)) for each in sources if "main" in each):
         start = f"extern const SketchStart sketch_start = {{nullptr, nullptr, main{OWN}}};"
         return f"\nint16_t main{OWN}();\n{start}\n"
     return "\nextern const SketchStart sketch_start = {setup, loop, nullptr};\n"
@@ -201,7 +205,7 @@ def own_templates(sources: Sequence[str]) -> Templates:
     arguments by the function's name. On the board `3` has the type of an `int` variable; here it has not."""
     found: dict[str, tuple[int, ...]] = {}
     for source in sources:
-        for match in _TEMPLATE.finditer(_plain_text(source)):
+        for match in _TEMPLATE.finditer(code_text(source)):
             arguments = match["arguments"].split(",")
             for kind in re.findall(r"\b(?:class|typename)\s+(\w+)", match["types"]):
                 by_value = re.compile(rf"\s*(?:const\s+)?{kind}(?:\s+const)?(?:\s+\w+)?\s*(?:=.*)?")
@@ -220,9 +224,9 @@ def _with_one_width(source: str, templates: Templates) -> str:
     """The source with the arguments of these functions in `board_wide()`, which the core has."""
     if not templates:
         return source
-    plain = _plain_text(source)
+    plain = code_text(source)
     heads = {match.start("name") for match in _TEMPLATE.finditer(plain)}
-    ends = _closing_places(plain)
+    ends = closing_places(plain)
     added: list[tuple[int, str]] = []
     for match in re.finditer(rf"(?<![\w.>:])({'|'.join(templates)})\s*(?=\()", plain):
         before = re.search(r"(\w+)\s+$", plain[max(match.start() - 80, 0) : match.start()])
@@ -263,11 +267,13 @@ def own_c_names(sources: Sequence[str]) -> frozenset[str]:
     methods: set[str] = set()
     values: set[str] = set()
     for source in sources:
-        plain = _plain_text(source)
-        flat = _global_text(plain)
+        plain = code_text(source)
+        flat = global_text(plain)
         while (closed := _ARGUMENTS.sub("", flat)) != flat:
             flat = closed
         found.update(C_NAMES.intersection(_DEFINED.findall(flat)))
+        for body in _ENUMERATORS.findall(plain):
+            found.update(C_NAMES.intersection(re.findall(r"(?:^|,)\s*([A-Za-z_]\w*)", body)))
         # One that a class has as a function stays: its calls are those of its objects.
         for body in _CLASS.findall(plain):
             methods.update(_METHOD.findall(body))
@@ -290,7 +296,7 @@ def _renamed(source: str, names: frozenset[str]) -> str:
             return match[0]
         return f"{match[0]}{OWN}"
 
-    return _TOKEN.sub(named, source)
+    return CPP_TOKEN.sub(named, source)
 
 
 def _with_timed_loops(source: str) -> str:
@@ -300,10 +306,8 @@ def _with_timed_loops(source: str) -> str:
     """
     if _LOOP.search(source) is None:
         return source
-    flat = _TOKEN.sub(
-        lambda match: match[0] if match["word"] or match["number"] else _blank(match[0]), source
-    )
-    ends = _closing_places(flat)
+    flat = code_text(source)
+    ends = closing_places(flat)
     made: list[str] = []
     done = 0
     for match in _LOOP.finditer(flat):
@@ -330,129 +334,6 @@ def _with_timed_loops(source: str) -> str:
     return "".join((*made, source[done:]))
 
 
-def _closing_places(flat: str) -> dict[int, int]:
-    """The place of the parenthesis that closes each one, by the place of that one."""
-    opened: list[int] = []
-    found: dict[int, int] = {}
-    for match in re.finditer(r"[()]", flat):
-        if match[0] == "(":
-            opened.append(match.start())
-        elif opened:
-            found[opened.pop()] = match.start()
-    return found
-
-
-def prototypes(source: str) -> tuple[list[str], list[int], list[tuple[int, int]]]:
-    """Prototypes of a source's global functions, the places at which all of them go, and the beginnings and
-    ends of default arguments, which the prototypes have instead.
-
-    They go before the first function. A function in an `#if` has its prototype in the same `#if`; as the
-    compiler may skip it, the prototypes go before later functions too, up to the first without a condition.
-    """
-    plain = _plain_text(source)
-    flat = _global_text(plain)
-    conditions = _conditions(plain)
-    found: list[str] = []
-    defaults: list[tuple[int, int]] = []
-    declared: set[str] = set()
-    places: dict[tuple[str, ...], int] = {}
-    end = 0
-    for delimiter in re.finditer(r"[;{}]", flat):
-        begin, end = end, delimiter.end()
-        sign = delimiter[0]
-        text = flat[begin : end - 1]
-        begin += len(text) - len(text.lstrip())
-        text = re.sub(r"\s+", " ", text.strip())
-        if sign == "}" or len(text) > _LONGEST_HEADER:
-            continue
-        if sign == ";":
-            if _DECLARED.match(text):
-                declared.add(_without_defaults(text.replace(" (", "(")))
-            continue
-        match = _FUNCTION.search(text)
-        if match is None or text.startswith("template") or '"C"' in source[begin:end]:
-            continue
-        kind, name, arguments = match["type"].strip(), match["name"], match["arguments"].strip()
-        words = re.findall(r"\w+", kind)
-        if name in _NO_FUNCTIONS or not words or _NO_TYPES.intersection(words) or "operator" in words:
-            continue
-        inside = conditions[bisect_right(conditions, begin, key=lambda each: each[0]) - 1][1]
-        if () not in places:
-            places.setdefault(inside, begin)
-        # After an attribute its type would lack the words before it.
-        if match.start() and re.search(r"\bstatic\b", text[: match.start()]):
-            continue
-        if "::" in kind:
-            continue
-        opened, closed = flat.rindex("(", begin, end) + 1, flat.rindex(")", begin, end)
-        if _without_defaults(f"{kind} {name}({arguments})") in declared:
-            continue
-        if "=" in arguments:
-            names = re.findall(r"[A-Za-z_]\w*", " ".join(re.findall(r"=([^,]*)", arguments)))
-            if any(_is_defined_after(places.get((), begin), each, plain) for each in names):
-                continue
-            # A default stands once: in the prototype, with the texts that it may have.
-            arguments = source[opened:closed].strip()
-            given = re.finditer(r"=[^,]*", flat[opened:closed])
-            defaults += [(opened + each.start(), opened + each.end()) for each in given]
-        made = f"{kind} {name}({arguments})"
-        found.append("\n".join((*inside, f"{made};", *("#endif" for line in inside if _opens(line)))))
-    return found, list(places.values()), defaults
-
-
-def _is_defined_after(place: int, name: str, plain: str) -> bool:
-    """True if a source defines a name only after a place: a macro, a constant or a function."""
-    found = re.search(rf"#\s*define\s+{name}\b|\b{name}\s*(?:=|\()", plain)
-    return found is not None and found.start() > place
-
-
-def _without_defaults(declaration: str) -> str:
-    return re.sub(r" ?=[^,)]*", "", declaration)
-
-
-def _conditions(plain: str) -> list[tuple[int, tuple[str, ...]]]:
-    """The directives in whose branch a source is, from each place on: `#if A`, `#else`."""
-    changes: list[tuple[int, tuple[str, ...]]] = [(0, ())]
-    branches: list[list[str]] = []
-    for match in _CONDITION.finditer(plain):
-        line = match[0].strip()
-        if match["kind"] == "endif":
-            branches[-1:] = []
-        elif match["kind"].startswith("if"):
-            branches.append([line])
-        elif branches:
-            branches[-1].append(line)
-        changes.append((match.end(), tuple(line for branch in branches for line in branch)))
-    return changes
-
-
-def _opens(directive: str) -> bool:
-    return directive.lstrip("# \t").startswith("if")
-
-
-def _plain_text(source: str) -> str:
-    """The source with comments and texts blanked. Places stay."""
-
-    def blank(match: re.Match[str]) -> str:
-        return match[0] if match["word"] or match["number"] else _blank(match[0])
-
-    return _TOKEN.sub(blank, source)
-
-
-def _global_text(plain: str) -> str:
-    """A plain text with directives and the insides of braces blanked. Places stay."""
-    plain = re.sub(r"(?m)^[ \t]*#(?:[^\n]*\\\n)*[^\n]*", lambda each: _blank(each[0]), plain)
-    made: list[str] = []
-    depth = 0
-    for character in plain:
-        if character == "}":
-            depth = max(depth - 1, 0)
-        made.append(character if depth == 0 or character == "\n" else " ")
-        if character == "{":
-            depth += 1
-    return "".join(made)
-
-
 def sketch_text(path: Path) -> str:
     """The text of a source file, as an editor shows it."""
     data = path.read_bytes()
@@ -477,39 +358,23 @@ def joined_source(
         for each, text in zip(files, texts, strict=True)
     ]
     whole = "".join(parts)
-    found, places, defaults = prototypes(whole)
-    for begin, end in defaults:
-        whole = f"{whole[:begin]}{_blank(whole[begin:end])}{whole[end:]}"
-    listed = "\n".join(found)
+    found = prototypes(whole)
+    for begin, end in found.defaults:
+        whole = f"{whole[:begin]}{blank(whole[begin:end])}{whole[end:]}"
+    listed = "\n".join(found.listed)
+    added = [*found.early, *((place, listed) for place in found.places if listed)]
     made = ['#include "Arduino.h"\n']
     done = 0
-    for place in places if found else ():
-        name, line = _line_at(whole, place)
-        made += [whole[done:place], f'\n{listed}\n#line {line} "{name}"\n']
+    for place, text in sorted(added):
+        name, line = line_at(whole, place)
+        made += [whole[done:place], f'\n{text}\n#line {line} "{name}"\n']
         done = place
     return "".join((*made, whole[done:]))
 
 
-def _line_at(source: str, place: int) -> tuple[str, int]:
-    """The file and the line at a place of a joined source."""
-    name, line = "", 0
-    for text in source[:place].split("\n"):
-        marked = re.fullmatch(r'#line (\d+) "(.*)"', text)
-        if marked:
-            name, line = marked[2], int(marked[1]) - 1
-        else:
-            line += 1
-    return name, max(line, 1)
-
-
 def includes(source: str) -> Iterator[tuple[str, int]]:
     """The headers that a source includes, with their lines."""
-    blanked = _TOKEN.sub(lambda match: _blank(match[0]) if match["comment"] else match[0], source)
-    for number, line in enumerate(blanked.split("\n"), 1):
+    for number, line in enumerate(without_comments(source).split("\n"), 1):
         found = re.match(r'\s*#\s*include\s*[<"]([^>"]+)[>"]', line)
         if found:
             yield found[1], number
-
-
-def _blank(text: str) -> str:
-    return re.sub(r"[^\n]", " ", text)

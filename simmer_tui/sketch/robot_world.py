@@ -60,6 +60,8 @@ class RobotWorld:
         self._source = BOARD_SOURCE
         self._waiting: tuple[float, ...] | None = None
         """Rim speeds that wait for the end of the gripper's movement."""
+        self._jaws_closed = self._jaws_wanted = False
+        """The jaws as they were last moved, and as they are to be. A run begins with open ones."""
         self._leg: object = None
         self._last: dict[str, _LastReading] = {}
         self._rate_errors: dict[str, tuple[int, float]] = {}
@@ -77,6 +79,7 @@ class RobotWorld:
         """Everything as at time 0."""
         self.time, self._leg, self._due = 0, None, math.inf
         self._by_duty, self._speeds, self._waiting = {}, (), None
+        self._jaws_closed = self._jaws_wanted = False
         self._last.clear()
         for each in self._steppers:
             each.restart()
@@ -140,6 +143,7 @@ class RobotWorld:
             trajectory = self._simulator.trajectory
             if trajectory is not None and trajectory.end_time <= due:
                 self._engine.end_movement()
+                self._move_jaws()
                 self._set_waiting()
             else:
                 self._simulator.advance(due)
@@ -191,6 +195,8 @@ class RobotWorld:
             self._drive(self._speeds)
 
     def _set_waiting(self) -> None:
+        if self._simulator.trajectory is not None:
+            return
         speeds, self._waiting = self._waiting, None
         if speeds is not None:
             self._drive(speeds)
@@ -214,12 +220,20 @@ class RobotWorld:
     # -- the gripper -----------------------------------------------------------------------------------
 
     def grip(self, *, close: bool) -> None:
-        """Close or open the jaws now. The robot stands while they move, as with the gripper's command."""
+        """Close or open the jaws, now or once a movement of theirs is over: the last position counts. The
+        robot stands while they move, as with the gripper's command."""
+        self._jaws_wanted = close
+        if self._simulator.trajectory is None:
+            self._move_jaws()
+
+    def _move_jaws(self) -> None:
+        """Move the jaws, if they are not as they are to be."""
         gripper = self._simulator.spec.gripper
-        if gripper is None or not gripper.enabled or self._simulator.trajectory is not None:
+        if gripper is None or not gripper.enabled or self._jaws_closed == self._jaws_wanted:
             return
+        self._jaws_closed = self._jaws_wanted
         moved = self._speeds if any(self._speeds) else None
-        self._act(f"{gripper.code}-{int(close)}")
+        self._act(f"{gripper.code}-{int(self._jaws_closed)}")
         self._waiting = moved
         self._note_leg(self.time)
 

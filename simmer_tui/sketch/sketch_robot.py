@@ -23,6 +23,7 @@ from simmer_tui.links.backend import Message
 from simmer_tui.robot.engine import Engine
 from simmer_tui.robot.sessions import Answered, Session
 from simmer_tui.run.events import (
+    BOARDS_ENDED,
     ActionDone,
     ActionName,
     DisplayChanged,
@@ -57,6 +58,7 @@ from simmer_tui.sketch.motion_check import wrong_functions
 from simmer_tui.sketch.parts import (
     ECHO_DELAY,
     SECOND,
+    SERVO_STOP,
     EncoderState,
     analog_counts,
     bus_option,
@@ -75,6 +77,7 @@ from simmer_tui.sketch.wiring import (
     WiredI2c,
     WiredLineSensor,
     WiredRanger,
+    WiredServo,
     WiredSonar,
     Wiring,
     WiringParts,
@@ -102,7 +105,6 @@ BEHIND = (
 )
 # A person notices half a second, and a start or a busy moment costs less.
 _MOST_LATE = 0.5
-_ENDED = "the boards have ended: "
 
 
 StartBoard = Callable[[str, Path, Sequence[str]], BoardProcess]
@@ -258,7 +260,8 @@ class SketchRobot(LockstepWorld):
         self.last_line = ""
         self._sonar_until: dict[str, int] = {}
         self._options: dict[str, list[str]] = {}
-        self._gripper_closed: bool | None = None
+        self._pulses: dict[tuple[str, int], int] = {}
+        """The last pulse of each gripper's servo, microseconds, by board and pin."""
         kinds = {name: board.kind for name, board in self._set.wiring.boards.items()}
         self._known: list[tuple[int, int, Callable[[int], None]]] = []
         """Facts that are not told yet, a heap: their times, numbers, and the calls that tell them."""
@@ -345,6 +348,7 @@ class SketchRobot(LockstepWorld):
         process.now = now
         board.process = process
         self._busy[board.name] = now, 0, 0.0
+        self._pulses = {key: width for key, width in self._pulses.items() if key[0] != board.name}
         self._displays[board.name].restart(now)
         self._plan_told()
         board.events.clear()
@@ -419,7 +423,7 @@ class SketchRobot(LockstepWorld):
         self._processor.release()
         self._world.set_speeds({})
         time = self.engine.simulator.time
-        self.engine.tell(Notice(NoticeKind.FAULT, f"{_ENDED}{text}", moment=time))
+        self.engine.tell(Notice(NoticeKind.FAULT, f"{BOARDS_ENDED}{text}", moment=time))
         self.engine.end_time()
         self.on_end()
 
@@ -518,7 +522,7 @@ class SketchRobot(LockstepWorld):
             self._tell_wrong(board, line)
         for servo in wiring.servos:
             if servo.board == board.name and servo.pin in pins:
-                self._move_servo(board.pin(servo.pin).servo, servo.open, servo.closed)
+                self._move_servo(board, servo)
 
     def _tell_displays(self) -> None:
         """Tell what boards show at the end of a run."""
@@ -561,16 +565,17 @@ class SketchRobot(LockstepWorld):
         kind = self._set.wiring.boards[wired.board].kind
         self._facts.missed_step(wired, kind, line, reason, self._world.time)
 
-    def _move_servo(self, width: int, opened: float | None, closed: float | None) -> None:
+    def _move_servo(self, board: Board, servo: WiredServo) -> None:
         """The gripper's servo has got another pulse: its jaws are on the side of the nearer angle."""
-        if opened is None or closed is None or not width:
+        width = board.pin(servo.pin).servo
+        before = self._pulses.get((board.name, servo.pin), 0)
+        self._pulses[board.name, servo.pin] = width
+        # The middle is what attach() sends by itself, before the sketch has written anything.
+        by_attach = not before and width == SERVO_STOP
+        if servo.open is None or servo.closed is None or not width or by_attach:
             return
         angle = (width - _SHORTEST_PULSE) / (_LONGEST_PULSE - _SHORTEST_PULSE) * _HALF_TURN
-        close = abs(angle - closed) < abs(angle - opened)
-        before, self._gripper_closed = self._gripper_closed, close
-        # A run begins with open jaws.
-        if close != bool(before):
-            self._world.grip(close=close)
+        self._world.grip(close=abs(angle - servo.closed) < abs(angle - servo.open))
 
     @property
     def steady_until(self) -> int:

@@ -24,6 +24,7 @@ from simmer_tui.run.phrases import (
     obstacle_place,
     outside_text,
     scan_text,
+    sent_by_text,
     side_text,
 )
 from simmer_tui.sim import DriveKind, Pose, SimulationSpec, Simulator
@@ -139,3 +140,9 @@ def test_a_scan_is_said_in_one_line(ranges: list[float], text: str) -> None:
     count = len(ranges)
     bearings = -360.0 * np.arange(count) / count
     assert scan_text(LidarScan(0, np.array(ranges), bearings, np.empty(0), np.empty((0, 3)))) == text
+
+
+def test_boards_set_speeds_and_programs_send_commands() -> None:
+    assert sent_by_text("console", "d1-3") == "d1-3 was sent"
+    assert sent_by_text("boards", "ww-3;0") == "a board set ww-3;0"
+    assert sent_by_text("boards, main at a.ino:4", "ww-3;0") == "board main at a.ino:4 set ww-3;0"

@@ -17,8 +17,8 @@ from simmer_tui.run.events import WireMessage
 from simmer_tui.sketch.board_host import LocalBoard
 from simmer_tui.sketch.board_process import SILENT, BoardSilence, Mistake, Query, Reason, Told, Waits
 from simmer_tui.sketch.boards import BOARDS, ESP32, MEGA, BoardKind
-from simmer_tui.sketch.build import RUNTIME
 from simmer_tui.sketch.compiler import find_compiler
+from simmer_tui.sketch.known_headers import RUNTIME
 from tests.sketch.rovers import MOTORS, ROVER, STOPPABLE, Boards, made_set
 from tests.sketch.running import BoardRun, run_boards
 

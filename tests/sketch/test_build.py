@@ -129,6 +129,14 @@ def test_a_compiler_is_named_by_its_version(tmp_path: Path, told: str, name: str
 REFUSED = {
     "ISR(TIMER1_COMPA_vect) { n++; }": "TIMER1_COMPA_vect is an interrupt of the chip's own parts",
     "void f() { DDRB |= 1; }": "DDRB is a register of the chip, and registers are not simulated: use",
+    "int m; ISR(PCINT2_vect) { n++; }": "PCINT2_vect is an interrupt of the chip's own parts",
+    "SIGNAL(TIMER2_OVF_vect) { n++; }": "TIMER2_OVF_vect is an interrupt of the chip's own parts",
+    "int p() { return digitalPinToPort(4); }": "digitalPinToPort leads to registers",
+    "volatile byte *p = portOutputRegister(4);": "portOutputRegister leads to registers",
+    "#include <SPI.h>\nvoid f() { SPI.begin(); }": "SPI is of SPI, and no part of the simulated robot is on",
+    "void f() { Serial.onReceive(0); }": "the simulator's HardwareSerial has no onReceive; .* those that are",
+    "String s; void f() { s.shuffle(); }": "the simulator's String has no shuffle",
+    "void f() { if (n) { }": "this { has no }",
     "void f() { TCCR1B = 0; }": "TCCR1B is a register of the chip",
     "void f() { ledcWrite(1, 2); }": "ledcWrite is a call of another board; give it in wiring.toml",
     "void f() { vTaskDelay(1); }": "vTaskDelay is of FreeRTOS, .*: add #include <Arduino_FreeRTOS.h>",
@@ -143,6 +151,18 @@ REFUSED = {
     "struct Own {} own; void f() { own.go(); }": "'go'",
     "void f() { goo(1); }": "'?goo'? was not declared|undeclared identifier 'goo'",
 }
+
+
+@no_compiler
+def test_all_headers_that_are_missing_are_named_at_once(tmp_path: Path) -> None:
+    first = "#include <AFMotor.h>\n#include <Servo.h>\n#ifdef ESP32\n#include <WiFi.h>\n#endif\n"
+    sketch = files(tmp_path, {"rover/rover.ino": f"{first}#include <QTRSensors.h>\n{EMPTY}"})
+    with pytest.raises(ConfigurationError) as told:
+        build_sketch(sketch, UNO)
+    one, other = map(str, told.value.problems)
+    assert one.startswith("rover.ino:1: there is no library with AFMotor.h; there are ")
+    assert one.endswith("Put one of your own in rover/libraries/NAME")
+    assert other == "rover.ino:6: there is no library with QTRSensors.h"
 
 
 @no_compiler

@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from simmer_tui.sketch.build import RUNTIME, libraries
+from simmer_tui.sketch.known_headers import RUNTIME, libraries
 from tests.test_docs import DOCS
 
 PAGE = "".join(

@@ -10,8 +10,9 @@ import pytest
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim.specs import WheelLayout, WheelsSpec
 from simmer_tui.sketch.boards import ESP32, UNO
-from simmer_tui.sketch.build import CPP_STANDARD, build_sketch
+from simmer_tui.sketch.build import build_sketch
 from simmer_tui.sketch.compiler import find_compiler
+from simmer_tui.sketch.known_headers import CPP_STANDARD
 from simmer_tui.sketch.sketch_check import sketch_problems
 from simmer_tui.sketch.sketch_scan import SketchFacts
 from simmer_tui.sketch.wiring import Wiring, WiringParts, read_wiring

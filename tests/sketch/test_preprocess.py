@@ -6,7 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from simmer_tui.sketch.preprocess import board_source, joined_source, own_c_names, prototypes
+from simmer_tui.sketch.preprocess import board_source, joined_source, own_c_names
+from simmer_tui.sketch.prototypes import prototypes
+from simmer_tui.sketch.switch_scopes import with_case_scopes
 
 
 @pytest.mark.parametrize(
@@ -72,10 +74,13 @@ def test_functions_have_prototypes_and_methods_have_none() -> None:
         'extern "C" void irq(void) {}\n'
         "int known(int a);\nint known (int a) { return a; }\n"
     )
-    found, places, _ = prototypes(source)
+    made = prototypes(source)
+    found, places = made.listed, made.places
     assert found == [
-        *("void setup();", "int add(int a, int b);", "void step(int by = 2);", "P make(const char *name);")
+        *("void setup();", "int add(int a, int b);", "void step(int by = 2);", "P make(const char *name);"),
+        *("template <typename T> T least(T a, T b);", 'extern "C" void irq(void);'),
     ]
+    assert made.early == []
     (first,) = places
     assert source[first:].startswith("void setup()")
 
@@ -103,7 +108,7 @@ def test_a_default_of_what_is_defined_later_stays_where_it_is() -> None:
         "const int FAST = 9;\nvoid setup() {}\n#define PAUSE 5\nconst int SLOW = 3;\n"
         "void a(int s = SLOW) {}\nvoid b(int t = PAUSE) {}\nvoid c(int f = FAST) {}\n"
     )
-    assert prototypes(source)[0] == ["void setup();", "void c(int f = FAST);"]
+    assert prototypes(source).listed == ["void setup();", "void c(int f = FAST);"]
 
 
 @pytest.mark.parametrize(
@@ -140,7 +145,8 @@ def test_functions_in_a_branch_have_their_prototypes_in_it(tmp_path: Path) -> No
         "int speed() { }\n#endif\n"
         "void setup() { help(); }\n#ifdef B\n#ifndef C\nvoid last() {}\n#endif\n#endif\nvoid help() {}\n"
     )
-    found, places, _ = prototypes(source)
+    made = prototypes(source)
+    found, places = made.listed, made.places
     assert found == [
         "#if defined(ESP32)\nvoid join(Network n);\n#endif",
         "#if defined(ESP32)\n#elif A\nint speed();\n#endif",
@@ -168,7 +174,7 @@ def test_long_sketches_are_read_in_a_moment() -> None:
     """Comments, tables and bodies of ten thousand lines: the time grows with their length."""
     lines = "/*" + "a b c\n" * 10_000 + "*/\nconst byte table[] = {" + "1, 2, 3,\n" * 10_000 + "};\n"
     begun = time.process_time()
-    assert prototypes(f"int first = 1;\n{lines}void setup() {{}}\n{lines}")[0] == ["void setup();"]
+    assert prototypes(f"int first = 1;\n{lines}void setup() {{}}\n{lines}").listed == ["void setup();"]
     assert time.process_time() - begun < 3.0
 
 
@@ -176,7 +182,7 @@ def test_a_function_after_an_attribute_keeps_the_words_before_it() -> None:
     source = (
         "static __attribute__((noinline)) void f() {}\n__attribute__((noinline)) void g() {}\nvoid h() {}\n"
     )
-    assert prototypes(source)[0] == ["void g();", "void h();"]
+    assert prototypes(source).listed == ["static void f();", "void g();", "void h();"]
 
 
 def test_a_name_of_the_c_library_may_be_a_variable_and_a_value_of_a_class() -> None:
@@ -196,8 +202,90 @@ def test_a_sketch_may_have_names_of_the_c_library() -> None:
     )
     names = own_c_names([source, "extern int kill;\n"])
     # `open` is a member of a class too, and the rest is none of the sketch's.
-    assert names == {"signal", "time", "y0", "close", "kill"}
+    assert names == {"signal", "time", "y0", "close", "kill", "send"}
+    assert own_c_names(["typedef unsigned long ulong;\nusing uint = unsigned int;\nbyte board[4][8];\n"]) == {
+        *("ulong", "uint", "board")
+    }
     made = board_source("close(time); Serial.close(); p -> time; // close\nx.signal = signal;", names)
     assert made == (
         "close_of_sketch(time_of_sketch); Serial.close(); p -> time; // close\nx.signal = signal_of_sketch;"
+    )
+
+
+@pytest.mark.parametrize(
+    ("head", "made"),
+    [
+        ("void each(void (*cb)(int))", None),
+        ("void ra(int (&a)[3])", None),
+        ("void __attribute__((noinline)) at()", "void at()"),
+        ("void at() __attribute__((noinline))", "void at()"),
+        ("[[noreturn]] void halt()", "void halt()"),
+        ("void IRAM_ATTR tick()", None),
+        ("void say(char c = ')')", None),
+        ("int most(int a, int b = max(3, 4))", None),
+        ("struct Point make(int x)", None),
+        ("template <typename T, class U> T mx(T a, U b)", None),
+        ("std::vector<int> all()", None),
+        ("const char *const *names(void)", "const char *const * names(void)"),
+        ("static inline byte low(int a)", None),
+        ("Arm::Arm(int pin) : pin(pin)", ""),
+        ("void Arm::move(int to)", ""),
+        ("Vec operator+(Vec a, Vec b)", ""),
+        ("int table[] =", ""),
+    ],
+)
+def test_heads_of_functions_have_the_prototypes_of_arduino(head: str, made: str | None) -> None:
+    found = prototypes(f"int a = 5;\n{head} {{ x(1); if (a) {{ b(); }} }}\nvoid last() {{}}\n").listed
+    expected = f"{head if made is None else made};"
+    assert found == [*([expected] if made != "" else []), "void last();"]
+
+
+def test_a_function_that_a_variable_uses_is_declared_before_it(tmp_path: Path) -> None:
+    source = (
+        "#include <TaskScheduler.h>\nclass Led { void on() { last(); } };\nint first = 1;\n"
+        "Task t1(100, &blink);\nvoid (*steps[])(int) = { walk, turn };\n"
+        "void setup() {}\nvoid blink() {}\nvoid walk(int a = 3) {}\nvoid turn(int a) {}\nvoid last() {}\n"
+    )
+    (tmp_path / "robot.ino").write_text(source, "utf-8")
+    made = joined_source([tmp_path / "robot.ino"])
+    before, _, rest = made.partition("Task t1")
+    assert before.endswith('\nvoid blink();\n#line 4 "robot.ino"\n')
+    assert "void last();" not in before
+    before = rest.partition("void (*steps")[0]
+    assert "void walk(int16_t a);" in before
+    assert "void turn(int16_t a);" in before
+
+
+@pytest.mark.parametrize(
+    ("written", "made"),
+    [
+        (
+            "switch (c) { case 'v': int v = f(); g(v); break; case ':': h(); }",
+            "switch (c) { case 'v': { int v = f(); g(v); break; } case ':': h(); }",
+        ),
+        (
+            "case A::B: default: const byte *p[2] = {x, y}; f(p); case 2: ;",
+            "case A::B: default: { const byte *p[2] = {x, y}; f(p); } case 2: ;",
+        ),
+        ("case 1: long a(3), b; case 2: { int a = 1; } case 3: int z = 0;", None),
+        ("case 1: int a; a = 3; case 2: g(a);", None),
+        ("case 1: { int a = 3; } break; case 2: int b = 1; g(b);", None),
+        ("case 1: int a = 3; case 2: a = 4;", None),
+        # Refused on the board too.
+        ('case 1: String s = "a"; f(s); case 2: ;', None),
+        ("case 1: x = y ? 1 : 2; f(int(x)); case 2: ;", None),
+    ],
+)
+def test_a_case_that_declares_a_variable_has_braces(written: str, made: str | None) -> None:
+    if not written.startswith("switch"):
+        written = f"void f() {{ switch (g(a)) {{ {written} }} }} int a = 3;"
+        made = None if made is None else f"void f() {{ switch (g(a)) {{ {made} }} }} int a = 3;"
+    assert with_case_scopes(written) == (written if made is None else made)
+
+
+def test_a_switch_in_a_case_has_its_own_cases() -> None:
+    written = "switch (a) { case 1: switch (b) { case 2: int c = 1; default: ; } int d = 2; case 3: ; }"
+    made = with_case_scopes(written)
+    assert made == (
+        "switch (a) { case 1: { switch (b) { case 2: { int c = 1; } default: ; } int d = 2; } case 3: ; }"
     )

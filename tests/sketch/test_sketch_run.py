@@ -143,6 +143,30 @@ def test_a_board_that_dies_fails_the_mission(tmp_path: Path, capsys: pytest.Capt
     assert re.search(r"\n +0\.10 +[^\n]*board rover died", capsys.readouterr().out)
 
 
+def test_a_quiet_run_tells_why_a_board_has_died(tmp_path: Path) -> None:
+    folder = tmp_path / "set"
+    made_set(folder, ROVER + MOTORS, {"rover.ino": "void setup() { delay(50); abort(); }\nvoid loop() {}\n"})
+    done = run(folder, tmp_path / "run.jsonl", "--quiet", "--mission")
+    assert done.returncode == 1
+    assert re.search(r"the boards have ended: board rover died at rover\.ino:1 .*", done.stderr), done.stderr
+    assert "verdict" not in done.stderr
+
+
+def test_a_program_opens_a_port_that_no_board_has(tmp_path: Path) -> None:
+    folder = tmp_path / "set"
+    wiring = ROVER.partition("[laptop]")[0] + MOTORS
+    made_set(folder, wiring, {"rover.ino": "void setup() {}\nvoid loop() {}\n"})
+    program = tmp_path / "laptop.py"
+    program.write_text(LAPTOP, "utf-8")
+    for clock in ("program", "real"):
+        log = tmp_path / f"{clock}.jsonl"
+        done = run(folder, log, "--clock", clock, "--run", f"{sys.executable} {program}")
+        assert done.returncode == 1
+        why = "wiring.toml has no [laptop], the line of a board to the program. Add it, with board = "
+        assert f"could not open port 'COM6': {why}" in done.stdout + done.stderr
+        assert f"a program opened COM6, but {why}" in done.stderr
+
+
 def test_by_the_programs_clock_time_stops_at_the_death_of_a_board(tmp_path: Path) -> None:
     folder = tmp_path / "set"
     text = "void setup() {}\nvoid loop() {\n  delay(100);\n  volatile int *place = 0; *place = 1;\n}\n"

@@ -161,15 +161,19 @@ inline double square(double value) { return value * value; }
 #endif
 #define clockCyclesPerMicrosecond() (F_CPU / 1000000L)
 
+#include "C_texts.h"
 #include "Characters.h"
 #include "Program_memory.h"
 #include "Text_numbers.h"
+#include "Variadic.h"
 #include "WString.h"
 #include "Print.h"
 #include "Stream.h"
 #include "HardwareSerial.h"
 
 #if defined(SIMMER_ESP32)
+#include "Logging.h"
+#include "Tones.h"
 // Functions, so that a sketch may include headers of C++ and call std::max() too. Those of two types take what differs
 // in this machine's widths alone.
 using std::abs;

@@ -14,7 +14,12 @@ class HardwareSerial : public board::Port {
     set_pins(rx < 0 ? rx_ : rx, tx < 0 ? tx_ : tx);
     open(baud);
   }
+  bool setPins(int rx, int tx, int = -1, int = -1) {
+    set_pins(rx < 0 ? rx_ : rx, tx < 0 ? tx_ : tx);
+    return true;
+  }
   bool setRxBufferSize(size_t) { return true; }
+  void setDebugOutput(bool) {}  // the log's messages are not there
 #else
   void begin(unsigned int baud, unsigned char = 0x06) { open(baud); }
 #endif

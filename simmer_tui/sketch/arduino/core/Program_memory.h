@@ -28,15 +28,17 @@ auto pgm_word_at(const Value* address) {
   else
     return *reinterpret_cast<const uint16_t*>(address);
 }
-#define pgm_read_byte(address) (*reinterpret_cast<const uint8_t*>(address))
+// As avr-libc's: whatever the address is the address of.
+#define pgm_read_byte(address) (*(const uint8_t*)(address))
 #define pgm_read_word(address) pgm_word_at(address)
-#define pgm_read_dword(address) (*reinterpret_cast<const uint32_t*>(address))
-#define pgm_read_float(address) (*reinterpret_cast<const float*>(address))
-#define pgm_read_ptr(address) (*reinterpret_cast<void* const*>(address))
+#define pgm_read_dword(address) (*(const uint32_t*)(address))
+#define pgm_read_float(address) (*(const float*)(address))
+#define pgm_read_ptr(address) (*(void* const*)(address))
 #define pgm_read_byte_near(address) pgm_read_byte(address)
 #define pgm_read_word_near(address) pgm_read_word(address)
 #define pgm_read_dword_near(address) pgm_read_dword(address)
 #define pgm_read_float_near(address) pgm_read_float(address)
+#define pgm_read_ptr_near(address) pgm_read_ptr(address)
 
 #define memcpy_P std::memcpy
 #define memcmp_P std::memcmp
@@ -47,5 +49,12 @@ auto pgm_word_at(const Value* address) {
 #define strncmp_P std::strncmp
 #define strlen_P std::strlen
 #define strstr_P std::strstr
+#define strchr_P std::strchr
+#define strrchr_P std::strrchr
+#define strcasecmp_P strcasecmp
+#define strncasecmp_P strncasecmp
+#define strnlen_P strnlen
+#define sscanf_P avr_sscanf
+#define vsnprintf_P avr_vsnprintf
 #define sprintf_P avr_sprintf
 #define snprintf_P avr_snprintf

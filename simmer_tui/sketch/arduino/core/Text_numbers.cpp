@@ -72,7 +72,12 @@ int avr_vsnprintf(char* text, size_t size, const char* format, va_list values) {
       ++format;
     }
     int longs = 0;
-    while (*format == 'l' || *format == 'h') longs += *format++ == 'l';
+    while (*format && std::strchr("lhzjt", *format)) {
+      // `size_t` and the like have 8 bytes on this machine.
+      longs += *format == 'l' ? 1 : *format == 'h' ? 0 : 2;
+      ++format;
+    }
+    if (longs > 1) used += static_cast<size_t>(std::snprintf(directive + used, 3, "ll"));
     const char kind = *format;
     if (kind) ++format;
     directive[used++] = kind;
@@ -80,12 +85,20 @@ int avr_vsnprintf(char* text, size_t size, const char* format, va_list values) {
     if (kind == '%') {
       put("%");
     } else if (std::strchr("di", kind) && kind) {
-      const int value = va_arg(values, int);
-      std::snprintf(piece, sizeof piece, directive, longs ? value : narrowed(value));
+      if (longs > 1) {
+        std::snprintf(piece, sizeof piece, directive, va_arg(values, long long));
+      } else {
+        const int value = va_arg(values, int);
+        std::snprintf(piece, sizeof piece, directive, longs ? value : narrowed(value));
+      }
       put(piece);
     } else if (std::strchr("uxXo", kind) && kind) {
-      const unsigned value = va_arg(values, unsigned);
-      std::snprintf(piece, sizeof piece, directive, longs ? value : narrowed(value));
+      if (longs > 1) {
+        std::snprintf(piece, sizeof piece, directive, va_arg(values, unsigned long long));
+      } else {
+        const unsigned value = va_arg(values, unsigned);
+        std::snprintf(piece, sizeof piece, directive, longs ? value : narrowed(value));
+      }
       put(piece);
     } else if (kind == 'c') {
       std::snprintf(piece, sizeof piece, directive, va_arg(values, int));
@@ -131,72 +144,4 @@ int avr_sprintf(char* text, const char* format, ...) {
   const int length = avr_vsnprintf(text, static_cast<size_t>(-1) / 2, format, values);
   va_end(values);
   return length;
-}
-
-int avr_sscanf(const char* text, const char* format, ...) {
-  va_list values;
-  va_start(values, format);
-  const char* at = text;
-  int found = 0;
-  const auto skip_space = [&] {
-    while (*at && std::isspace(static_cast<unsigned char>(*at))) ++at;
-  };
-  for (; *format; ++format) {
-    if (std::isspace(static_cast<unsigned char>(*format))) {
-      skip_space();
-      continue;
-    }
-    if (*format != '%') {
-      if (*at != *format) break;
-      ++at;
-      continue;
-    }
-    ++format;
-    const bool kept = *format != '*';
-    if (!kept) ++format;
-    size_t width = 0;
-    while (std::isdigit(static_cast<unsigned char>(*format))) width = width * 10 + static_cast<size_t>(*format++ - '0');
-    int longs = 0, shorts = 0;
-    while (*format == 'l' || *format == 'h') (*format++ == 'l' ? longs : shorts) += 1;
-    const char kind = *format;
-    if (std::strchr("diuxX", kind) && kind) {
-      skip_space();
-      char piece[40] = {};
-      std::strncpy(piece, at, width && width < 39 ? width : 39);
-      char* end = nullptr;
-      const long long value = std::strtoll(piece, &end, kind == 'i' ? 0 : kind == 'x' || kind == 'X' ? 16 : 10);
-      if (end == piece) break;
-      at += end - piece;
-      if (kept) {
-        void* target = va_arg(values, void*);
-        if (longs)
-          *static_cast<int32_t*>(target) = static_cast<int32_t>(value);
-        else if (shorts > 1)
-          *static_cast<int8_t*>(target) = static_cast<int8_t>(value);
-        else
-          *static_cast<int16_t*>(target) = static_cast<int16_t>(value);
-        ++found;
-      }
-    } else if (kind == 'c') {
-      if (!*at) break;
-      char* target = kept ? va_arg(values, char*) : nullptr;
-      for (size_t count = width ? width : 1; count && *at; --count, ++at)
-        if (target) *target++ = *at;
-      found += kept;
-    } else if (kind == 's') {
-      skip_space();
-      if (!*at) break;
-      char* target = kept ? va_arg(values, char*) : nullptr;
-      for (size_t count = 0; *at && !std::isspace(static_cast<unsigned char>(*at)) && (!width || count < width); ++count, ++at)
-        if (target) *target++ = *at;
-      if (target) *target = 0;
-      found += kept;
-    } else if (kind == '%') {
-      if (*at++ != '%') break;
-    } else {
-      break;  // %f and sets of characters: avr-libc's usual scanf has no floating point
-    }
-  }
-  va_end(values);
-  return found;
 }

@@ -13,5 +13,5 @@ char* dtostrf(double value, signed char width, unsigned char digits, char* text)
 int avr_vsnprintf(char* text, size_t size, const char* format, va_list values);
 int avr_snprintf(char* text, size_t size, const char* format, ...);
 int avr_sprintf(char* text, const char* format, ...);
-// scanf of avr-libc: %d reads 16 bits, %ld 32. %f reads nothing there.
+// sscanf (see Text_scan.cpp). Its usual form in avr-libc has no floating point either: %f reads nothing there.
 int avr_sscanf(const char* text, const char* format, ...);

@@ -1,5 +1,6 @@
 // Sonars, as NewPing drives them: distances of an echo's time, with a limit.
 #pragma once
+#include "../board/clock.h"
 
 #define MAX_SENSOR_DISTANCE 500
 #define US_ROUNDTRIP_CM 57
@@ -17,6 +18,11 @@ class NewPing {
   unsigned int ping_cm(unsigned int max_cm = 0);
   unsigned int ping_in(unsigned int max_cm = 0);
   unsigned int ping_median(unsigned char count = 5, unsigned int max_cm = 0);
+  // The function is called once, as an interrupt, when the echo is over; the library calls it every 24 us until then.
+  void ping_timer(void (*function)(), unsigned int max_cm = 0);
+  bool check_timer();
+  static void timer_stop();
+  unsigned int ping_result = 0;  // the echo's time, microseconds, once check_timer() is true
   static unsigned int convert_cm(unsigned int echo);
   static unsigned int convert_in(unsigned int echo);
 
@@ -25,4 +31,5 @@ class NewPing {
   void set_limit(unsigned int max_cm);
   int trigger_, echo_;
   unsigned int limit_;  // longest echo, microseconds
+  board::Nanoseconds begun_ = 0;  // of the echo that ping_timer() waits for
 };

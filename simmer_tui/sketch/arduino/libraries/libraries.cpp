@@ -177,6 +177,42 @@ unsigned int NewPing::ping_median(unsigned char count, unsigned int max_cm) {
   return found ? echoes[found >> 1] : NO_ECHO;
 }
 
+namespace {
+NewPing* pinged = nullptr;  // one at a time, as the library has one timer
+void (*on_echo)() = nullptr;
+void echo_ended() {
+  if (pinged && on_echo) on_echo();
+}
+// `attach` takes a function, or what is made of one.
+template <class Function>
+void set_on_fall(void (*attach)(int, Function, int), int pin, void (*function)()) {
+  attach(pin, std::decay_t<Function>(function), FALLING);
+}
+}  // namespace
+
+void NewPing::ping_timer(void (*function)(), unsigned int max_cm) {
+  if (max_cm > 0) set_limit(max_cm);
+  timer_stop();
+  if (!trigger()) return;
+  begun_ = now;
+  pinged = this;
+  on_echo = function;
+  set_on_fall(attach, echo_, echo_ended);
+}
+bool NewPing::check_timer() {
+  if (pinged != this) return false;
+  const unsigned int echo = static_cast<unsigned int>((now - begun_) / MICROSECOND);
+  if (digitalRead(echo_) && echo <= limit_) return false;
+  timer_stop();
+  if (echo > limit_) return false;
+  ping_result = echo;
+  return true;
+}
+void NewPing::timer_stop() {
+  if (pinged) set_on_fall(attach, pinged->echo_, nullptr);
+  pinged = nullptr;
+}
+
 // -- EEPROM ------------------------------------------------------------------------------------------
 
 EEPROMClass EEPROM;

@@ -1,0 +1,3 @@
+// Arduino.h has it.
+#pragma once
+#include "../core/Arduino.h"
