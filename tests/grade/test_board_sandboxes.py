@@ -35,7 +35,8 @@ SYSTEM = (
 )
 """Calls of the system, in five lines."""
 LIMITS = "[limits]\ntime = 30.0\ncpu = 20.0\nmemory = 300.0\ndisk = 2.0\nprocesses = 20\n"
-CLOCK = "namespace board { extern unsigned long long now; }\n"
+# By its name in the object file: a `board` of the sketch is the sketch's own.
+CLOCK = 'extern unsigned long long clock_now asm("_ZN5board3nowE");\n'
 HARMFUL = {
     "dies": ("void setup() { delay(100); volatile int* a = 0; *a = 1; }\n", "died at rover.ino:6 after 0.1"),
     "exits": ("void setup() { delay(100); _exit(0); }\n", "died at rover.ino:6 after 0.1 s: exit code 0"),
@@ -66,7 +67,7 @@ HARMFUL = {
         "hangs at rover.ino:6 after 0.1 s",
     ),
     "turns back the clock": (
-        CLOCK + "void setup() { pinMode(5, OUTPUT); delay(100); board::now = 5; digitalWrite(5, HIGH); }\n",
+        CLOCK + "void setup() { pinMode(5, OUTPUT); delay(100); clock_now = 5; digitalWrite(5, HIGH); }\n",
         "was ended at rover.ino:7 after 0.1",
     ),
 }
