@@ -208,9 +208,11 @@ def test_a_board_is_none_of_the_processes_that_a_program_leaves_behind() -> None
     """Whichever of them starts first."""
     assert {keeper.MARK: keeper.KEEPER} == OWN_PROCESS
     adoption = Adoption("mark")
-    with subprocess.Popen(["sleep", "60"], env={keeper.MARK: "mark"}, start_new_session=True) as program:
+    waits = [sys.executable, "-c", "input()"]
+    marked = {keeper.MARK: "mark"}
+    with subprocess.Popen(waits, env=marked, stdin=subprocess.PIPE, start_new_session=True) as program:
         adoption.begin(program.pid)
-        with subprocess.Popen(["sleep", "60"], start_new_session=True) as left:
+        with subprocess.Popen(waits, stdin=subprocess.PIPE, start_new_session=True) as left:
             board = LocalBoard(Path("/bin/sh"), ["-c", "read line"])
             try:
                 assert left.pid in adoption.living()
