@@ -11,6 +11,7 @@ import select
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -23,6 +24,8 @@ from simmer_tui.program.program_output import OutputRoute
 
 _LAST_WAIT = 0.5
 """Seconds to wait for a killed program's end. Another user's program cannot be killed."""
+_LOOKS = 20
+"""Looks at an environment that is empty, a millisecond apart: an exec takes less, at load 12 too."""
 # A look takes a tenth of a millisecond. A process left behind after the last look outlives the simulator if
 # that is killed.
 _REAP_INTERVAL = 0.25
@@ -290,6 +293,11 @@ def _adopt(*, is_on: bool) -> bool:
 
 def _mark_of(pid: int) -> bytes | None:
     """Mark of the program that started a process, if its environment has one. Raises OSError."""
-    variable = f"{MARK}=".encode()
-    variables = Path(f"/proc/{pid}/environ").read_bytes().split(b"\0")
+    variable, path = f"{MARK}=".encode(), Path(f"/proc/{pid}/environ")
+    variables = path.read_bytes().split(b"\0")
+    # A process that has just been started has none for a moment, until Linux has set its stack up.
+    looks = 0
+    while variables == [b""] and looks < _LOOKS:
+        time.sleep(0.001)
+        variables, looks = path.read_bytes().split(b"\0"), looks + 1
     return next((each[len(variable) :] for each in variables if each.startswith(variable)), None)
