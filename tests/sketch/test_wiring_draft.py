@@ -11,9 +11,13 @@ import pytest
 
 from simmer_tui import platform_has
 from simmer_tui.cli.main import main
+from simmer_tui.config.loader import load
+from simmer_tui.config.nominal import nominal_of
 from simmer_tui.config.sets import bundled_sets, init_set
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim.specs import WheelLayout, WheelsSpec
+from simmer_tui.sketch.boards import UNO
+from simmer_tui.sketch.sketch_scan import SketchFacts
 from simmer_tui.sketch.wiring import WiringParts, missing_sketches, read_wiring
 from simmer_tui.sketch.wiring_draft import draft
 from tests.sketch.running import FORMS
@@ -191,6 +195,13 @@ def test_the_order_of_inputs_is_the_one_that_drives_ahead(tmp_path: Path) -> Non
         " digitalWrite(7, HIGH); analogWrite(6, 9); }"
     )
     assert [row.get("reversed", False) for row in drafted(tmp_path, shield)["motors"]] == [True, False]
+
+
+def test_a_port_that_is_set_to_a_new_one_is_begun(tmp_path: Path) -> None:
+    head = "SoftwareSerial bt = SoftwareSerial(7, 8);\nvoid setup() { bt.begin(9600); Serial.begin(9600); }\n"
+    assert drafted(tmp_path, head)["laptop"] == {"board": "sketch1", "rx": 7, "tx": 8}
+    (port,) = (each for each in SketchFacts({"s.ino": head}, UNO).ports() if each.name == "bt")
+    assert (port.bauds, port.begin_spot) == ((9600,), "s.ino:2")
 
 
 SENSORS = {
@@ -439,6 +450,26 @@ def test_init_writes_a_draft_beside_a_set_and_with_a_new_one(
     assert "has wiring.toml already; nothing is overwritten" in capsys.readouterr().err
     assert main(["init", "--sketch", "nose.ino"]) == 2
     assert "nose.ino: there is no such sketch" in capsys.readouterr().err
+
+
+def test_a_drafted_set_is_its_own_nominal_one(tmp_path: Path) -> None:
+    """A sensor that the team turns by the page is not blamed."""
+    (tmp_path / "rover.ino").write_text(ROVER, "utf-8")
+    made = tmp_path / "set"
+    assert main(["init", str(made), "--mission", "--sketch", str(tmp_path / "rover.ino")]) == 0
+    sensors = made / "sensors.csv"
+    row = next(line for line in sensors.read_text("utf-8").splitlines() if line.startswith("ultra2,"))
+    cells = row.split(",")
+    cells[6] = "17"
+    sensors.write_text(sensors.read_text("utf-8").replace(row, ",".join(cells)), "utf-8")
+    configuration = load(made)
+    nominal = nominal_of(configuration)
+    assert nominal is not None
+    assert (nominal.name, nominal.spec) == (str(made), configuration.simulation)
+    assert nominal.time_limit == 300.0
+    other = nominal_of(configuration, "mission")
+    assert other is not None
+    assert other.name == "mission"
 
 
 def test_init_drafts_where_the_set_is(
