@@ -34,7 +34,8 @@ def drafted(folder: Path, *texts: str) -> dict[str, Any]:
     problems: list[Problem] = []
     read_wiring(made, WiringParts((), WheelsSpec(layout=WheelLayout.DIFF)), problems)
     assert [str(each) for each in problems if "no row of sensors.csv has" not in each.what] == []
-    assert made.count("wheel =") == made.count("# ? which wheel") + made.count('"  # ? which\n')
+    marks = ("# ? which wheel", '"  # ? which\n', "  # by the names in the sketch\n")
+    assert made.count("wheel =") == sum(map(made.count, marks))
     return tomllib.loads(made)
 
 
@@ -179,6 +180,77 @@ MOTORS = {
 def test_motors_are_read_off_the_order_of_writes(tmp_path: Path, form: str) -> None:
     text, expected = MOTORS[form]
     assert [pins(row) for row in drafted(tmp_path, text).get("motors", [])] == expected
+
+
+_ONE_MOTOR = "digitalWrite({0}, HIGH); digitalWrite({1}, LOW); analogWrite({2}, 90);"
+_PLAIN = _ONE_MOTOR.format(2, 4, 5) + _ONE_MOTOR.format(7, 8, 6)
+NAMED_SIDES = {
+    "constants": (
+        "#define R1 2\n#define R2 4\n#define RIGHT_EN 5\n#define L1 7\n#define L2 8\n#define LEFT_EN 6\n"
+        f"void f() {{ {_ONE_MOTOR.format('R1', 'R2', 'RIGHT_EN')}"
+        f" {_ONE_MOTOR.format('L1', 'L2', 'LEFT_EN')} }}",
+        ["right", "left"],
+    ),
+    "a letter of its own": (
+        f"int enR = 5, EN_L = 6;\nvoid f() {{ {_ONE_MOTOR.format(2, 4, 'enR')}"
+        f" {_ONE_MOTOR.format(7, 8, 'EN_L')} }}",
+        ["right", "left"],
+    ),
+    "objects": (
+        "class Wheel { int p, m, s; public: Wheel(int pp, int mm, int ss) { p = pp; m = mm; s = ss; }"
+        " void run(int v) { digitalWrite(p, v > 0); digitalWrite(m, v < 0); analogWrite(s, v); } };\n"
+        "Wheel rechts(7, 8, 5), links(2, 4, 6);\nvoid loop() { rechts.run(9); links.run(9); }",
+        ["right", "left"],
+    ),
+    "functions of one motor": (
+        f"void motorRight() {{ {_ONE_MOTOR.format(2, 4, 5)} }} void motorLeft()"
+        f" {{ {_ONE_MOTOR.format(7, 8, 6)} }}",
+        ["right", "left"],
+    ),
+    "one of them alone": (
+        f"void setup() {{ pinMode(rightEn, OUTPUT); {_PLAIN} }} int rightEn = 5;",
+        ["right", "left?"],
+    ),
+    "both inputs of one motor": (
+        "#define R_EN 2\n#define L_EN 4\n"
+        f"void f() {{ {_ONE_MOTOR.format('R_EN', 'L_EN', 5)} {_ONE_MOTOR.format(7, 8, 6)} }}",
+        ["left?", "right?"],
+    ),
+    "brightness is no side": (f"int brightness = 5;\nvoid f() {{ {_PLAIN} }}", ["left?", "right?"]),
+    "a turn": (
+        f"void forward() {{ {_PLAIN} }} void turnLeft() {{ {_ONE_MOTOR.format(2, 4, 5)}"
+        f" {_ONE_MOTOR.format(8, 7, 6)} }}",
+        ["right?", "left?"],
+    ),
+    "servos": (
+        "#include <Servo.h>\nServo rightS, leftS;\nvoid setup() { rightS.attach(9); leftS.attach(10); }",
+        ["right", "left"],
+    ),
+    "steppers": (
+        "#include <AccelStepper.h>\nAccelStepper right(1, 2, 5);\nAccelStepper left(1, 3, 6);",
+        ["right", "left"],
+    ),
+}
+
+
+@pytest.mark.parametrize("form", NAMED_SIDES)
+def test_wheels_are_those_that_names_tell(tmp_path: Path, form: str) -> None:
+    """`?` stands for a guess."""
+    text, expected = NAMED_SIDES[form]
+    drafted(tmp_path, text)
+    made = draft([tmp_path / "Sketch1.ino"], tmp_path, [], [])
+    lines = [line for line in made.splitlines() if line.startswith("wheel = ")]
+    assert [f"{line.split(chr(34))[1]}{'?' if '# ?' in line else ''}" for line in lines] == expected
+
+
+def test_encoders_have_the_wheels_that_names_tell(tmp_path: Path) -> None:
+    text = (
+        "#define ENC_R 2\n#define ENC_L 3\nvoid one() { n++; } void two() { m++; }\nvoid setup() {"
+        " pinMode(ENC_R, INPUT); pinMode(ENC_L, INPUT);"
+        " attachInterrupt(digitalPinToInterrupt(ENC_R), one, RISING);"
+        " attachInterrupt(digitalPinToInterrupt(ENC_L), two, RISING); }"
+    )
+    assert [row["wheel"] for row in drafted(tmp_path, text)["sensors"]] == ["right", "left"]
 
 
 def test_the_order_of_inputs_is_the_one_that_drives_ahead(tmp_path: Path) -> None:
@@ -387,7 +459,8 @@ def test_steppers_are_read_off(tmp_path: Path, name: str) -> None:
         *expected
     ]
     assert [row["steps_per_inch"] for row in motors] == [100] * len(expected)
-    assert [row["wheel"] for row in motors][:2] == ["left", "right"]
+    expected_wheels = ["right", "left"] if "STEP_R" in text else ["left", "right"]
+    assert [row["wheel"] for row in motors][:2] == expected_wheels
     assert not any("enable_on" in row for row in motors)
 
 
