@@ -16,11 +16,13 @@ from pathlib import Path
 
 from msgspec import Struct
 
+from simmer_tui.config.set_sketches import library_paths
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim.rules import MAX_TEXT, TextRule
 from simmer_tui.sketch.boards import BOARDS, ESP32, UNO, BoardKind
 from simmer_tui.sketch.bus_draft import draft_gyros, draft_rangers
-from simmer_tui.sketch.gripper_draft import drafted_angles
+from simmer_tui.sketch.gripper_draft import drafted_angles, gripper_of
+from simmer_tui.sketch.known_headers import is_provided
 from simmer_tui.sketch.motion_check import forward_levels
 from simmer_tui.sketch.motor_draft import END, draft_motors, oriented
 from simmer_tui.sketch.servo_draft import attached_servos, draft_servo_wheels
@@ -33,8 +35,6 @@ from simmer_tui.sketch.stepper_draft import draft_steppers
 from simmer_tui.sketch.wiring import GYRO_ADDRESSES
 
 _TRIGGER, _ECHO = (re.compile(word, re.IGNORECASE) for word in ("trig", "echo"))
-_LATER = frozenset(("WiFi.h",))
-"""Headers of parts that are not simulated yet; those of teams, by how often they have them."""
 _ESP32_HEADERS = frozenset(
     ("bluetoothserial.h", "esp32servo.h", "wifi.h", "esp_now.h", "freertos/freertos.h")
 )
@@ -155,9 +155,11 @@ def draft(
         # Strings of JSON are strings of TOML.
         path = json.dumps(board.sketch, ensure_ascii=False)
         text.append(f'[boards.{board.name}]\nsketch = {path}\nboard = "{board.facts.kind.name}"{sure}\n')
-    for board in boards:
+    for board, sketch in zip(boards, sketches, strict=True):
+        folder = sketch if sketch.is_dir() else sketch.parent
+        own = {*board.facts.files, *(path.rpartition("/")[2] for _, path in library_paths(folder))}
         for header, spot in board.facts.includes:
-            if header in _LATER:
+            if not is_provided(header, own):
                 text.append(f"# {spot} has {header}, which is not there yet: see the end of docs/sketch.md\n")
     text += _line_tables(boards)
     wheels = _Wheels(side for board in boards for side in board.sides)
@@ -464,8 +466,7 @@ class _Codes:
 
 
 def _servo_tables(board: BoardDraft) -> Iterator[str]:
-    for at, pin in enumerate(board.servos):
-        angles = ""
-        if at == 0:
-            angles = drafted_angles(board.facts, pin)
+    gripper = gripper_of(board.facts, board.servos)
+    for pin in board.servos:
+        angles = drafted_angles(board.facts, pin) if pin == gripper else ""
         yield f'[[servos]]\nboard = "{board.name}"\npin = {_pin(board, pin)}\n{angles}'

@@ -139,6 +139,28 @@ MOTORS = {
         " void g() { analogWrite(AIN2, 9); analogWrite(BIN2, 9); }",
         [("pwm2", 3, 5), ("pwm2", 9, 6)],
     ),
+    "first inputs, then second ones": (
+        "#define IN1 2\n#define IN2 4\n#define IN3 7\n#define IN4 8\n#define ENA 5\n#define ENB 6\n"
+        "void f(int s) { digitalWrite(IN1, HIGH); digitalWrite(IN3, HIGH); digitalWrite(IN2, LOW);"
+        " digitalWrite(IN4, LOW); analogWrite(ENA, s); analogWrite(ENB, s); }",
+        [("hbridge", 2, 4, 5), ("hbridge", 7, 8, 6)],
+    ),
+    "two inputs a motor, one of them with a PWM at a time": (
+        "#define M1A 5\n#define M1B 6\n#define M2A 9\n#define M2B 10\n"
+        "void forward(int s) { digitalWrite(M1B, LOW); analogWrite(M1A, s);"
+        " digitalWrite(M2B, LOW); analogWrite(M2A, s); }\n"
+        "void back(int s) { digitalWrite(M1A, LOW); analogWrite(M1B, s);"
+        " digitalWrite(M2A, LOW); analogWrite(M2B, s); }",
+        [("pwm2", 5, 6), ("pwm2", 9, 10)],
+    ),
+    "two inputs a motor, one of them without a PWM": (
+        "#define A_IA 5\n#define A_IB 4\n#define B_IA 6\n#define B_IB 7\n"
+        "void forward(int s) { analogWrite(A_IA, s); digitalWrite(A_IB, LOW);"
+        " analogWrite(B_IA, s); digitalWrite(B_IB, LOW); }\n"
+        "void back(int s) { analogWrite(A_IA, 255 - s); digitalWrite(A_IB, HIGH);"
+        " analogWrite(B_IA, 255 - s); digitalWrite(B_IB, HIGH); }",
+        [("pwm2", 5, 4), ("pwm2", 6, 7)],
+    ),
     "levels alone": (
         "void f() { digitalWrite(8, 1); digitalWrite(9, 0); digitalWrite(10, 1); digitalWrite(11, 0); }",
         [("hbridge", 8, 9), ("hbridge", 10, 11)],
@@ -401,6 +423,28 @@ def test_angles_that_the_draft_has_invented_are_guesses_until_their_mark_is_gone
         assert [line.partition(";")[0] for line in said] == expected
 
 
+@pytest.mark.parametrize(
+    ("names", "gripper"),
+    [
+        (("arm", "grip"), 5),
+        (("greifer", "arm"), 3),
+        (("neck", "lift"), 5),
+        (("scanner",), None),
+        (("one", "two"), 3),
+    ],
+)
+def test_the_gripper_is_the_servo_that_is_named_so(
+    tmp_path: Path, names: tuple[str, ...], gripper: int | None
+) -> None:
+    head = f"#include <Servo.h>\nServo {', '.join(names)};\nvoid setup() {{"
+    calls = "".join(
+        f" {name}.attach({pin}); {name}.write(20);" for name, pin in zip(names, (3, 5), strict=False)
+    )
+    made = drafted(tmp_path, f"{head}{calls} }}\nvoid loop() {{}}\n")["servos"]
+    assert [row["pin"] for row in made] == [3, 5][: len(names)]
+    assert [row["pin"] for row in made if "gripper" in row] == ([] if gripper is None else [gripper])
+
+
 STEPPERS = {
     "objects": (
         "#include <AccelStepper.h>\n#define EN 8\nAccelStepper left(AccelStepper::DRIVER, 2, 5);\n"
@@ -502,6 +546,13 @@ def test_a_library_that_is_not_there_yet_is_noted(tmp_path: Path) -> None:
     made = draft([tmp_path / "s.ino"], tmp_path, [], [])
     assert "# s.ino:1 has WiFi.h, which is not there yet" in made
     assert "Servo.h" not in made
+    text = '#include <AFMotor.h>\n#include <Own.h>\n#include "far/QTRSensors.h"\n#include <stdint.h>\n'
+    (tmp_path / "s.ino").write_text(text, "utf-8")
+    (tmp_path / "libraries" / "Own").mkdir(parents=True)
+    (tmp_path / "libraries" / "Own" / "Own.h").write_text("", "utf-8")
+    made = draft([tmp_path / "s.ino"], tmp_path, [], [])
+    told = [line.split()[3] for line in made.splitlines() if "which is not there yet" in line]
+    assert told == ["AFMotor.h,", "far/QTRSensors.h,"]
 
 
 def test_init_writes_a_draft_beside_a_set_and_with_a_new_one(
