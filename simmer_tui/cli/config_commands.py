@@ -108,7 +108,9 @@ def run_init(options: argparse.Namespace) -> int:
     files, name = read_files(source), set_name(source)
     if options.dialect is not None:
         files = with_dialect(files, FrameKind(options.dialect))
-    files = with_comments(with_mission(files) if mission else files, name if name in bundled_sets() else "")
+    # With a sketch the set becomes that of a team's own robot, no variant of another one.
+    nominal = name if name in bundled_sets() and options.sketch is None else ""
+    files = with_comments(with_mission(files) if mission else files, nominal)
     if options.sketch is not None:
         home = options.directory / LOCAL_FOLDER if options.term else options.directory
         drafted = _drafted(options.sketch, home, decoded(SENSORS_FILE, files.get(SENSORS_FILE, b"")))

@@ -1,7 +1,8 @@
 """The nominal set of a run: its own set is a variant of it.
 
 A set names it in settings.toml (`nominal`); `init` writes that. A set without the name counts as a variant of
-the bundled set with the same sensors and drives, if most rows are the same.
+the bundled set with the same sensors and drives, if most rows are the same. One with boards describes the
+robot of a team, whose sketch knows it: it is its own nominal set.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from msgspec import Struct
 
 from simmer_tui.config.device_trust import DeviceUse
 from simmer_tui.config.loader import Configuration, Override, load
+from simmer_tui.config.set_sketches import WIRING_FILE
 from simmer_tui.config.sets import bundled_sets, find_set, set_name
 from simmer_tui.errors import ConfigurationError
 from simmer_tui.sim.specs import SimulationSpec
@@ -34,7 +36,8 @@ class Nominal(Struct, frozen=True):
 
 def nominal_of(configuration: Configuration, chosen: str | None = None) -> Nominal | None:
     """The nominal set of a run with this configuration, None if there is none that can be read. By default it
-    is the one that the run's set names, else the bundled set that it is a variant of.
+    is the one that the run's set names, else itself with a wiring.toml, else the bundled set that it is a
+    variant of.
 
     Raises ConfigurationError if a `chosen` one cannot be read.
     """
@@ -47,6 +50,9 @@ def nominal_of(configuration: Configuration, chosen: str | None = None) -> Nomin
         except ConfigurationError:
             # A folder that no longer exists, or is on another machine.
             return None
+    if WIRING_FILE in configuration.files:
+        limit = None if configuration.mission is None else configuration.mission.time_limit
+        return Nominal(configuration.name, configuration.simulation, limit)
     bundled = bundled_sets()
     # Nearly every run has a bundled set: comparing with that one is then enough.
     names = [configuration.name] if configuration.name in bundled else list(bundled)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from simmer_tui.config.set_sketches import WIRING_FILE
 from simmer_tui.sketch.sketch_scan import SketchFacts
@@ -11,12 +11,31 @@ from simmer_tui.sketch.sketch_values import Pins
 from simmer_tui.sketch.wiring import Wiring
 
 _OPEN, _CLOSED = (re.compile(word, re.IGNORECASE) for word in ("open|release", "clos|grab|hold"))
+_GRIPPER = re.compile("grip|claw|greif|jaw|zange", re.IGNORECASE)
+_LOOKS = re.compile("scan|pan|sonar|head|neck|look|radar|turret", re.IGNORECASE)
+"""Names of a servo that turns a sensor."""
 _HALF_TURN = 180
 """The largest angle of a servo; a larger number is a pulse."""
 # Judged: the jaws of most grippers turn by less.
 _QUARTER_TURN = 90
 """Degrees between two angles of which the sketch has one at most."""
 _GUESS = re.compile(r"gripper\b.*# \? a guess: (.*)")
+
+
+def gripper_of(facts: SketchFacts, pins: Sequence[int]) -> int | None:
+    """The servo that is most likely the gripper's, by its pin: the first one with such a name, else the first
+    one that is not named as one that looks about; None without one."""
+    names = {
+        pin: " ".join(
+            f"{call.object} {facts.spelled(call)}"
+            for call in facts.named("attach")
+            if pin in (facts.pins(call) or ())
+        )
+        for pin in pins
+    }
+    named = [pin for pin in pins if _GRIPPER.search(names[pin])]
+    others = [pin for pin in pins if not _LOOKS.search(names[pin])]
+    return next(iter([*named, *others]), None)
 
 
 def drafted_angles(facts: SketchFacts, pin: int) -> str:

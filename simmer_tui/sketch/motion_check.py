@@ -132,6 +132,13 @@ def promises_ahead(function: str) -> bool:
     return _promised(function) == {_AHEAD}
 
 
+def promised_turn(function: str) -> str:
+    """The side to which a function's name promises to turn, `left` or `right`; empty if it promises more, or
+    something else."""
+    promised = _promised(function)
+    return {_LEFT: "left", _RIGHT: "right"}.get(min(promised), "") if len(promised) == 1 else ""
+
+
 def _promised(function: str) -> set[str]:
     """The motions that a function's name promises."""
     return {motion for pattern, motion in _NAMED if pattern.search(function)}
@@ -252,6 +259,8 @@ class WrongMotion(Struct, frozen=True):
     spot: str
     text: str
     spots: frozenset[str]
+    is_mirrored: bool = False
+    """True if it turns the other way round, as all do, and the others are right: the wheels are exchanged."""
 
 
 def wrong_motions(
@@ -259,8 +268,11 @@ def wrong_motions(
 ) -> Iterator[Problem]:
     """Problems of functions whose name promises another motion than they set."""
     remedy = "swap a motor's pins in wiring.toml if its wires are swapped, else in the sketch"
+    mirrored = (
+        "exchange the two wheel values in wiring.toml if the motors are the other way round, else in the"
+    )
     for each in wrong_functions(wiring, wheels, facts):
-        yield Problem(each.spot, f"{each.text}; {remedy}")
+        yield Problem(each.spot, f"{each.text}; {f'{mirrored} sketch' if each.is_mirrored else remedy}")
 
 
 def wrong_functions(
@@ -269,23 +281,34 @@ def wrong_functions(
     """Functions whose name promises another motion than they set."""
     if wheels is None:
         return
+    has_two = len(wiring.motors) + len(wiring.steppers) == 2
     for board, found in facts.items():
-        for each in sketch_motions(wiring, wheels, found, board):
-            promised = _promised(each.function)
-            if len(promised) == 1 and each.motion not in promised:
-                turned = " and ".join(each.backward)
-                which = (
-                    f"{turned} {'turn' if len(each.backward) > 1 else 'turns'} backward"
-                    if turned
-                    else ("all motors turn forward")
-                )
-                motion = each.motion.replace(" ", " the robot ", 1)
-                what = f"{each.function}() {motion}: {which}"
-                steps = (step for step in deep_steps(found) if step is not None)
-                spots = {step.spot for step in steps if step.root == each.function}
-                pulses = (call for call in found.named(*_PULSES) if call.object)
-                spots |= {call.token.spot for call in pulses if call.function == each.function}
-                yield WrongMotion(each.spot, what, frozenset(spots))
+        told = [
+            (each, next(iter(promised)))
+            for each in sketch_motions(wiring, wheels, found, board)
+            if len(promised := _promised(each.function)) == 1
+        ]
+        # Every turn, and nothing else: one alone is a mistake of its function.
+        are_turns_wrong = all(
+            {promise, each.motion} == {_LEFT, _RIGHT}
+            if promise in (_LEFT, _RIGHT)
+            else each.motion == promise
+            for each, promise in told
+        )
+        for each in (each for each, promise in told if each.motion != promise):
+            turned = " and ".join(each.backward)
+            which = (
+                f"{turned} {'turn' if len(each.backward) > 1 else 'turns'} backward"
+                if turned
+                else ("all motors turn forward")
+            )
+            motion = each.motion.replace(" ", " the robot ", 1)
+            what = f"{each.function}() {motion}: {which}"
+            steps = (step for step in deep_steps(found) if step is not None)
+            spots = {step.spot for step in steps if step.root == each.function}
+            pulses = (call for call in found.named(*_PULSES) if call.object)
+            spots |= {call.token.spot for call in pulses if call.function == each.function}
+            yield WrongMotion(each.spot, what, frozenset(spots), has_two and are_turns_wrong)
 
 
 def _motion(kinematics: WheelKinematics, speeds: list[float]) -> str:

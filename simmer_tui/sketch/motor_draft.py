@@ -86,6 +86,8 @@ def _with_duties(steps: Sequence[SketchStep]) -> Iterator[DraftMotor]:
         share = len(sides) // len(analog)
         if share == 1:
             sides = _by_name(sides, [names[pin] for pin in analog])
+        elif share == 2 and len(analog) > 1:
+            sides = _together(sides, names)
         if share in (1, 2) and share * len(analog) == len(sides):
             for at, duty in enumerate(analog):
                 votes.setdefault(duty, Counter())[tuple(sides[share * at : share * (at + 1)])] += 1
@@ -99,7 +101,10 @@ def _with_duties(steps: Sequence[SketchStep]) -> Iterator[DraftMotor]:
             continue
         used |= {duty, *numbers}
         brakes = [pin for pin, name in pins if _BRAKE.search(name)]
-        if len(numbers) == 1:
+        if len(numbers) == 1 and _lettered([duty, *numbers], names):
+            # `IA` and `IB` are two inputs, also where one of them has no PWM.
+            yield DraftMotor("pwm2", {"in1": duty, "in2": numbers[0]})
+        elif len(numbers) == 1:
             yield DraftMotor("shield", {"dir": numbers[0], "pwm": duty})
         elif brakes:
             way = next(pin for pin in numbers if pin != brakes[0])
@@ -131,6 +136,14 @@ def _by_name(sides: list[tuple[int, str]], duties: Sequence[str]) -> list[tuple[
     stems = {_ROLE.sub("", name).lower(): (pin, name) for pin, name in sides}
     wanted = [_ROLE.sub("", name).lower() for name in duties]
     return [stems[each] for each in wanted] if {*wanted} == {*stems} and len(stems) == len(sides) else sides
+
+
+def _together(sides: list[tuple[int, str]], names: Mapping[int, str]) -> list[tuple[int, str]]:
+    """Directions of several motors with both of each side by side, as their names tell, else as they are."""
+    places = {pin: place for place, (pin, _) in enumerate(sides)}
+    pairs = (sorted(pair, key=places.__getitem__) for pair in _paired([*places], names))
+    ordered = [sides[places[pin]] for pair in sorted(pairs, key=lambda pair: places[pair[0]]) for pin in pair]
+    return ordered or sides
 
 
 def _directions(steps: Sequence[SketchStep], taken: set[int], count: int) -> tuple[int, ...]:
@@ -178,6 +191,8 @@ def _paired(group: Sequence[int], names: Mapping[int, str]) -> list[tuple[int, i
     is alone, has a number for a name, or shares its name, as a member of a class does."""
     if any(names[pin].isdecimal() for pin in group) or len({names[pin] for pin in group}) < len({*group}):
         return []
+    if len(group) > 2 and (lettered := _lettered(group, names)):
+        return lettered
     sides: dict[tuple[str, int], list[int]] = {}
     for pin in group:
         name = _WAYS.sub("", names[pin])
@@ -188,6 +203,20 @@ def _paired(group: Sequence[int], names: Mapping[int, str]) -> list[tuple[int, i
         return []
     ordered = (sorted(pins, key=lambda pin: _order(names[pin])) for pins in sides.values())
     return [(one, other) for one, other in ordered]
+
+
+def _lettered(group: Sequence[int], names: Mapping[int, str]) -> list[tuple[int, int]]:
+    """Pins in pairs by the last letter of their names, A and B: `M1A` and `M1B`, `A_IA` and `A_IB`. None if
+    one has another name."""
+    found: dict[str, dict[str, int]] = {}
+    for pin in group:
+        match = re.fullmatch(r"(\w*(?:[0-9]|[^\W_]_?I|IN_?))([AB])", names[pin], re.IGNORECASE)
+        if match is None:
+            return []
+        found.setdefault(match[1].lower(), {})[match[2].lower()] = pin
+    if any(len(each) != 2 for each in found.values()):
+        return []
+    return [(each["a"], each["b"]) for each in found.values()] if 2 * len(found) == len({*group}) else []
 
 
 def _order(name: str) -> tuple[bool, str]:

@@ -53,6 +53,7 @@ from simmer_tui.sketch.board_process import (
 from simmer_tui.sketch.board_view import BoardView, PinView
 from simmer_tui.sketch.build import BuiltSketch, build_sketch, fastest_baud
 from simmer_tui.sketch.display_changes import DisplayChanges
+from simmer_tui.sketch.line_check import dead_wires
 from simmer_tui.sketch.lockstep import BOARD_SLICE, Board, Lockstep, LockstepWorld, PinState
 from simmer_tui.sketch.motion_check import wrong_functions
 from simmer_tui.sketch.parts import (
@@ -277,6 +278,9 @@ class SketchRobot(LockstepWorld):
             sender.lines.setdefault(wire.tx, []).append((receiver, wire.rx))
             if sender not in receiver.sources:
                 receiver.sources.append(sender)
+        for text in dead_wires(self._set.wiring, self._set.facts):
+            # Nothing else tells it: both pins keep their levels for ever.
+            self._tell_fact(0, partial(self._tell_dead_wire, text))
         self._watchdog = Watchdog([each.process for each in boards.values()])
         self.boards: Mapping[str, Board] = boards
         line = self._set.wiring.laptop
@@ -550,6 +554,9 @@ class SketchRobot(LockstepWorld):
     def _tell(self, text: str, line: str = "") -> None:
         """Tell a fact of the present time."""
         self.engine.tell(Notice(NoticeKind.BOARD, text, line, moment=self._world.time / SECOND))
+
+    def _tell_dead_wire(self, text: str, _: int) -> None:
+        self._tell(text)
 
     def _stepped_at(self, stepper: StepperState) -> str:
         """The place of a stepper's last step in its sketch: a step has changed the speed."""

@@ -308,6 +308,10 @@ class SketchSource:
             return  # the head of a function
         if tokens[at + 1].text == "{" and not is_definition:
             return
+        name = tokens[at]
+        if before.text == "=" and at > 2 and tokens[at - 3].text == name.text and tokens[at - 2].is_name:
+            # `Motor left = Motor(9);`
+            name, before, is_definition = tokens[at - 2], name, True
         arguments = tuple(split(tokens[at + 2 : close]))
         if is_definition and any(_is_parameter(each) for each in arguments):
             return  # the prototype of a function
@@ -315,7 +319,7 @@ class SketchSource:
         if has_members and arguments and all(_is_parameter(each) for each in arguments):
             return  # the head of a constructor with values of members
         call = SketchCall(
-            name=tokens[at].text,
+            name=name.text,
             object=_object_before(tokens, at, partners),
             type=before.text if is_definition else "",
             arguments=arguments,

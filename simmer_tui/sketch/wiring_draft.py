@@ -10,20 +10,23 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import count
 from pathlib import Path
 
 from msgspec import Struct
 
+from simmer_tui.config.set_sketches import library_paths
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim.rules import MAX_TEXT, TextRule
 from simmer_tui.sketch.boards import BOARDS, ESP32, UNO, BoardKind
 from simmer_tui.sketch.bus_draft import draft_gyros, draft_rangers
-from simmer_tui.sketch.gripper_draft import drafted_angles
+from simmer_tui.sketch.gripper_draft import drafted_angles, gripper_of
+from simmer_tui.sketch.known_headers import is_provided
 from simmer_tui.sketch.motion_check import forward_levels
 from simmer_tui.sketch.motor_draft import END, draft_motors, oriented
 from simmer_tui.sketch.servo_draft import attached_servos, draft_servo_wheels
+from simmer_tui.sketch.side_draft import WHEELS, side_of_pins, sides_by_turns
 from simmer_tui.sketch.sketch_scan import SketchFacts, SketchPort
 from simmer_tui.sketch.sketch_source import SketchCall
 from simmer_tui.sketch.sketch_steps import PULSES, WRITES, SketchStep, pulses, steps
@@ -31,11 +34,7 @@ from simmer_tui.sketch.sketch_values import Pins
 from simmer_tui.sketch.stepper_draft import draft_steppers
 from simmer_tui.sketch.wiring import GYRO_ADDRESSES
 
-_TRIGGER, _ECHO, _LEFT, _RIGHT = (
-    re.compile(word, re.IGNORECASE) for word in ("trig", "echo", "left", "right")
-)
-_LATER = frozenset(("WiFi.h",))
-"""Headers of parts that are not simulated yet; those of teams, by how often they have them."""
+_TRIGGER, _ECHO = (re.compile(word, re.IGNORECASE) for word in ("trig", "echo"))
 _ESP32_HEADERS = frozenset(
     ("bluetoothserial.h", "esp32servo.h", "wifi.h", "esp_now.h", "freertos/freertos.h")
 )
@@ -44,6 +43,7 @@ _ESP32_CALL = re.compile(
 )
 """Headers and calls of an ESP32 alone."""
 _MARK = "  # ?"
+_BY_NAME = "  # by the names in the sketch"
 _HEAD = """\
 # A draft, read off the sketch. A line with "# ?" is a guess: look at it, then take the mark away.
 # simmer-tui check tells what does not fit. docs/sketch.md explains every part.
@@ -67,7 +67,8 @@ class DraftEncoder(Struct, frozen=True):
 
     a: int
     b: int | None
-    wheel: str
+    side: str
+    """The wheel, `left` or `right`, as its names tell it; empty if they do not."""
 
 
 class BoardDraft:
@@ -100,6 +101,11 @@ class BoardDraft:
         if not self.motors and not self.steppers:
             self.motors = draft_servo_wheels(facts)
             self.servos = [pin for pin in self.servos if all(pin != each.pins["pin"] for each in self.motors)]
+        every = [each.pins for each in self.steppers] + [each.pins for each in self.motors]
+        self.sides = [side_of_pins(facts, pins.values()) for pins in every]
+        """The wheels of its steppers and motors by names in the sketch; empty if these do not tell them."""
+        self.turns = ["" for _ in self.steppers] + sides_by_turns(facts, self.motors)
+        """The same by the functions that turn the robot."""
         self.encoders = list(_encoders(facts, taken))
         taken |= {pin for motor in self.motors for pin in motor.pins.values()}
         taken |= {pin for each in self.encoders for pin in (each.a, each.b) if pin is not None}
@@ -149,15 +155,18 @@ def draft(
         # Strings of JSON are strings of TOML.
         path = json.dumps(board.sketch, ensure_ascii=False)
         text.append(f'[boards.{board.name}]\nsketch = {path}\nboard = "{board.facts.kind.name}"{sure}\n')
-    for board in boards:
+    for board, sketch in zip(boards, sketches, strict=True):
+        folder = sketch if sketch.is_dir() else sketch.parent
+        own = {*board.facts.files, *(path.rpartition("/")[2] for _, path in library_paths(folder))}
         for header, spot in board.facts.includes:
-            if header in _LATER:
+            if not is_provided(header, own):
                 text.append(f"# {spot} has {header}, which is not there yet: see the end of docs/sketch.md\n")
     text += _line_tables(boards)
-    left = ["left", "right"]
+    wheels = _Wheels(side for board in boards for side in board.sides)
     for board in boards:
-        text += _stepper_tables(board, left)
-        text += _motor_tables(board, left)
+        lines = [wheels.line(*each) for each in zip(board.sides, board.turns, strict=True)]
+        text += _stepper_tables(board, lines)
+        text += _motor_tables(board, lines[len(board.steppers) :])
     codes, others = _Codes(ranges, "u", _RANGE_ROW), _Codes(lines, "i", _LINE_ROW)
     on_bus = _Codes(beams, "t", _BEAM_ROW), _Codes(gyros, "g", _GYRO_ROW)
     for board in boards:
@@ -204,7 +213,6 @@ def _sonars(facts: SketchFacts, steps: Sequence[SketchStep]) -> Iterator[DraftSo
 
 def _encoders(facts: SketchFacts, taken: set[int]) -> Iterator[DraftEncoder]:
     seen: set[int] = set()
-    count = 0
     for each in facts.interrupts():
         pins = each.pins or Pins()
         if len(pins) != 1 or pins & (taken | seen) or _ECHO.search(each.function):
@@ -219,9 +227,7 @@ def _encoders(facts: SketchFacts, taken: set[int]) -> Iterator[DraftEncoder]:
         others = sorted(read - {a} - taken)
         b = others[0] if len(others) == 1 else None
         seen |= {a} | ({b} if b is not None else set())
-        is_right = bool(_RIGHT.search(each.function)) or (count > 0 and not _LEFT.search(each.function))
-        count += 1
-        yield DraftEncoder(a, b, "right" if is_right else "left")
+        yield DraftEncoder(a, b, side_of_pins(facts, {a} if b is None else {a, b}))
 
 
 def _all_pins(facts: SketchFacts, call: SketchCall) -> set[int]:
@@ -351,21 +357,36 @@ def _links(boards: Sequence[BoardDraft], ports: Sequence[_Port]) -> list[tuple[_
     return []
 
 
-def _stepper_tables(board: BoardDraft, wheels: list[str]) -> Iterator[str]:
-    for stepper in board.steppers:
-        wheel = wheels.pop(0) if wheels else "left"
+class _Wheels:
+    """The wheels of motors or encoders: those that names tell, and of the others those that are left."""
+
+    def __init__(self, sides: Iterable[str], what: str = "which wheel of [wheels] in settings.toml") -> None:
+        taken = {*sides}
+        self._left, self._what = [each for each in WHEELS if each not in taken], what
+
+    def line(self, side: str, turn: str = "") -> str:
+        """The line of the next one: its side by its names, or that by a function that turns the robot."""
+        if side:
+            return f'wheel = "{side}"{_BY_NAME}'
+        if turn not in self._left:
+            turn = self._left[0] if self._left else WHEELS[0]
+        self._left = [each for each in self._left if each != turn]
+        return f'wheel = "{turn}"{_MARK} {self._what}'
+
+
+def _stepper_tables(board: BoardDraft, wheels: Sequence[str]) -> Iterator[str]:
+    for stepper, wheel in zip(board.steppers, wheels, strict=False):
         pins = "\n".join(f"{name} = {_pin(board, pin)}" for name, pin in stepper.pins.items())
         turned = f"reversed = true{_MARK}\n" if stepper.reversed else ""
         level = 'enable_on = "high"  # ? most drivers are on at LOW\n' if stepper.enable_high else ""
         yield (
             f'[[motors]]\nboard = "{board.name}"\ndriver = "{stepper.driver}"\n{pins}\n{level}'
-            f'wheel = "{wheel}"  # ? which wheel of [wheels] in settings.toml\n{_STEPS}\n{turned}'
+            f"{wheel}\n{_STEPS}\n{turned}"
         )
 
 
-def _motor_tables(board: BoardDraft, wheels: list[str]) -> Iterator[str]:
-    for motor in board.motors:
-        wheel = wheels.pop(0) if wheels else "left"
+def _motor_tables(board: BoardDraft, wheels: Sequence[str]) -> Iterator[str]:
+    for motor, wheel in zip(board.motors, wheels, strict=True):
         turned = f"reversed = true{_MARK}\n" if motor.reversed else ""
         sure = "" if motor.sure else f"{_MARK} which of the duties"
         alone = "" if motor.sure or "en" in motor.pins else f"{_MARK} a motor without a PWM"
@@ -374,7 +395,7 @@ def _motor_tables(board: BoardDraft, wheels: list[str]) -> Iterator[str]:
         pins = "\n".join(lines)
         yield (
             f'[[motors]]\nboard = "{board.name}"\ndriver = "{motor.driver}"\n{pins}\n'
-            f'wheel = "{wheel}"  # ? which wheel of [wheels] in settings.toml\n{_SPEED}\n{turned}'
+            f"{wheel}\n{_SPEED}\n{turned}"
         )
     if board.loose:
         pins = ", ".join(_pin(board, pin) for pin in board.loose)
@@ -397,11 +418,11 @@ def _sensor_tables(board: BoardDraft, ranges: _Codes, others: _Codes) -> Iterato
     if board.has_lost_pulses:
         what = "has pulseIn on pins that were not found: add the sonar's [[sensors]] by hand"
         yield f"# ? {board.name} {what}\n"
+    wheels = _Wheels((each.side for each in board.encoders), "which")
     for encoder in board.encoders:
         keys = [f"a = {_pin(board, encoder.a)}"]
         keys += [] if encoder.b is None else [f"b = {_pin(board, encoder.b)}"]
-        wheel = f'wheel = "{encoder.wheel}"  # ? which'
-        yield row("encoder", wheel, *keys, "edges_per_inch = 20  # ? of all its pins")
+        yield row("encoder", wheels.line(encoder.side), *keys, "edges_per_inch = 20  # ? of all its pins")
     for pin in board.digital:
         yield row("line", others.line(), f"pin = {_pin(board, pin)}{_MARK} or a button: then no row")
     for pin in board.analog:
@@ -445,8 +466,7 @@ class _Codes:
 
 
 def _servo_tables(board: BoardDraft) -> Iterator[str]:
-    for at, pin in enumerate(board.servos):
-        angles = ""
-        if at == 0:
-            angles = drafted_angles(board.facts, pin)
+    gripper = gripper_of(board.facts, board.servos)
+    for pin in board.servos:
+        angles = drafted_angles(board.facts, pin) if pin == gripper else ""
         yield f'[[servos]]\nboard = "{board.name}"\npin = {_pin(board, pin)}\n{angles}'

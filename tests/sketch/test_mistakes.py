@@ -437,3 +437,17 @@ def test_a_mistake_is_in_the_log_and_among_what_happened(tmp_path: Path) -> None
     assert moment.kind is MomentKind.BOARD
     assert moment.elapsed == pytest.approx(0.048, abs=0.002)
     assert moment.text.endswith("take them in the same order in all tasks")
+
+
+def test_a_wire_that_carries_nothing_is_told(tmp_path: Path) -> None:
+    """A level that is no byte of a serial port goes over no wire."""
+    eyes = "void setup() { pinMode(4, OUTPUT); }\nvoid loop() { digitalWrite(4, HIGH); delay(20); }\n"
+    rover = "void setup() {}\nvoid loop() { digitalRead(2); delay(20); }\n"
+    wiring = (
+        f'{ROVER}[boards.eyes]\nsketch = "eyes.ino"\nboard = "uno"\n'
+        '[[wires]]\nfrom = "eyes.4"\nto = "rover.2"\n'
+    )
+    done = run_boards(made_set(tmp_path / "set", wiring, {"rover.ino": rover, "eyes.ino": eyes}), 0.1)
+    assert done.notices == [
+        "eyes.4 and rover.2 are no serial ports: wires carry bytes of serial ports alone, and no levels"
+    ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -75,6 +76,17 @@ def test_a_wrong_polarity_is_told_with_its_motor() -> None:
     assert "turnLeft() drives the robot back: motors[1] and motors[2] turn backward" in found[1]
     reverse = read(WIRING.replace('wheel = "left"\n', 'wheel = "left"\nreversed = true\n'))
     assert len(list(wrong_motions(reverse, WHEELS, {"main": facts}))) == 2
+
+
+def test_wheels_that_are_exchanged_are_told_so() -> None:
+    """Other pins of a motor would turn three functions the wrong way, in place of two."""
+    names = {"left": "right", "right": "left"}
+    text = re.sub("left|right", lambda found: names[found[0]], WIRING)
+    (found,) = wrong_motions(read(text), WHEELS, {"main": SketchFacts({"s.ino": SKETCH}, UNO)})
+    assert str(found).startswith(
+        "s.ino:2: turnLeft() turns the robot right: motors[1] turns backward; exchange the"
+    )
+    assert "exchange the two wheel values in wiring.toml" in found.what
 
 
 SERVOS = """\

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -218,6 +219,16 @@ def test_a_mistake_is_told_in_a_line(
     problems = found(tmp_path, parts, *(text.replace(old, new, 1) for text in texts))
     assert problem in "\n".join(problems)
     assert len(problems) <= 4
+
+
+def test_a_wire_between_pins_that_are_no_ports_is_told_in_one_line(
+    tmp_path: Path, parts: WiringParts
+) -> None:
+    wiring = re.sub(r'from = "eyes.\w+"\nto = "rover.\w+"', 'from = "eyes.4"\nto = "rover.A2"', WIRING)
+    (told,) = [each for each in found(tmp_path, parts, wiring, ROVER, EYES) if "wires" in each]
+    assert told.endswith(
+        "eyes.4 and rover.A2 are no serial ports: wires carry bytes of serial ports alone, and no levels"
+    )
 
 
 def test_a_duty_on_a_pin_without_pwm_is_told(tmp_path: Path, parts: WiringParts) -> None:

@@ -11,9 +11,13 @@ import pytest
 
 from simmer_tui import platform_has
 from simmer_tui.cli.main import main
+from simmer_tui.config.loader import load
+from simmer_tui.config.nominal import nominal_of
 from simmer_tui.config.sets import bundled_sets, init_set
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim.specs import WheelLayout, WheelsSpec
+from simmer_tui.sketch.boards import UNO
+from simmer_tui.sketch.sketch_scan import SketchFacts
 from simmer_tui.sketch.wiring import WiringParts, missing_sketches, read_wiring
 from simmer_tui.sketch.wiring_draft import draft
 from tests.sketch.running import FORMS
@@ -30,7 +34,8 @@ def drafted(folder: Path, *texts: str) -> dict[str, Any]:
     problems: list[Problem] = []
     read_wiring(made, WiringParts((), WheelsSpec(layout=WheelLayout.DIFF)), problems)
     assert [str(each) for each in problems if "no row of sensors.csv has" not in each.what] == []
-    assert made.count("wheel =") == made.count("# ? which wheel") + made.count('"  # ? which\n')
+    marks = ("# ? which wheel", '"  # ? which\n', "  # by the names in the sketch\n")
+    assert made.count("wheel =") == sum(map(made.count, marks))
     return tomllib.loads(made)
 
 
@@ -134,6 +139,28 @@ MOTORS = {
         " void g() { analogWrite(AIN2, 9); analogWrite(BIN2, 9); }",
         [("pwm2", 3, 5), ("pwm2", 9, 6)],
     ),
+    "first inputs, then second ones": (
+        "#define IN1 2\n#define IN2 4\n#define IN3 7\n#define IN4 8\n#define ENA 5\n#define ENB 6\n"
+        "void f(int s) { digitalWrite(IN1, HIGH); digitalWrite(IN3, HIGH); digitalWrite(IN2, LOW);"
+        " digitalWrite(IN4, LOW); analogWrite(ENA, s); analogWrite(ENB, s); }",
+        [("hbridge", 2, 4, 5), ("hbridge", 7, 8, 6)],
+    ),
+    "two inputs a motor, one of them with a PWM at a time": (
+        "#define M1A 5\n#define M1B 6\n#define M2A 9\n#define M2B 10\n"
+        "void forward(int s) { digitalWrite(M1B, LOW); analogWrite(M1A, s);"
+        " digitalWrite(M2B, LOW); analogWrite(M2A, s); }\n"
+        "void back(int s) { digitalWrite(M1A, LOW); analogWrite(M1B, s);"
+        " digitalWrite(M2A, LOW); analogWrite(M2B, s); }",
+        [("pwm2", 5, 6), ("pwm2", 9, 10)],
+    ),
+    "two inputs a motor, one of them without a PWM": (
+        "#define A_IA 5\n#define A_IB 4\n#define B_IA 6\n#define B_IB 7\n"
+        "void forward(int s) { analogWrite(A_IA, s); digitalWrite(A_IB, LOW);"
+        " analogWrite(B_IA, s); digitalWrite(B_IB, LOW); }\n"
+        "void back(int s) { analogWrite(A_IA, 255 - s); digitalWrite(A_IB, HIGH);"
+        " analogWrite(B_IA, 255 - s); digitalWrite(B_IB, HIGH); }",
+        [("pwm2", 5, 4), ("pwm2", 6, 7)],
+    ),
     "levels alone": (
         "void f() { digitalWrite(8, 1); digitalWrite(9, 0); digitalWrite(10, 1); digitalWrite(11, 0); }",
         [("hbridge", 8, 9), ("hbridge", 10, 11)],
@@ -177,6 +204,77 @@ def test_motors_are_read_off_the_order_of_writes(tmp_path: Path, form: str) -> N
     assert [pins(row) for row in drafted(tmp_path, text).get("motors", [])] == expected
 
 
+_ONE_MOTOR = "digitalWrite({0}, HIGH); digitalWrite({1}, LOW); analogWrite({2}, 90);"
+_PLAIN = _ONE_MOTOR.format(2, 4, 5) + _ONE_MOTOR.format(7, 8, 6)
+NAMED_SIDES = {
+    "constants": (
+        "#define R1 2\n#define R2 4\n#define RIGHT_EN 5\n#define L1 7\n#define L2 8\n#define LEFT_EN 6\n"
+        f"void f() {{ {_ONE_MOTOR.format('R1', 'R2', 'RIGHT_EN')}"
+        f" {_ONE_MOTOR.format('L1', 'L2', 'LEFT_EN')} }}",
+        ["right", "left"],
+    ),
+    "a letter of its own": (
+        f"int enR = 5, EN_L = 6;\nvoid f() {{ {_ONE_MOTOR.format(2, 4, 'enR')}"
+        f" {_ONE_MOTOR.format(7, 8, 'EN_L')} }}",
+        ["right", "left"],
+    ),
+    "objects": (
+        "class Wheel { int p, m, s; public: Wheel(int pp, int mm, int ss) { p = pp; m = mm; s = ss; }"
+        " void run(int v) { digitalWrite(p, v > 0); digitalWrite(m, v < 0); analogWrite(s, v); } };\n"
+        "Wheel rechts(7, 8, 5), links(2, 4, 6);\nvoid loop() { rechts.run(9); links.run(9); }",
+        ["right", "left"],
+    ),
+    "functions of one motor": (
+        f"void motorRight() {{ {_ONE_MOTOR.format(2, 4, 5)} }} void motorLeft()"
+        f" {{ {_ONE_MOTOR.format(7, 8, 6)} }}",
+        ["right", "left"],
+    ),
+    "one of them alone": (
+        f"void setup() {{ pinMode(rightEn, OUTPUT); {_PLAIN} }} int rightEn = 5;",
+        ["right", "left?"],
+    ),
+    "both inputs of one motor": (
+        "#define R_EN 2\n#define L_EN 4\n"
+        f"void f() {{ {_ONE_MOTOR.format('R_EN', 'L_EN', 5)} {_ONE_MOTOR.format(7, 8, 6)} }}",
+        ["left?", "right?"],
+    ),
+    "brightness is no side": (f"int brightness = 5;\nvoid f() {{ {_PLAIN} }}", ["left?", "right?"]),
+    "a turn": (
+        f"void forward() {{ {_PLAIN} }} void turnLeft() {{ {_ONE_MOTOR.format(2, 4, 5)}"
+        f" {_ONE_MOTOR.format(8, 7, 6)} }}",
+        ["right?", "left?"],
+    ),
+    "servos": (
+        "#include <Servo.h>\nServo rightS, leftS;\nvoid setup() { rightS.attach(9); leftS.attach(10); }",
+        ["right", "left"],
+    ),
+    "steppers": (
+        "#include <AccelStepper.h>\nAccelStepper right(1, 2, 5);\nAccelStepper left(1, 3, 6);",
+        ["right", "left"],
+    ),
+}
+
+
+@pytest.mark.parametrize("form", NAMED_SIDES)
+def test_wheels_are_those_that_names_tell(tmp_path: Path, form: str) -> None:
+    """`?` stands for a guess."""
+    text, expected = NAMED_SIDES[form]
+    drafted(tmp_path, text)
+    made = draft([tmp_path / "Sketch1.ino"], tmp_path, [], [])
+    lines = [line for line in made.splitlines() if line.startswith("wheel = ")]
+    assert [f"{line.split(chr(34))[1]}{'?' if '# ?' in line else ''}" for line in lines] == expected
+
+
+def test_encoders_have_the_wheels_that_names_tell(tmp_path: Path) -> None:
+    text = (
+        "#define ENC_R 2\n#define ENC_L 3\nvoid one() { n++; } void two() { m++; }\nvoid setup() {"
+        " pinMode(ENC_R, INPUT); pinMode(ENC_L, INPUT);"
+        " attachInterrupt(digitalPinToInterrupt(ENC_R), one, RISING);"
+        " attachInterrupt(digitalPinToInterrupt(ENC_L), two, RISING); }"
+    )
+    assert [row["wheel"] for row in drafted(tmp_path, text)["sensors"]] == ["right", "left"]
+
+
 def test_the_order_of_inputs_is_the_one_that_drives_ahead(tmp_path: Path) -> None:
     text = (
         "void goForward() { digitalWrite(2, LOW); digitalWrite(4, HIGH); analogWrite(5, 90);"
@@ -191,6 +289,13 @@ def test_the_order_of_inputs_is_the_one_that_drives_ahead(tmp_path: Path) -> Non
         " digitalWrite(7, HIGH); analogWrite(6, 9); }"
     )
     assert [row.get("reversed", False) for row in drafted(tmp_path, shield)["motors"]] == [True, False]
+
+
+def test_a_port_that_is_set_to_a_new_one_is_begun(tmp_path: Path) -> None:
+    head = "SoftwareSerial bt = SoftwareSerial(7, 8);\nvoid setup() { bt.begin(9600); Serial.begin(9600); }\n"
+    assert drafted(tmp_path, head)["laptop"] == {"board": "sketch1", "rx": 7, "tx": 8}
+    (port,) = (each for each in SketchFacts({"s.ino": head}, UNO).ports() if each.name == "bt")
+    assert (port.bauds, port.begin_spot) == ((9600,), "s.ino:2")
 
 
 SENSORS = {
@@ -318,6 +423,28 @@ def test_angles_that_the_draft_has_invented_are_guesses_until_their_mark_is_gone
         assert [line.partition(";")[0] for line in said] == expected
 
 
+@pytest.mark.parametrize(
+    ("names", "gripper"),
+    [
+        (("arm", "grip"), 5),
+        (("greifer", "arm"), 3),
+        (("neck", "lift"), 5),
+        (("scanner",), None),
+        (("one", "two"), 3),
+    ],
+)
+def test_the_gripper_is_the_servo_that_is_named_so(
+    tmp_path: Path, names: tuple[str, ...], gripper: int | None
+) -> None:
+    head = f"#include <Servo.h>\nServo {', '.join(names)};\nvoid setup() {{"
+    calls = "".join(
+        f" {name}.attach({pin}); {name}.write(20);" for name, pin in zip(names, (3, 5), strict=False)
+    )
+    made = drafted(tmp_path, f"{head}{calls} }}\nvoid loop() {{}}\n")["servos"]
+    assert [row["pin"] for row in made] == [3, 5][: len(names)]
+    assert [row["pin"] for row in made if "gripper" in row] == ([] if gripper is None else [gripper])
+
+
 STEPPERS = {
     "objects": (
         "#include <AccelStepper.h>\n#define EN 8\nAccelStepper left(AccelStepper::DRIVER, 2, 5);\n"
@@ -376,7 +503,8 @@ def test_steppers_are_read_off(tmp_path: Path, name: str) -> None:
         *expected
     ]
     assert [row["steps_per_inch"] for row in motors] == [100] * len(expected)
-    assert [row["wheel"] for row in motors][:2] == ["left", "right"]
+    expected_wheels = ["right", "left"] if "STEP_R" in text else ["left", "right"]
+    assert [row["wheel"] for row in motors][:2] == expected_wheels
     assert not any("enable_on" in row for row in motors)
 
 
@@ -418,6 +546,13 @@ def test_a_library_that_is_not_there_yet_is_noted(tmp_path: Path) -> None:
     made = draft([tmp_path / "s.ino"], tmp_path, [], [])
     assert "# s.ino:1 has WiFi.h, which is not there yet" in made
     assert "Servo.h" not in made
+    text = '#include <AFMotor.h>\n#include <Own.h>\n#include "far/QTRSensors.h"\n#include <stdint.h>\n'
+    (tmp_path / "s.ino").write_text(text, "utf-8")
+    (tmp_path / "libraries" / "Own").mkdir(parents=True)
+    (tmp_path / "libraries" / "Own" / "Own.h").write_text("", "utf-8")
+    made = draft([tmp_path / "s.ino"], tmp_path, [], [])
+    told = [line.split()[3] for line in made.splitlines() if "which is not there yet" in line]
+    assert told == ["AFMotor.h,", "far/QTRSensors.h,"]
 
 
 def test_init_writes_a_draft_beside_a_set_and_with_a_new_one(
@@ -439,6 +574,26 @@ def test_init_writes_a_draft_beside_a_set_and_with_a_new_one(
     assert "has wiring.toml already; nothing is overwritten" in capsys.readouterr().err
     assert main(["init", "--sketch", "nose.ino"]) == 2
     assert "nose.ino: there is no such sketch" in capsys.readouterr().err
+
+
+def test_a_drafted_set_is_its_own_nominal_one(tmp_path: Path) -> None:
+    """A sensor that the team turns by the page is not blamed."""
+    (tmp_path / "rover.ino").write_text(ROVER, "utf-8")
+    made = tmp_path / "set"
+    assert main(["init", str(made), "--mission", "--sketch", str(tmp_path / "rover.ino")]) == 0
+    sensors = made / "sensors.csv"
+    row = next(line for line in sensors.read_text("utf-8").splitlines() if line.startswith("ultra2,"))
+    cells = row.split(",")
+    cells[6] = "17"
+    sensors.write_text(sensors.read_text("utf-8").replace(row, ",".join(cells)), "utf-8")
+    configuration = load(made)
+    nominal = nominal_of(configuration)
+    assert nominal is not None
+    assert (nominal.name, nominal.spec) == (str(made), configuration.simulation)
+    assert nominal.time_limit == 300.0
+    other = nominal_of(configuration, "mission")
+    assert other is not None
+    assert other.name == "mission"
 
 
 def test_init_drafts_where_the_set_is(
