@@ -17,7 +17,7 @@ from pathlib import Path
 from msgspec import Struct
 
 from simmer_tui.config.set_sketches import library_paths
-from simmer_tui.errors import ConfigurationError, Problem
+from simmer_tui.errors import ConfigurationError, Problem, printable
 from simmer_tui.sim.rules import MAX_TEXT, TextRule
 from simmer_tui.sketch.boards import BOARDS, ESP32, UNO, BoardKind
 from simmer_tui.sketch.bus_draft import draft_gyros, draft_rangers
@@ -160,7 +160,9 @@ def draft(
         own = {*board.facts.files, *(path.rpartition("/")[2] for _, path in library_paths(folder))}
         for header, spot in board.facts.includes:
             if not is_provided(header, own):
-                text.append(f"# {spot} has {header}, which is not there yet: see the end of docs/sketch.md\n")
+                # A comment of TOML has no control characters.
+                shown = printable(header)
+                text.append(f"# {spot} has {shown}, which is not there yet: see the end of docs/sketch.md\n")
     text += _line_tables(boards)
     wheels = _Wheels(side for board in boards for side in board.sides)
     for board in boards:

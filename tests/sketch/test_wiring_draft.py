@@ -553,6 +553,8 @@ def test_a_library_that_is_not_there_yet_is_noted(tmp_path: Path) -> None:
     made = draft([tmp_path / "s.ino"], tmp_path, [], [])
     told = [line.split()[3] for line in made.splitlines() if "which is not there yet" in line]
     assert told == ["AFMotor.h,", "far/QTRSensors.h,"]
+    (tmp_path / "s.ino").write_text("#include <a\x1bb.h>\n", "utf-8")
+    assert "\x1b" not in draft([tmp_path / "s.ino"], tmp_path, [], [])
 
 
 def test_init_writes_a_draft_beside_a_set_and_with_a_new_one(
