@@ -132,7 +132,8 @@ def set_differences(seen: Attempt, *, with_limit: bool = True) -> str:
     own, usual = seen.spec, nominal.spec
     parts = [*_of_maze(own, usual)]
     if own.block_size != usual.block_size:
-        parts.append(f"the block is {own.block_size:g} in wide, not {usual.block_size:g} in")
+        size = f"the block is {own.block_size:g} in wide, not {usual.block_size:g} in"
+        parts.append(size if own.block_size else "there is no block")
     grip, other = own.gripper, usual.gripper
     if grip is not None and other is not None:
         if grip.reach != other.reach:
@@ -159,7 +160,7 @@ def _of_maze(own: SimulationSpec, usual: SimulationSpec) -> list[str]:
         return [f"the maze has {own.maze.rows} by {own.maze.columns} cells"]
     places = np.argwhere(mine != other).tolist()
     if len(places) > _CELLS:
-        return [f"{len(places)} cells of the maze are another kind"]
+        return [f"{len(places)} cells of the maze differ"]
     has = {True: "is a wall", False: "is no wall"}
     # Rows count from the top, as in maze.csv.
     return [
