@@ -327,6 +327,11 @@ def test_sensors_are_read_off_calls(tmp_path: Path, form: str) -> None:
     assert [pins(row) for row in drafted(tmp_path, text)["sensors"]] == expected
 
 
+def test_line_sensors_beside_motors_have_the_codes_of_the_set(tmp_path: Path) -> None:
+    text = "void f() { analogWrite(5, 9); analogWrite(6, 0); digitalRead(2); digitalRead(3); digitalRead(4); }"
+    assert [row["code"] for row in drafted(tmp_path, text)["sensors"]] == ["i1", "i2", "i3"]
+
+
 def test_boards_their_lines_and_a_gripper_are_read(tmp_path: Path) -> None:
     servo = "#include <Servo.h>\nServo grip;\nvoid setup() { grip.attach(3); Serial.begin(9600); }\n"
     found = drafted(tmp_path, EYES, ROVER)
