@@ -68,6 +68,10 @@ class SketchFacts(SketchValues):
     def ordered_pins(self, call: SketchCall, index: int, depth: int = 0) -> list[int]:
         """The pins that an argument of a call can be, each once: elements of an array in their order, and
         those of a parameter in the order of the calls. One that is unknown is missing."""
+        found = self._ordered(call, index, depth)
+        return [*map(self.kind.analog_pin, found)] if call.name == "analogRead" else found
+
+    def _ordered(self, call: SketchCall, index: int, depth: int) -> list[int]:
         if index >= len(call.arguments) or not call.arguments[index] or depth > DEEPEST:
             return []
         argument = call.arguments[index]
@@ -76,7 +80,7 @@ class SketchFacts(SketchValues):
         found: list[int] = []
         if len(argument) == 1 and name in names:
             for caller in self.callers[call.function]:
-                found += self.ordered_pins(caller, names.index(name), depth + 1)
+                found += self._ordered(caller, names.index(name), depth + 1)
         elif (
             len(argument) > 1
             and argument[1].text == "["

@@ -102,8 +102,11 @@ class SketchValues(SketchSource):
         if index >= len(call.arguments):
             return None
         loops = {loop.name: found for loop in call.loops if (found := self._looped(loop, call.function))}
-        bound = {name: Pins(found) for name, found in loops.items()}
-        return self.values(call.arguments[index], call.function, 0, bound or None)
+        bound = {name: Pins(values) for name, values in loops.items()}
+        found = self.values(call.arguments[index], call.function, 0, bound or None)
+        if found is not None and call.name == "analogRead":
+            return Pins(map(self.kind.analog_pin, found))
+        return found
 
     def whole(self, call: SketchCall, index: int) -> int | None:
         """The number of an argument; None if it has several, or is unknown."""

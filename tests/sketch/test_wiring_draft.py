@@ -389,6 +389,10 @@ SENSORS = {
         "bool dark(int pin) { return analogRead(pin) > 500; }\nvoid loop() { dark(A3); dark(A1); }",
         [("A3",), ("A1",)],
     ),
+    "line sensors by the numbers of channels": (
+        "void loop() { analogRead(2); for (int i = 0; i < 2; i++) analogRead(i); }",
+        [("A2",), ("A0",), ("A1",)],
+    ),
     "line sensors": ("void loop() { digitalRead(A1); analogRead(A0); }", [("A1",), ("A0",)]),
 }
 
@@ -400,7 +404,9 @@ def test_sensors_are_read_off_calls(tmp_path: Path, form: str) -> None:
 
 
 def test_line_sensors_beside_motors_have_the_codes_of_the_set(tmp_path: Path) -> None:
-    text = "void f() { analogWrite(5, 9); analogWrite(6, 0); digitalRead(2); digitalRead(3); digitalRead(4); }"
+    text = (
+        "void f() { analogWrite(5, 9); analogWrite(6, 0); digitalRead(2); digitalRead(3); digitalRead(4); }"
+    )
     assert [row["code"] for row in drafted(tmp_path, text)["sensors"]] == ["i1", "i2", "i3"]
 
 
