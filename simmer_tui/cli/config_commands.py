@@ -115,10 +115,11 @@ def run_init(options: argparse.Namespace) -> int:
         home = options.directory / LOCAL_FOLDER if options.term else options.directory
         drafted = _drafted(options.sketch, home, decoded(SENSORS_FILE, files.get(SENSORS_FILE, b"")))
         files = with_comments({**files, **drafted})
-        if re.search(rb'^wheel = "', drafted[WIRING_FILE], re.MULTILINE) and SETTINGS_FILE in files:
+        layout = _layout_of(drafted[WIRING_FILE])
+        if layout and SETTINGS_FILE in files:
             # Motors and encoders are those of wheels, which most sets do not describe.
-            none, two = f'layout = "{NO_WHEELS}"'.encode(), b'layout = "diff"  # ?'
-            files[SETTINGS_FILE] = files[SETTINGS_FILE].replace(none, two, 1)
+            none, found = f'layout = "{NO_WHEELS}"'.encode(), f'layout = "{layout}"  # ?'.encode()
+            files[SETTINGS_FILE] = files[SETTINGS_FILE].replace(none, found, 1)
     if options.term:
         files = term_files(files)
     wrote = _write(options.directory, files)
@@ -165,6 +166,13 @@ def _draft_beside(options: argparse.Namespace) -> int:
     print_lines(_write(options.directory, made))
     print_lines(f'Look at every line with "# ?", then: simmer-tui check {typed_path(options.directory)}')
     return ExitCode.DONE
+
+
+def _layout_of(wiring: bytes) -> str:
+    """The layout of the wheels in a drafted wiring.toml; empty if it has none."""
+    from simmer_tui.sketch.wheel_draft import layout_with
+
+    return layout_with(re.findall(r'^wheel = "(.+?)"', wiring.decode(), re.MULTILINE)) or ""
 
 
 def _drafted(sketches: Sequence[Path], directory: Path, sensors: str) -> dict[str, bytes]:

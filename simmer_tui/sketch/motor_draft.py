@@ -57,10 +57,10 @@ def draft_motors(steps: Sequence[SketchStep]) -> list[DraftMotor]:
 
 def _shield(steps: Sequence[SketchStep]) -> Iterator[DraftMotor]:
     """Both channels of a Motor Shield R3, if the sketch writes all six pins."""
-    duties = {step.pin for step in steps if step.call == "analogWrite"}
+    duties = {step.pin for step in steps if step.call == "analogWrite" and not LAMP.search(step.name)}
     names = {step.pin: step.name for step in steps if step.call == "digitalWrite"}
     levels = [channel[key] for channel in _SHIELD for key in ("dir", "brake")]
-    if not all(channel["pwm"] in duties for channel in _SHIELD) or not all(pin in names for pin in levels):
+    if duties != {channel["pwm"] for channel in _SHIELD} or not all(pin in names for pin in levels):
         return
     # An L298N on the same pins has inputs that are named so.
     if not all(_INPUT.match(names[pin]) for pin in levels):

@@ -12,9 +12,10 @@ from typing import Self
 from msgspec import Struct
 from msgspec.structs import replace
 
-from simmer_tui.config.set_sketches import source_paths
+from simmer_tui.config.set_sketches import library_paths, source_paths
 from simmer_tui.sketch.boards import BoardKind
-from simmer_tui.sketch.cpp_tokens import SourceDirective, Token, TokenKind, tokens_of
+from simmer_tui.sketch.cpp_tokens import LARGEST_SOURCE, SourceDirective, Token, TokenKind, tokens_of
+from simmer_tui.sketch.known_headers import is_provided
 from simmer_tui.sketch.sketch_classes import SketchClass, classes_of, functions_of
 from simmer_tui.sketch.sketch_macros import functions_of_macros
 
@@ -145,8 +146,7 @@ class SketchSource:
     def read(cls, sketch: Path, kind: BoardKind) -> Self:
         """The facts of a sketch by its .ino file or its folder. Raises OSError, or ValueError for a source
         that is too long."""
-        paths = source_paths(sketch)
-        return cls({path.name: path.read_text("utf-8", "replace") for path in paths}, kind)
+        return cls(texts_of(sketch), kind)
 
     @property
     def functions(self) -> KeysView[str]:
@@ -359,6 +359,18 @@ class SketchSource:
             self._defined = (close, before)
             if before.text in self.classes:
                 self.types[name.text] = before.text
+
+
+def texts_of(sketch: Path) -> dict[str, str]:
+    """The texts of a sketch's files by name, then those of `src/` and of libraries beside it, by path, that
+    none of the simulator's replaces. Libraries that are longer than any sketch are left out. Raises OSError.
+    """
+    found = {path.name: path.read_text("utf-8", "replace") for path in source_paths(sketch)}
+    others: dict[str, str] = {}
+    for path, name in library_paths(sketch if sketch.is_dir() else sketch.parent):
+        if not any(is_provided(each.name, ()) for each in path.parent.glob("*.h")):
+            others[name] = path.read_text("utf-8", "replace")
+    return found | (others if sum(map(len, others.values())) <= LARGEST_SOURCE else {})
 
 
 def _loop_of(head: Sequence[Token]) -> SketchLoop | None:

@@ -32,7 +32,7 @@ class SketchStep(Struct, frozen=True):
 
 
 def steps(sketch: SketchValues) -> Iterator[SketchStep | None]:
-    """The writes and pulses of a sketch, of each function in its order, None after each. A call of one of
+    """The writes and pulses of a sketch, of each function in its order, None between them. A call of one of
     its own functions is followed if it passes values; the others are read by themselves."""
     yield from _walked(sketch, deep=False)
 
@@ -47,7 +47,13 @@ def _walked(sketch: SketchValues, *, deep: bool) -> Iterator[SketchStep | None]:
     rows = _rows_of_motors(sketch)
     left = [MOST_LOOKUPS]
 
-    def walk(function: str, bound: Bindings | None, depth: int, root: str) -> Iterator[SketchStep]:
+    def followed(call: SketchCall, bound: Bindings, depth: int, root: str) -> Iterator[SketchStep | None]:
+        """The steps of a function that is called: apart from others if it writes levels and duties."""
+        found = [*walk(call.name, bound, depth, root)]
+        is_apart = {step.call for step in found if step is not None} >= {*WRITES}
+        yield from (None, *found, None) if is_apart else found
+
+    def walk(function: str, bound: Bindings | None, depth: int, root: str) -> Iterator[SketchStep | None]:
         for call in by_function.get(function, ()):
             left[0] -= 1
             if left[0] < 0:
@@ -73,9 +79,9 @@ def _walked(sketch: SketchValues, *, deep: bool) -> Iterator[SketchStep | None]:
                     # A loop calls it with the number of each row, which has no value of its own.
                     if given.get(index, Pins()) is None and 1 < count <= _MOST_LOOPED:
                         for row in range(count):
-                            yield from walk(call.name, {**given, index: Pins({row})}, depth + 1, root)
+                            yield from followed(call, {**given, index: Pins({row})}, depth + 1, root)
                     else:
-                        yield from walk(call.name, given, depth + 1, root)
+                        yield from followed(call, given, depth + 1, root)
 
     for function in by_function:
         yield from walk(function, None, 0, function)

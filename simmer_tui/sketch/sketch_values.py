@@ -101,7 +101,7 @@ class SketchValues(SketchSource):
         """The pins that an argument of a call can be; None if that is unknown."""
         if index >= len(call.arguments):
             return None
-        loops = {loop.name: found for loop in call.loops if (found := self._looped(loop, call.function))}
+        loops = {loop.name: values for loop in call.loops if (values := self._looped(loop, call.function))}
         bound = {name: Pins(values) for name, values in loops.items()}
         found = self.values(call.arguments[index], call.function, 0, bound or None)
         if found is not None and call.name == "analogRead":
@@ -324,8 +324,9 @@ class SketchValues(SketchSource):
         return union(self.pins(call) for call in self.named("ledcAttachPin"))
 
     def items(self, name: str) -> list[Pins | None]:
-        """The values of each element of an array, in order; none if there is no such array."""
-        return [self.values(item) for row in self.arrays.get(name, ()) for item in row]
+        """The values of each element of an array, or of an object in braces, in order; none without such."""
+        rows = self.arrays.get(name) or (self.aggregates.get(name, ()),)
+        return [self.values(item) for row in rows for item in row]
 
     def bindings(
         self, call: SketchCall, bound: Bindings | None

@@ -18,6 +18,7 @@ from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim.specs import WheelLayout, WheelsSpec
 from simmer_tui.sketch.boards import UNO
 from simmer_tui.sketch.sketch_scan import SketchFacts
+from simmer_tui.sketch.wheel_draft import layout_with
 from simmer_tui.sketch.wiring import WiringParts, missing_sketches, read_wiring
 from simmer_tui.sketch.wiring_draft import draft
 from tests.sketch.running import FORMS
@@ -32,10 +33,12 @@ def drafted(folder: Path, *texts: str) -> dict[str, Any]:
         paths[-1].write_text(text, "utf-8")
     made = draft(paths, folder, ["u1", "u2"], ["i1", "i2"])
     problems: list[Problem] = []
-    read_wiring(made, WiringParts((), WheelsSpec(layout=WheelLayout.DIFF)), problems)
+    lines = [line for line in made.splitlines() if line.startswith("wheel = ")]
+    layout = layout_with(line.split('"')[1] for line in lines)
+    read_wiring(made, WiringParts((), WheelsSpec(layout=layout or WheelLayout.DIFF)), problems)
     assert [str(each) for each in problems if "no row of sensors.csv has" not in each.what] == []
-    marks = ("# ? which wheel", '"  # ? which\n', "  # by the names in the sketch\n")
-    assert made.count("wheel =") == sum(map(made.count, marks))
+    marks = ("# ? which wheel of [wheels] in settings.toml", "# ? which", "# by the names in the sketch")
+    assert all(line.endswith(marks) for line in lines)
     return tomllib.loads(made)
 
 
@@ -809,7 +812,7 @@ def test_a_note_tells_the_enables_of_steppers(tmp_path: Path) -> None:
         "void setup() { analogWrite(10, 150); }\nvoid loop() {}\n",
         "utf-8",
     )
-    note = "# ? rover has analogWrite on 10 as well: a stepper's enable (then no row), a motor, or a lamp"
+    note = "# ? rover writes 10 as well, in no row: a stepper's enable (then no row), a motor"
     assert note in draft([tmp_path / "rover.ino"], tmp_path, [], [])
 
 
