@@ -269,6 +269,7 @@ def _sketches(configuration: Configuration) -> tuple[list[str], list[Problem]]:
     none for a set without a wiring. Raises ConfigurationError if the wiring itself has mistakes."""
     if WIRING_FILE not in configuration.files:
         return [], []
+    from simmer_tui.config.nominal import nominal_note
     from simmer_tui.sketch.bench_check import bench_lines
     from simmer_tui.sketch.gripper_draft import guess_lines
     from simmer_tui.sketch.motion_check import motor_lines
@@ -282,7 +283,8 @@ def _sketches(configuration: Configuration) -> tuple[list[str], list[Problem]]:
     facts, wheels = facts_of(wiring, configuration.directory, problems), configuration.simulation.wheels
     problems += sketch_problems(wiring, facts, wheels)
     guesses = guess_lines(wiring, configuration.files[WIRING_FILE])
-    lines = [*wiring_lines(wiring), *guesses, *motor_lines(wiring, wheels)]
+    note = nominal_note(configuration.settings.nominal)
+    lines = [*wiring_lines(wiring), *([note] if note else ()), *guesses, *motor_lines(wiring, wheels)]
     return [*lines, *bench_lines(configuration, wiring, problems)], problems
 
 

@@ -18,6 +18,8 @@ _SIDEWAYS = re.compile("mecanum|strafe|sideway|lateral|diagonal|crab|seitw", re.
 """Words of robots that drive sideways."""
 BY_NAME = "by the names in the sketch"
 _CORNERS, _KIWI = len(WHEEL_NAMES[WheelLayout.MECANUM]), len(WHEEL_NAMES[WheelLayout.OMNI_3])
+_CROSS = {("", FRONT_END), ("", REAR_END), (LEFT_SIDE, ""), (RIGHT_SIDE, "")}
+"""The places of omni wheels in the middle of each side."""
 
 
 class DraftDrive(Struct, frozen=True):
@@ -41,12 +43,7 @@ def layout_of(drives: Sequence[DraftDrive]) -> WheelLayout:
     sideways, else two wheels a side that run together."""
     places = [each.place for each in drives if each.place.is_wheel]
     told = {(each.side, each.end) for each in places}
-    if len(places) == _CORNERS == len(told) and told == {
-        ("", FRONT_END),
-        ("", REAR_END),
-        (LEFT_SIDE, ""),
-        (RIGHT_SIDE, ""),
-    }:
+    if len(places) == _CORNERS and told == _CROSS:
         return WheelLayout.OMNI_4
     if len(places) == _CORNERS and (any(map(_goes_sideways, drives)) or _sides_differ(drives)):
         return WheelLayout.MECANUM

@@ -531,6 +531,24 @@ def test_the_gripper_is_the_servo_that_is_named_so(
     assert [row["pin"] for row in made if "gripper" in row] == ([] if gripper is None else [gripper])
 
 
+_PING = "int ping() { digitalWrite(7, HIGH); return pulseIn(8, HIGH); }\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "is_gripper"),
+    [
+        ("void lookLeft() { s.write(170); }\nvoid loop() {}", False),
+        ("int at(int a) { s.write(a); delay(300); return ping(); }\nvoid loop() { at(20); }", False),
+        ("void loop() { for (int a = 15; a < 165; a++) { s.write(a); delay(30); ping(); } }", False),
+        ("void loop() { if (ping() < 100) s.write(20); else s.write(90); ping(); }", True),
+    ],
+)
+def test_a_servo_that_turns_a_sonar_is_no_gripper(tmp_path: Path, text: str, is_gripper: bool) -> None:
+    head = "#include <Servo.h>\nServo s;\nvoid setup() { s.attach(3); }\n"
+    (row,) = drafted(tmp_path, f"{head}{_PING}{text}")["servos"]
+    assert ("gripper" in row) is is_gripper
+
+
 STEPPERS = {
     "objects": (
         "#include <AccelStepper.h>\n#define EN 8\nAccelStepper left(AccelStepper::DRIVER, 2, 5);\n"
@@ -682,6 +700,28 @@ def test_a_drafted_set_is_its_own_nominal_one(tmp_path: Path) -> None:
     other = nominal_of(configuration, "mission")
     assert other is not None
     assert other.name == "mission"
+
+
+def test_check_tells_the_nominal_set_of_a_set_that_got_its_wiring_later(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("PATH", "")  # without a compiler nothing is run
+    (tmp_path / "eyes.ino").write_text(EYES, "utf-8")
+    made = tmp_path / "set"
+    assert main(["init", str(made)]) == 0
+    assert main(["init", str(made), "--sketch", str(tmp_path / "eyes.ino")]) == 0
+    settings = made / "settings.toml"
+    text = settings.read_text("utf-8")
+    (named,) = (line for line in text.splitlines() if line.startswith("nominal = "))
+    for line, count in ((named, 1), ('nominal = ""', 0)):
+        settings.write_text(text.replace(named, line), "utf-8")
+        capsys.readouterr()
+        main(["check", str(made)])
+        said = capsys.readouterr().out
+        assert said.count("reports compare this robot with that set") == count
+    nominal = nominal_of(load(made))
+    assert nominal is not None
+    assert nominal.name == str(made)
 
 
 def test_init_drafts_where_the_set_is(
