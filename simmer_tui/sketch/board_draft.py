@@ -104,8 +104,7 @@ class BoardDraft:
             pin: name for pin, name in written.items() if pin not in {*taken, *lamps, facts.kind.led}
         }
         """Pins that it writes and no part has, with their names."""
-        self.strangers = list(_strangers(facts))
-        """Objects of classes that were not found, with numbers that may be pins."""
+        self.strangers = _strangers(facts)
 
 
 def _sonars(facts: SketchFacts, steps: Sequence[SketchStep]) -> Iterator[DraftSonar]:
@@ -147,13 +146,7 @@ def _encoders(facts: SketchFacts, taken: set[int]) -> Iterator[DraftEncoder]:
         if len(pins) != 1 or pins & (taken | seen) or _ECHO.search(each.function):
             continue
         (a,) = pins
-        read = {
-            pin
-            for call in facts.named("digitalRead")
-            if call.function == each.function
-            for pin in facts.pins(call) or ()
-        }
-        others = sorted(read - {a} - taken)
+        others = sorted(each.reads - {a} - taken)
         b = others[0] if len(others) == 1 else None
         seen |= {a} | ({b} if b is not None else set())
         yield DraftEncoder(a, b, place_of_pins(facts, {a} if b is None else {a, b}))
@@ -168,16 +161,18 @@ def facts_for_draft(sketch: Path) -> SketchFacts:
     return facts if kind is UNO else SketchFacts(texts, kind)
 
 
-def _strangers(facts: SketchFacts) -> Iterator[tuple[SketchCall, list[int]]]:
-    """Objects of classes that neither the sketch nor the simulator has, with at least two numbers of pins."""
+def _strangers(facts: SketchFacts) -> dict[str, list[SketchCall]]:
+    """Objects with numbers that may be pins, by classes that neither the sketch nor the simulator has."""
     if all(is_provided(name, facts.files) for name, _ in facts.includes):
-        return
+        return {}
     known = {*facts.functions, *facts.classes, *provided_classes()}
+    found: dict[str, list[SketchCall]] = {}
     for call in facts.calls:
         if call.type and call.type not in known:
             pins = [pin for at in range(len(call.arguments)) for pin in facts.ordered_pins(call, at)]
-            if len(pins) > 1 and all(pin < facts.kind.pins for pin in pins):
-                yield call, pins
+            if pins and all(pin < facts.kind.pins for pin in pins):
+                found.setdefault(call.type, []).append(call)
+    return found
 
 
 def _named(facts: SketchFacts, calls: Sequence[str], is_meant: Callable[[str], object]) -> dict[int, str]:

@@ -14,10 +14,11 @@ from msgspec.structs import replace
 
 from simmer_tui.config.set_sketches import library_paths, source_paths
 from simmer_tui.sketch.boards import BoardKind
-from simmer_tui.sketch.cpp_tokens import LARGEST_SOURCE, SourceDirective, Token, TokenKind, tokens_of
+from simmer_tui.sketch.cpp_tokens import LARGEST_SOURCE, SourceDirective, Token, tokens_of
 from simmer_tui.sketch.known_headers import is_provided
 from simmer_tui.sketch.sketch_classes import SketchClass, classes_of, functions_of
 from simmer_tui.sketch.sketch_macros import functions_of_macros
+from simmer_tui.sketch.token_lists import partners_of, split
 
 _KEYWORDS = frozenset(
     (
@@ -38,7 +39,6 @@ _KEYWORDS = frozenset(
 )
 """Names before `(` that are no calls, or before a name that are no types."""
 _CHANGED = ("++", "--", "+=", "-=", "*=", "/=")
-_OPEN, _CLOSE = "([{", ")]}"
 # More than the pins of a Mega.
 MOST_VALUES = 100
 """Values of a name, or rows of an array, that are looked at."""
@@ -113,6 +113,8 @@ class SketchSource:
         self.changed: set[str] = set()
         """Names that `++` and its kind change."""
         self.parameters: dict[str, list[str]] = {}
+        self.returned: dict[str, list[tuple[Token, ...]]] = defaultdict(list)
+        """The expressions that a function returns."""
         self.class_methods: dict[str, list[str]] = defaultdict(list)
         """The methods of a class with a body."""
         self.scopes: dict[str, str] = {}
@@ -179,6 +181,8 @@ class SketchSource:
                 continue
             while self._loops and at > self._loops[-1][0]:
                 self._loops.pop()
+            if token.text == "return" and function:
+                self._read_return(tokens, at, function)
             if token.text == "for" and after == "(":
                 self._read_loop(tokens, at, partners)
             if at + 1 < len(tokens) and tokens[at + 1].is_name and token.text not in _KEYWORDS:
@@ -193,6 +197,13 @@ class SketchSource:
             elif after in ("(", "{") and token.text not in _KEYWORDS:
                 self._read_call(tokens, at, partners, function)
         self.calls = [self._resolved(call) for call in (*self.calls, *self._made_members())]
+
+    def _read_return(self, tokens: Sequence[Token], at: int, function: str) -> None:
+        end = at + 1
+        while end < len(tokens) and tokens[end].text != ";" and end - at < LONGEST_CALL:
+            end += 1
+        if at + 1 < end and len(self.returned[function]) < MOST_VALUES:
+            self.returned[function].append(tuple(tokens[at + 1 : end]))
 
     def _read_loop(self, tokens: Sequence[Token], at: int, partners: Mapping[int, int]) -> None:
         """Take a loop that counts by one, or over an array, until its end."""
@@ -389,54 +400,6 @@ def _loop_of(head: Sequence[Token]) -> SketchLoop | None:
     if middle[0].text != name or sorted(step) != sorted(("++", name)):
         return None
     return SketchLoop(name, tuple(start[at + 1 :]), tuple(middle[2:]), middle[1].text == "<=")
-
-
-def without_casts(tokens: Sequence[Token]) -> Sequence[Token]:
-    """An expression without brackets around it, and without `(int)` before it."""
-    while len(tokens) >= 3 and tokens[0].text == "(":
-        if tokens[-1].text == ")" and partners_of(tokens).get(0) == len(tokens) - 1:
-            tokens = tokens[1:-1]
-        elif tokens[1].is_name and tokens[2].text == ")":
-            tokens = tokens[3:]
-        else:
-            break
-    return tokens
-
-
-def partners_of(tokens: Sequence[Token]) -> dict[int, int]:
-    """The index of the other bracket, by the index of each. One without a partner is missing."""
-    opened: list[int] = []
-    found: dict[int, int] = {}
-    for at, token in enumerate(tokens):
-        if token.kind is not TokenKind.MARK:
-            continue
-        if token.text in _OPEN:
-            opened.append(at)
-        elif token.text in _CLOSE:
-            wanted = _OPEN[_CLOSE.index(token.text)]
-            # A bracket that an #if leaves open is passed over.
-            while opened and tokens[opened[-1]].text != wanted:
-                opened.pop()
-            if opened:
-                start = opened.pop()
-                found[start], found[at] = at, start
-    return found
-
-
-def split(tokens: Sequence[Token]) -> list[tuple[Token, ...]]:
-    """The parts of a list at its commas; commas in inner brackets do not count."""
-    parts: list[tuple[Token, ...]] = []
-    current: list[Token] = []
-    depth = 0
-    for token in tokens:
-        if token.kind is TokenKind.MARK:
-            depth += (token.text in _OPEN) - (token.text in _CLOSE)
-            if token.text == "," and depth == 0:
-                parts.append(tuple(current))
-                current = []
-                continue
-        current.append(token)
-    return [*parts, tuple(current)] if current or parts else []
 
 
 def _parameter(tokens: Sequence[Token]) -> str:

@@ -16,6 +16,7 @@ from pathlib import Path
 
 from simmer_tui.config.set_sketches import library_paths
 from simmer_tui.errors import ConfigurationError, Problem, printable
+from simmer_tui.sim.command import cut
 from simmer_tui.sim.rules import MAX_TEXT, TextRule
 from simmer_tui.sketch.board_draft import BoardDraft, facts_for_draft
 from simmer_tui.sketch.gripper_draft import drafted_angles, gripper_of
@@ -219,15 +220,17 @@ def _drive_tables(board: BoardDraft, wheels: DraftWheels, used: set[str], by_han
                 yield _motor_table(board, motor, line)
     if board.loose:
         pins = ", ".join(_shown(board, *each) for each in board.loose.items())
-        enable = "a stepper's enable (then no row), " if board.steppers else ""
-        what = f"{enable}a motor ({by_hand}), or a lamp"
+        what = f"a motor ({by_hand}), or an enable, a standby, a lamp (then no row)"
         yield f"# ? {board.name} writes {pins} as well, in no row: {what}\n"
     if not board.drives and not board.loose and any(board.facts.named("analogWrite")):
         yield f"# ? {board.name} has analogWrite on pins that were not found: {by_hand}\n"
-    for call, numbers in board.strangers:
-        shown = printable(f"{call.type} {call.name}")
-        what = f"a motor of a class that is not there? Then {by_hand}"
-        yield f"# ? {call.token.spot} has {shown} with {', '.join(map(str, numbers))}: {what}\n"
+    for name, objects in board.strangers.items():
+        shown = ", ".join(
+            f"{each.name}({', '.join(board.facts.spelled(each, at) for at in range(len(each.arguments)))})"
+            for each in objects
+        )
+        what = f"a class that is not there. If they are motors, {by_hand}"
+        yield f"# ? {objects[0].token.spot} has {cut(printable(f'{name} {shown}'))}: {what}\n"
 
 
 def _stepper_table(board: BoardDraft, stepper: DraftStepper, wheel: str) -> str:

@@ -136,14 +136,17 @@ def test_pins_that_are_driven_and_in_no_row_are_told_with_their_names(tmp_path: 
     more = "int pump = 8, led = 9;\nvoid g() { digitalWrite(pump, 1); digitalWrite(led, 1); }\n"
     (line,) = notes(tmp_path, f"{motor}{more}void h() {{ analogWrite(6, 9); }}\n")
     assert line == (
-        "# ? rover writes 8 (pump), 6 as well, in no row: a motor (add [[motors]] by hand), or a lamp"
+        "# ? rover writes 8 (pump), 6 as well, in no row: "
+        "a motor (add [[motors]] by hand), or an enable, a standby, a lamp (then no row)"
     )
 
 
 def test_pins_of_a_class_that_is_not_there_are_told(tmp_path: Path) -> None:
     text = "#include <L298N.h>\n#include <NewPing.h>\nL298N m(5, 7, 8);\nNewPing eye(2, 3);\nPID p(1, 2);\n"
     *_, line = notes(tmp_path, text)
-    assert line.startswith("# ? rover.ino:3 has L298N m with 5, 7, 8: a motor of a class that is not there?")
+    assert line.startswith(
+        "# ? rover.ino:3 has L298N m(5, 7, 8): a class that is not there. If they are motors,"
+    )
     assert line.endswith('and the layout of [wheels] in settings.toml, if it is "none"')
 
 

@@ -242,6 +242,12 @@ MOTORS = {
         "void loop() { lamp.run(1); run(); }",
         [("hbridge", 7, 8, 5), ("hbridge", 2, 4, 6)],
     ),
+    "pins that functions and macros return": (
+        "#define DIR(m) (4 + 3 * (m))\n#define LEFT 0\nint pwm(int m) { return m == LEFT ? 5 : 6; }\n"
+        "void run(int m, int v) { digitalWrite(DIR(m), v > 0); analogWrite(pwm(m), v); }\n"
+        "void loop() { run(LEFT, 9); run(1, 9); }",
+        [("shield", 4, 5), ("shield", 7, 6)],
+    ),
     "lamps and relays": (
         "int led1 = 8, led2 = 9, pump = 4, valve = 5;\n"
         "void f() { digitalWrite(led1, 1); digitalWrite(led2, 0);"
@@ -391,6 +397,16 @@ SENSORS = {
     "line sensors in the order of calls": (
         "bool dark(int pin) { return analogRead(pin) > 500; }\nvoid loop() { dark(A3); dark(A1); }",
         [("A3",), ("A1",)],
+    ),
+    "the second channel in a lambda": (
+        "void setup() { attachInterrupt(digitalPinToInterrupt(2), []() { digitalRead(4) ? n++ : n--; }, RISING);"
+        " attachInterrupt(digitalPinToInterrupt(3), [] { m++; }, RISING); }",
+        [(2, 4), (3,)],
+    ),
+    "line sensors that are objects": (
+        "struct Eye { int pin; bool dark() const { return digitalRead(pin); } };\n"
+        "Eye eyes[] = {{A2}, {A0}};\nvoid loop() { eyes[0].dark(); eyes[1].dark(); }",
+        [("A2",), ("A0",)],
     ),
     "line sensors by the numbers of channels": (
         "void loop() { analogRead(2); for (int i = 0; i < 2; i++) analogRead(i); }",
@@ -852,7 +868,7 @@ def test_a_note_tells_the_enables_of_steppers(tmp_path: Path) -> None:
         "void setup() { analogWrite(10, 150); }\nvoid loop() {}\n",
         "utf-8",
     )
-    note = "# ? rover writes 10 as well, in no row: a stepper's enable (then no row), a motor"
+    note = "# ? rover writes 10 as well, in no row: a motor (add [[motors]] by hand), or an enable"
     assert note in draft([tmp_path / "rover.ino"], tmp_path, [], [])
 
 
