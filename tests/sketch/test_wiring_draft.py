@@ -399,7 +399,7 @@ SENSORS = {
         [("A3",), ("A1",)],
     ),
     "the second channel in a lambda": (
-        "void setup() { attachInterrupt(digitalPinToInterrupt(2), []() { digitalRead(4) ? n++ : n--; }, RISING);"
+        "void setup() { attachInterrupt(digitalPinToInterrupt(2), []() { digitalRead(4) ? n++ : n--; }, LOW);"
         " attachInterrupt(digitalPinToInterrupt(3), [] { m++; }, RISING); }",
         [(2, 4), (3,)],
     ),
