@@ -14,7 +14,13 @@ from simmer_tui.sketch.known_headers import is_provided, provided_classes
 from simmer_tui.sketch.motion_check import forward_levels
 from simmer_tui.sketch.motor_draft import END, LAMP, DraftMotor, draft_motors, oriented
 from simmer_tui.sketch.servo_draft import attached_servos, draft_servo_wheels
-from simmer_tui.sketch.side_draft import PartPlace, parts_of_name, place_of_pins, sides_by_turns
+from simmer_tui.sketch.side_draft import (
+    PartPlace,
+    parts_of_name,
+    place_of_pins,
+    sides_by_turns,
+    written_by_functions,
+)
 from simmer_tui.sketch.sketch_scan import SketchFacts
 from simmer_tui.sketch.sketch_source import SketchCall, texts_of
 from simmer_tui.sketch.sketch_steps import PULSES, WRITES, SketchStep, pulses, steps
@@ -72,7 +78,8 @@ class BoardDraft:
         taken |= {each.interrupt for each in self.gyros if each.interrupt is not None}
         taken |= {each.xshut for each in self.rangers if each.xshut is not None}
         ahead = forward_levels(facts)
-        found = draft_motors([each for each in written_steps if each.pin not in taken])
+        rest = [each for each in written_steps if each.pin not in taken]
+        found = draft_motors(rest, _in_order(facts, "pinMode"))
         if self.steppers:
             # The enables of their coils have a duty, and no direction.
             found = [each for each in found if each.driver == "hbridge"]
@@ -81,9 +88,10 @@ class BoardDraft:
             self.motors = draft_servo_wheels(facts)
             self.servos = [pin for pin in self.servos if all(pin != each.pins["pin"] for each in self.motors)]
         turns = ["" for _ in self.steppers] + sides_by_turns(facts, self.motors)
+        written_by = written_by_functions(facts)
         every: tuple[DraftMotor | DraftStepper, ...] = (*self.steppers, *self.motors)
         self.drives = [
-            DraftDrive(each, place_of_pins(facts, each.pins.values()), turn, facts)
+            DraftDrive(each, place_of_pins(facts, each.pins.values(), written_by), turn, facts)
             for each, turn in zip(every, turns, strict=True)
         ]
         self.encoders = list(_encoders(facts, taken))

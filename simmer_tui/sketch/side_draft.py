@@ -11,7 +11,7 @@ from msgspec import Struct
 from simmer_tui.sketch.motion_check import forward_levels, levels_of_functions, promised_turn
 from simmer_tui.sketch.motor_draft import DraftMotor
 from simmer_tui.sketch.sketch_scan import SketchFacts
-from simmer_tui.sketch.sketch_steps import WRITES
+from simmer_tui.sketch.sketch_steps import WRITES, deep_steps
 from simmer_tui.sketch.sketch_values import Pins
 
 LEFT_SIDE, RIGHT_SIDE, FRONT_END, REAR_END = "left", "right", "front", "rear"
@@ -33,8 +33,8 @@ _NO_WHEEL = frozenset(
 )
 """Parts of a name that tell that a motor turns no wheel."""
 _PART = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
-_OWN = re.compile("mot|wheel|set|speed|pwm|rad", re.IGNORECASE)
-"""Words in the name of a function that sets one motor: `left()` alone may as well turn the robot."""
+_OWN = re.compile("mot|wheel|set|speed|pwm|rad|side|seite", re.IGNORECASE)
+"""Words in the name of a function that sets the motors of a side: `left()` may as well turn the robot."""
 _ONE_PIN = (*WRITES, "pinMode", "attach", "digitalRead")
 """Calls whose first argument is a pin."""
 
@@ -42,6 +42,10 @@ _ONE_PIN = (*WRITES, "pinMode", "attach", "digitalRead")
 def parts_of_name(name: str) -> set[str]:
     """The words of a name, in small letters: `motor` and `l` of `motorL`."""
     return {part.lower() for part in _PART.findall(name)}
+
+
+Written = Mapping[str, set[int]]
+"""The pins that each function of a sketch writes."""
 
 
 class PartPlace(Struct, frozen=True):
@@ -52,9 +56,25 @@ class PartPlace(Struct, frozen=True):
     is_wheel: bool = True
 
 
-def place_of_pins(facts: SketchFacts, pins: Iterable[int]) -> PartPlace:
-    """The place of a part by all names that a sketch has for its pins."""
-    return told_place([*_names(facts, {*pins})])
+def place_of_pins(facts: SketchFacts, pins: Iterable[int], written: Written | None = None) -> PartPlace:
+    """The place of a part by all names that a sketch has for its pins, and by those of the functions that
+    write these and not those of all parts."""
+    found = {*pins}
+    return told_place([*names_of_pins(facts, found), *_functions(written or {}, found)])
+
+
+def written_by_functions(facts: SketchFacts) -> Written:
+    """The pins that each function writes, itself and by those that it calls."""
+    found: dict[str, set[int]] = {}
+    for step in deep_steps(facts):
+        if step is not None and step.call in WRITES:
+            found.setdefault(step.root, set()).add(step.pin)
+    return found
+
+
+def _functions(written: Written, pins: set[int]) -> Iterator[str]:
+    every = set().union(*written.values())
+    yield from (name for name, each in written.items() if pins <= each < every and _OWN.search(name))
 
 
 def told_place(names: Sequence[str]) -> PartPlace:
@@ -79,7 +99,8 @@ def _only(told: Sequence[set[str]], one: str, other: str) -> str:
     return next(iter(min(found))) if len(found) == 1 and len(min(found)) == 1 else ""
 
 
-def _names(facts: SketchFacts, pins: set[int]) -> Iterator[str]:
+def names_of_pins(facts: SketchFacts, pins: set[int]) -> Iterator[str]:
+    """All names that a sketch has for these pins: of constants, objects, arrays, functions of interrupts."""
     together = min(len(pins), 2)
     for call in facts.named(*_ONE_PIN):
         found = facts.pins(call)
@@ -104,10 +125,6 @@ def _names(facts: SketchFacts, pins: set[int]) -> Iterator[str]:
         items = {pin for each in facts.items(name) for pin in each or ()}
         if len(pins) > 1 and pins <= items:
             yield name
-    written: dict[str, set[int]] = {}
-    for call in facts.named(*WRITES):
-        written.setdefault(call.function, set()).update(facts.pins(call) or {-1})
-    yield from (name for name, each in written.items() if each <= pins and _OWN.search(name))
 
 
 def sides_by_turns(facts: SketchFacts, motors: Sequence[DraftMotor]) -> list[str]:

@@ -37,7 +37,7 @@ def functions_of_macros(macros: Sequence[SourceDirective], tokens: Sequence[Toke
 
 
 def _used(bodies: Mapping[str, Sequence[Token]], tokens: Sequence[Token]) -> list[str]:
-    """The macros that a text names, and those that these name."""
+    """The macros that a text names, and those that these name, in their own order."""
     found: dict[str, None] = {}
     texts = [tokens]
     for text in texts:
@@ -45,7 +45,7 @@ def _used(bodies: Mapping[str, Sequence[Token]], tokens: Sequence[Token]) -> lis
             if token.text in bodies and token.text not in found:
                 found[token.text] = None
                 texts.append(bodies[token.text][1:])
-    return [*found]
+    return [name for name in bodies if name in found]
 
 
 def _has_call(body: Sequence[Token]) -> bool:

@@ -94,8 +94,9 @@ class SketchFacts(SketchValues):
             for each in items:
                 values = self.values(each) or Pins()
                 found += values if len(values) == 1 and values <= meant else ()
-        elif len(argument) == 1 and (members := self.of_all_objects(name, call.function)):
-            found += (pin for each in members if each is not None and len(each) == 1 for pin in each)
+        elif len(argument) == 1 and (made := self.objects_with(name, call.function)):
+            members = (self.member(each, argument[0], depth + 1) or Pins() for each in made)
+            found += (pin for each in members if len(each) == 1 for pin in each)
         else:
             values = self.values(argument, call.function) or Pins()
             found += values if len(values) == 1 else ()

@@ -82,6 +82,8 @@ class SketchCall(Struct, frozen=True):
     loops: tuple[SketchLoop, ...] = ()
     owner: tuple[Token, ...] = ()
     """The object with its index, `motors[0]`."""
+    block: int = -1
+    """The index of the innermost brace that it is in."""
 
 
 class DeclaredObject(Struct, frozen=True):
@@ -127,12 +129,14 @@ class SketchSource:
         self.declared: list[DeclaredObject] = []
         self._scopes_of: dict[str, set[str]] = defaultdict(set)
         """The classes with a function of a name; "" stands for none."""
-        self._values_of_members: list[tuple[str, str, tuple[Token, ...]]] = []
+        self.values_of_members: list[tuple[str, str, tuple[Token, ...]]] = []
         """The values that constructors give to members: the constructor, the member and the value."""
         self._defined: tuple[int, Token] | None = None
         """The end of the last definition of an object, and its class."""
         self._loops: list[tuple[int, SketchLoop]] = []
         """The loops around the token that is read, with their ends."""
+        self._blocks: list[int] = []
+        """The braces around the token that is read."""
         self.calls: list[SketchCall] = []
         """Calls and definitions of objects, in the order of the text."""
         tokens: list[Token] = []
@@ -177,6 +181,10 @@ class SketchSource:
                 function, end = self._bodies[at], partners.get(at, len(tokens))
             after = tokens[at + 1].text if at + 1 < len(tokens) else ""
             before = tokens[at - 1].text if at else ""
+            if token.text == "{":
+                self._blocks.append(at)
+            elif token.text == "}" and self._blocks and partners.get(at) == self._blocks[-1]:
+                self._blocks.pop()
             if not token.is_name:
                 continue
             while self._loops and at > self._loops[-1][0]:
@@ -269,13 +277,13 @@ class SketchSource:
             self.class_methods[each.scope].append(name)
             self.scopes[name] = each.scope
             self.parameters[name] = [_parameter(one) for one in split(each.parameters)]
-            self._values_of_members += [(name, *given) for given in each.values[:MOST_VALUES]]
+            self.values_of_members += [(name, *given) for given in each.values[:MOST_VALUES]]
             for member, value in each.values[:MOST_VALUES]:
                 self.expressions[member].append((value, name))
 
     def _made_members(self) -> Iterator[SketchCall]:
         """The objects that are members of others, by the values in constructors: `: left(5, 7)`."""
-        for function, member, value in self._values_of_members:
+        for function, member, value in self.values_of_members:
             kind = self.types.get(member, "")
             if kind in self.parameters and value:
                 arguments, order = tuple(split(value)), len(self.calls)
@@ -364,6 +372,7 @@ class SketchSource:
             order=len(self.calls),
             loops=tuple(loop for _, loop in self._loops),
             owner=owner,
+            block=self._blocks[-1] if self._blocks else -1,
         )
         self.calls.append(call)
         if is_definition:

@@ -29,6 +29,8 @@ class SketchStep(Struct, frozen=True):
     """The values that it can write; None if unknown, and for a pulse."""
     root: str
     spot: str
+    block: int = -1
+    """The innermost braces that it is in."""
 
 
 def steps(sketch: SketchValues) -> Iterator[SketchStep | None]:
@@ -69,7 +71,7 @@ def _walked(sketch: SketchValues, *, deep: bool) -> Iterator[SketchStep | None]:
                 if name.startswith(CHANNEL):
                     written = [each[pin] for each in sketch.channels.values() if pin in each]
                     name = "".join(token.text for token in written[0]) if written else str(pin)
-                yield SketchStep(call.name, pin, name, value, root, call.token.spot)
+                yield SketchStep(call.name, pin, name, value, root, call.token.spot, call.block)
             elif call.name in sketch.functions and not call.type and depth < DEEPEST:
                 for own in _owners(sketch, call, bound):
                     if not call.arguments and not own and not deep:
@@ -102,7 +104,9 @@ def _owners(sketch: SketchValues, call: SketchCall, bound: Bindings | None) -> l
     if call.object in ("", "this"):
         return [bound or {}] if scope and scope == sketch.scopes.get(call.function, "") else [{}]
     found = sketch.objects_of(call.owner, call.function, bound)[:_MOST_LOOPED]
-    return [sketch.own_values(each) for each in found if each.type == scope] or [{}]
+    # A method of a base class is another class's.
+    own = (each for each in found if each.type == scope or call.name not in sketch.class_methods[each.type])
+    return [sketch.own_values(each) for each in own] or [{}]
 
 
 def pulses(sketch: SketchValues) -> Iterator[tuple[int, int]]:

@@ -80,6 +80,11 @@ class SketchValues(SketchSource):
         for call in self.calls:
             # The definition of an object calls its class's constructor.
             self.callers[call.type or call.name].append(call)
+        self.bases: dict[str, list[tuple[str, list[tuple[Token, ...]]]]] = {}
+        """The values that a constructor gives to those of its base classes, by class."""
+        for constructor, base, value in self.values_of_members:
+            if base in self.functions:
+                self.bases.setdefault(constructor, []).append((base, split(value)))
         self._objects: dict[str, list[SketchObject]] = {}
         """The objects of each class that was asked for."""
         self._definitions = {
@@ -160,7 +165,7 @@ class SketchValues(SketchSource):
             if marks[:-2] == ["this"]:
                 return self._value_of(tokens[-1], function, depth, bound)
             found = self.objects_of(tokens[:-2], function, bound, depth)
-            return union(self._member(each, tokens[-1], depth) for each in found) if found else None
+            return union(self.member(each, tokens[-1], depth) for each in found) if found else None
         if first.text in self.returned and marks[1] == "(" and partners_of(tokens).get(1) == len(tokens) - 1:
             names, given = self.parameters[first.text], split(tokens[2:-1])
             passed = self._bound(names, given, function, bound)
@@ -269,8 +274,10 @@ class SketchValues(SketchSource):
     ) -> list[SketchObject]:
         """The object of a class with these values; none of another class."""
         if kind in self.parameters:
-            names = self.parameters[kind]
-            return [SketchObject(kind, {}, self._bound(names, given, function, bound))]
+            own = self._bound(self.parameters[kind], given, function, bound)
+            for base, values in self.bases.get(kind, ()):
+                own |= self._bound(self.parameters.get(base, ()), values, kind, own)
+            return [SketchObject(kind, {}, own)]
         if kind not in self.classes:
             return []
         members = dict(zip(self.classes[kind].members, given, strict=False))
@@ -278,20 +285,17 @@ class SketchValues(SketchSource):
             members = {each[1].text: each[3:] for each in given if len(each) > _NAMED_VALUE}
         return [SketchObject(kind, members, {})]
 
-    def _member(self, made: SketchObject, name: Token, depth: int) -> Pins | None:
+    def member(self, made: SketchObject, name: Token, depth: int) -> Pins | None:
         """The value of an object's member."""
         if name.text in made.members:
             return self.values(made.members[name.text], "", depth + 1)
         return self._value_of(name, made.type, depth, made.bound)
 
-    def of_all_objects(self, name: str, function: str, depth: int = 0) -> list[Pins | None]:
-        """The values of a member in a method of its class: of each object that has braces; none of another
-        name."""
+    def objects_with(self, name: str, function: str) -> list[SketchObject]:
+        """The objects that a method may have, if a name in it is a member; none of another name."""
         kind = self.scopes.get(function, "")
-        if kind not in self.classes or name not in self.classes[kind].members:
-            return []
-        objects = (each for each in self.objects_of_class(kind) if name in each.members)
-        return [self.values(each.members[name], "", depth + 1) for each in objects]
+        is_member = kind in self.classes and name in self.classes[kind].members
+        return self.objects_of_class(kind) if is_member else []
 
     def own_values(self, made: SketchObject) -> Bindings:
         """The values of names in the methods of an object: its members, or its constructor's parameters."""
@@ -432,8 +436,8 @@ class SketchValues(SketchSource):
         if name in self.arrays:
             items = (item for row in self.arrays[name] for item in row)
             return union(self.values(item, "", depth + 1) for item in items)
-        if values := self.of_all_objects(name, function, depth):
-            return union(values)
+        if made := [each for each in self.objects_with(name, function) if name in each.members]:
+            return union(self.member(each, token, depth) for each in made)
         if name in _NAMED:
             return Pins({self.kind.led if name == "LED_BUILTIN" else _NAMED[name]})
         analog = _ANALOG_PIN.fullmatch(name)

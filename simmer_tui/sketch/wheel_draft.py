@@ -47,7 +47,8 @@ def layout_of(drives: Sequence[DraftDrive]) -> WheelLayout:
         return WheelLayout.OMNI_4
     if len(places) == _CORNERS and (any(map(_goes_sideways, drives)) or _sides_differ(drives)):
         return WheelLayout.MECANUM
-    return WheelLayout.OMNI_3 if len(places) == _KIWI and told == {("", "")} else WheelLayout.DIFF
+    is_kiwi = len(places) == _KIWI and (told == {("", "")} or (len(told) == _KIWI and told < _CROSS))
+    return WheelLayout.OMNI_3 if is_kiwi else WheelLayout.DIFF
 
 
 def _goes_sideways(drive: DraftDrive) -> bool:

@@ -77,6 +77,28 @@ LAYOUTS = {
         ["front", "left", "rear", "right"],
         0,
     ),
+    "four motors by functions of a side": (
+        f"{duties('M1', 'M2', 'M3', 'M4')}void setSide(int v) {{}}\n"
+        "void leftSide(int v) { one(22, 23, 24, v); one(25, 26, 27, v); }\n"
+        "void rightSide(int v) { one(28, 29, 30, v); one(31, 32, 33, v); }\n",
+        "diff",
+        ["left", "right"],
+        2,
+    ),
+    "three wheels by their places": (
+        duties("backMotor", "leftMotor", "rightMotor"),
+        "omni-3",
+        ["0?", "120?", "240?"],
+        0,
+    ),
+    "servos in a class": (
+        "#include <Servo.h>\nclass Wheel { Servo s; int pin; public: Wheel(int p) : pin(p) {}\n"
+        "void begin() { s.attach(pin); } };\nWheel rightWheel(9), leftWheel(10);\nServo claw;\n"
+        "void setup() { rightWheel.begin(); leftWheel.begin(); claw.attach(3); }",
+        "diff",
+        ["right", "left"],
+        0,
+    ),
     "three wheels": (duties("M1", "M2", "M3"), "omni-3", ["0?", "120?", "240?"], 0),
     "a lift": (duties("LEFT", "RIGHT", "LIFT"), "diff", ["left", "right"], 1),
     "a third motor": (duties("LEFT", "RIGHT", "M3"), "diff", ["left", "right"], 1),

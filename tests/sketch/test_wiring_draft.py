@@ -248,6 +248,20 @@ MOTORS = {
         "void loop() { run(LEFT, 9); run(1, 9); }",
         [("shield", 4, 5), ("shield", 7, 6)],
     ),
+    "a method with a pin of the base class": (
+        "class Part { protected: int pin; public: Part(int p) : pin(p) {} };\n"
+        "class Wheel : public Part { int way; public: Wheel(int en, int dir) : Part(en), way(dir) {}\n"
+        " void run(int v) { digitalWrite(way, v > 0); analogWrite(pin, v); } };\n"
+        "Wheel one(5, 4), two(6, 7);\nvoid loop() { one.run(9); two.run(9); }",
+        [("shield", 4, 5), ("shield", 7, 6)],
+    ),
+    "numbers of pins in the blocks of one function": (
+        "void setup() { pinMode(11, OUTPUT); pinMode(10, OUTPUT); pinMode(9, OUTPUT); pinMode(8, OUTPUT); }\n"
+        "void loop() { if (t == 'F') { digitalWrite(11, 1); digitalWrite(9, 1); }"
+        " else if (t == 'W') { digitalWrite(7, 1); } else { digitalWrite(11, 0); digitalWrite(9, 0);"
+        " digitalWrite(10, 0); digitalWrite(8, 0); } }",
+        [("hbridge", 11, 10), ("hbridge", 9, 8)],
+    ),
     "lamps and relays": (
         "int led1 = 8, led2 = 9, pump = 4, valve = 5;\n"
         "void f() { digitalWrite(led1, 1); digitalWrite(led2, 0);"
@@ -408,6 +422,10 @@ SENSORS = {
         "Eye eyes[] = {{A2}, {A0}};\nvoid loop() { eyes[0].dark(); eyes[1].dark(); }",
         [("A2",), ("A0",)],
     ),
+    "line sensors by macros, in their own order": (
+        "#define EYE_L analogRead(A2)\n#define EYE_R analogRead(A0)\nvoid loop() { if (EYE_R || EYE_L) {} }",
+        [("A2",), ("A0",)],
+    ),
     "line sensors by the numbers of channels": (
         "void loop() { analogRead(2); for (int i = 0; i < 2; i++) analogRead(i); }",
         [("A2",), ("A0",), ("A1",)],
@@ -547,7 +565,7 @@ def test_the_gripper_is_the_servo_that_is_named_so(
     assert [row["pin"] for row in made if "gripper" in row] == ([] if gripper is None else [gripper])
 
 
-_PING = "int ping() { digitalWrite(7, HIGH); return pulseIn(8, HIGH); }\n"
+_MEASURE = "int ping() { digitalWrite(7, HIGH); return pulseIn(8, HIGH); }\n"
 
 
 @pytest.mark.parametrize(
@@ -561,7 +579,7 @@ _PING = "int ping() { digitalWrite(7, HIGH); return pulseIn(8, HIGH); }\n"
 )
 def test_a_servo_that_turns_a_sonar_is_no_gripper(tmp_path: Path, text: str, is_gripper: bool) -> None:
     head = "#include <Servo.h>\nServo s;\nvoid setup() { s.attach(3); }\n"
-    (row,) = drafted(tmp_path, f"{head}{_PING}{text}")["servos"]
+    (row,) = drafted(tmp_path, f"{head}{_MEASURE}{text}")["servos"]
     assert ("gripper" in row) is is_gripper
 
 
@@ -596,6 +614,12 @@ STEPPERS = {
         "void loop() { digitalWrite(STEP_R, HIGH); digitalWrite(STEP_L, HIGH); delayMicroseconds(500);\n"
         "digitalWrite(STEP_R, LOW); digitalWrite(STEP_L, LOW); delayMicroseconds(500); }",
         [("step_dir", 9, 4, 8), ("step_dir", 3, 10, 8)],
+    ),
+    "pulses of a class": (
+        "class Step { byte pin, dir; public: Step(byte p, byte d) : pin(p), dir(d) {}\n"
+        "void one(bool ahead) { digitalWrite(dir, ahead); digitalWrite(pin, HIGH); delayMicroseconds(9);"
+        " digitalWrite(pin, LOW); } };\nStep a(2, 5), b(3, 6);\nvoid loop() { a.one(true); b.one(true); }",
+        [("step_dir", 2, 5), ("step_dir", 3, 6)],
     ),
     "pulses of a parameter": (
         "void one(int pin, int dirPin, bool ahead) { digitalWrite(dirPin, ahead); digitalWrite(pin, HIGH);\n"
