@@ -88,8 +88,8 @@ _SLIDE = """<script>
 
 
 def slid(text: str, folder: Path, times: list[float], each: str, last: str = "null") -> tuple[list[Any], Any]:
-    """What a player shows with its slider at each of these times, as a person would move it: the values of an
-    expression of JavaScript, and that of a last one.
+    """The values of an expression of JavaScript while a player's slider stands at each of these times, as a
+    person would move it, and that of a last one.
 
     Args:
         text: The page.
