@@ -12,7 +12,7 @@ from simmer_tui.sketch.boards import ESP32, MEGA, UNO, BoardKind
 from simmer_tui.sketch.bus_draft import draft_gyros, draft_rangers
 from simmer_tui.sketch.known_headers import is_provided, provided_classes
 from simmer_tui.sketch.motion_check import forward_levels
-from simmer_tui.sketch.motor_draft import END, LAMP, DraftMotor, draft_motors, oriented
+from simmer_tui.sketch.motor_draft import END, LAMP, STANDBY, DraftMotor, draft_motors, oriented
 from simmer_tui.sketch.servo_draft import attached_servos, draft_servo_wheels
 from simmer_tui.sketch.side_draft import (
     PartPlace,
@@ -111,6 +111,7 @@ class BoardDraft:
         self.analog = [pin for pin in self.analog if pin not in self.knobs]
         self.digital = [pin for pin in self.digital if pin not in self.knobs]
         lamps = _named(facts, ("digitalWrite", "analogWrite", "pinMode"), LAMP.search)
+        lamps |= self.knobs | (_named(facts, WRITES, STANDBY.search) if self.drives else {})
         written = _named(facts, WRITES, str)
         self.loose = {
             pin: name for pin, name in written.items() if pin not in {*taken, *lamps, facts.kind.led}

@@ -16,7 +16,7 @@ from simmer_tui.sketch.sketch_steps import SketchStep
 
 END = SketchStep("", -1, "", None, "", "")
 """A step that ends those of a function."""
-_BRAKE, LAMP, _STANDBY, _DUTY, _MOTOR, _INPUT = (
+_BRAKE, LAMP, STANDBY, _DUTY, _MOTOR, _INPUT = (
     re.compile(word, re.IGNORECASE)
     for word in (
         "brake|brk",
@@ -172,7 +172,7 @@ def _without_duties(
     levels: dict[int, None] = {}
     for step in (*steps, END):
         if step.call == "digitalWrite":
-            if not LAMP.search(step.name) and not _STANDBY.search(step.name):
+            if not LAMP.search(step.name) and not STANDBY.search(step.name):
                 levels[step.pin] = None
                 names.setdefault(step.pin, step.name)
             continue
@@ -254,7 +254,7 @@ def _runs(
     for step in (*steps, END):
         if step.call == "digitalWrite":
             # An enable that is switched off digitally, the standby of a TB6612, and lamps are no direction.
-            no_direction = LAMP.search(step.name) or _STANDBY.search(step.name)
+            no_direction = LAMP.search(step.name) or STANDBY.search(step.name)
             is_direction = step.pin not in duties and not no_direction
             if is_direction and all(pin != step.pin for pin, _ in levels):
                 levels.append((step.pin, step.name))

@@ -208,14 +208,18 @@ class SketchValues(SketchSource):
         found = self._objects[kind] = []
         for name, own in self.types.items():
             if own == kind and name in self.arrays:
-                for row in self.arrays[name]:
-                    found += self._of_row(kind, row, 1)
+                found += self.objects_in(name)
             elif own == kind and name in self.aggregates:
                 found += self._made(kind, self.aggregates[name], "", None)
             elif own == kind and name in self._definitions:
                 call = self._definitions[name]
                 found += self._made(kind, call.arguments, call.function, None)
         return found
+
+    def objects_in(self, array: str) -> list[SketchObject]:
+        """The objects of the sketch's own classes in an array; none of another array."""
+        kind = self.types.get(array, "")
+        return [made for row in self.arrays.get(array, ()) for made in self._of_row(kind, row, 1)]
 
     def _of_row(self, kind: str, row: Row, depth: int) -> list[SketchObject]:
         """The object in a row of an array: by its own expression, or by the values in its braces."""
@@ -337,6 +341,11 @@ class SketchValues(SketchSource):
         """The values at each round of the loops around a call, or of a loop whose number picks the elements
         of an array that are passed."""
         for loop in call.loops:
+            made = self.objects_in(loop.array) if loop.name not in bound else []
+            if made:
+                for each in made[:MOST_ROUNDS]:
+                    yield from self.rounds(call, {**bound, loop.name: each})
+                return
             found = self._looped(loop, call.function, bound)
             if 1 < len(found) <= MOST_ROUNDS and loop.name not in bound:
                 for value in found:

@@ -14,7 +14,7 @@ from simmer_tui.sketch.sketch_scan import SketchFacts
 from simmer_tui.sketch.stepper_draft import DraftStepper
 from simmer_tui.sketch.wiring import WHEEL_NAMES
 
-_SIDEWAYS = re.compile("mecanum|strafe|sideway|lateral|diagonal|crab|seitw", re.IGNORECASE)
+_SIDEWAYS = re.compile("mecan|strafe|sideway|lateral|diagonal|crab|seitw", re.IGNORECASE)
 """Words of robots that drive sideways."""
 BY_NAME = "by the names in the sketch"
 _CORNERS, _KIWI = len(WHEEL_NAMES[WheelLayout.MECANUM]), len(WHEEL_NAMES[WheelLayout.OMNI_3])

@@ -58,6 +58,16 @@ LAYOUTS = {
         ["front_left?", "front_right?", "rear_left?", "rear_right?"],
         0,
     ),
+    "mecanum by channels of structs in a loop": (
+        "struct Pins { uint8_t a, b, one, two; };\nconst Pins M[] = {{13, 12, 0, 1}, {14, 27, 2, 3},"
+        " {26, 25, 4, 5}, {33, 32, 6, 7}};\nvoid motor(int i, int v) { ledcWrite(M[i].one, v > 0 ? v : 0);"
+        " ledcWrite(M[i].two, v < 0 ? -v : 0); }\nvoid mecanum(int x) { motor(0, x); motor(1, x);"
+        " motor(2, x); motor(3, x); }\nvoid setup() { for (auto &m : M) { ledcAttachPin(m.a, m.one);"
+        " ledcAttachPin(m.b, m.two); } }",
+        "mecanum",
+        ["front_left?", "front_right?", "rear_left?", "rear_right?"],
+        0,
+    ),
     "mecanum by levels": (
         constants(CORNERS) + levels("forward", CORNERS, 1, 1, 1, 1) + levels("slide", CORNERS, 0, 1, 1, 0),
         "mecanum",
@@ -165,7 +175,10 @@ def notes(folder: Path, text: str) -> list[str]:
 def test_pins_that_are_driven_and_in_no_row_are_told_with_their_names(tmp_path: Path) -> None:
     motor = "void f() { digitalWrite(2, 1); digitalWrite(4, 0); analogWrite(5, 9); }\n"
     more = "int pump = 8, led = 9;\nvoid g() { digitalWrite(pump, 1); digitalWrite(led, 1); }\n"
-    (line,) = notes(tmp_path, f"{motor}{more}void h() {{ analogWrite(6, 9); }}\n")
+    more += "#define STBY 3\nint btn = 12;\n"
+    more += "void i() { digitalWrite(STBY, 1); }\nvoid j() { digitalWrite(btn, 1); digitalRead(btn); }\n"
+    line, button = notes(tmp_path, f"{motor}{more}void h() {{ analogWrite(6, 9); }}\n")
+    assert "12 (btn)" in button
     assert line == (
         "# ? rover writes 8 (pump), 6 as well, in no row: "
         "a motor (add [[motors]] by hand), or an enable, a standby, a lamp (then no row)"
