@@ -31,8 +31,10 @@ from simmer_tui.run.events import (
     WireMessage,
 )
 from simmer_tui.run.state import Checkpoint
-from simmer_tui.runlog.line_form import NUMBER_FORM, line_form, logged_pose
+from simmer_tui.runlog.line_form import NUMBER_FORM, line_form, logged_number, logged_pose
 from simmer_tui.runlog.log_records import (
+    NO_DELAY,
+    USUAL_SOURCE,
     ActionRecord,
     AnswerRecord,
     BeliefRecord,
@@ -130,7 +132,7 @@ class LogEncoder:
                 if reading is not None and event.status is Status.READING:
                     if reading.scan is not None:
                         return self._scan_record(event, reading, reading.scan, real_time)
-                    return self._reading_form.record(event, {"pose": self._pose}, real_time=real_time)
+                    return self._reading_record(event, reading, real_time)
                 if event.number == answered:
                     return None
                 return line_form(AnswerRecord).record(event, {"pose": self._pose}, real_time=real_time)
@@ -196,6 +198,25 @@ class LogEncoder:
     def rest(self, real_time: float) -> Iterator[LogRecord]:
         """The record that is still missing at the end: of the cells of the newest belief."""
         return self._cells_of_belief(round(real_time, 3))
+
+    def _reading_record(self, result: CommandResult, reading: Reading, real_time: float) -> LogRecord:
+        # By hand, in a third of the time that `line_form` takes: these are most lines of a log.
+        time, link, source = result.time, result.link, result.command.source
+        pose, before = logged_pose(result.pose), logged_pose(result.before)
+        reply, true = logged_number(result.reply), logged_number(reading.true)
+        return ReadingRecord(
+            t=time,
+            real_time=real_time,
+            n=result.number,
+            command=result.command.text,
+            source=USUAL_SOURCE if source == USUAL_SOURCE else source,
+            taken=None if result.taken == time else result.taken,
+            link=link if link else NO_DELAY,
+            pose=None if pose == self._pose else pose,
+            before=None if before == pose else before,
+            reply=reply,
+            true=None if true == reply else true,
+        )
 
     def _scan_record(
         self, result: CommandResult, reading: Reading, scan: LidarScan, real_time: float

@@ -64,8 +64,8 @@ class NotFinite(StrEnum):
     NAN = "nan"
 
 
-def _number(value: float) -> float | NotFinite:
-    # msgspec would write the others as null.
+def logged_number(value: float) -> float | NotFinite:
+    """A number as a record holds it: msgspec would write those that are not finite as null."""
     return value if abs(value) < math.inf else NotFinite(str(float(value)))
 
 
@@ -73,7 +73,7 @@ logged_pose: Callable[[Any], tuple[float, float, float]] = attrgetter("x", "y", 
 """A pose, or that of a block, as a record holds it."""
 
 
-NUMBER_FORM = ValueForm(_number, float)
+NUMBER_FORM = ValueForm(logged_number, float)
 """A number that may be infinite or NaN."""
 POSE_FORM = ValueForm(logged_pose, lambda value: Pose(*value))
 TWIST_FORM = ValueForm(lambda twist: (twist.x, twist.y, twist.r), lambda value: Twist(*value))

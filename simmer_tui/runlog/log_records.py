@@ -54,6 +54,8 @@ from simmer_tui.sim.records import Status, VelocityChange
 
 USUAL_SOURCE = "client"
 """Source of a command whose record names none."""
+NO_DELAY = 0.0
+"""Delay of a link whose record names none."""
 _HUNDREDTH = 100  # hundredths of an inch or of a degree
 
 # Python's calendar ends in the year 9999, at 2.5e11 seconds.
@@ -112,7 +114,7 @@ class ReplyRecord(CommandRecord, frozen=True, kw_only=True, gc=False):
     pose has it (`pose`)."""
 
     taken: Annotated[Real | None, At("taken", unless="t")] = None
-    link: Real = 0.0
+    link: Real = NO_DELAY
     pose: Annotated[LoggedPose | None, At("pose", POSE_FORM)] = None
     before: Annotated[LoggedPose | None, At("before", POSE_FORM, unless="pose")] = None
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import stat
 import time
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from itertools import count
@@ -19,7 +20,7 @@ from msgspec import Struct
 from simmer_tui import platform_has
 from simmer_tui.config.loader import Configuration
 from simmer_tui.errors import RunLogError, reason_of
-from simmer_tui.run.events import Event, Notice, NoticeKind
+from simmer_tui.run.events import CommandResult, Event, Notice, NoticeKind
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import checkpoint_of
 from simmer_tui.runlog.closing import Closing
@@ -197,13 +198,41 @@ class RunLog(Closing):
 
     def __call__(self, event: Event) -> None:
         """Append one event."""
+        self.apply(event)
+
+    def apply(self, event: Event, line: int = 0, real_time: float = math.nan) -> None:
+        """Append one event; `real_time` is that of `time.monotonic`, if it came before."""
         if self.stopped or (isinstance(event, Notice) and event.kind is NoticeKind.HINT):
             return
         # Before the record: a checkpoint is to hold the state with this event.
         self._reducer.apply(event)
-        real_time = self._clock() - self._begun
-        for record in self._encoder.records(event, real_time):
-            self._write(record)
+        now = self._clock() - self._begun
+        if real_time == real_time:
+            now = max(now - (time.monotonic() - real_time), 0.0)
+        self._write(*self._encoder.records(event, now))
+        self._check(now)
+
+    def apply_readings(
+        self, results: Sequence[CommandResult], lines: Sequence[int], real_times: Sequence[float]
+    ) -> None:
+        """Append readings that follow each other, in one write."""
+        if self.stopped:
+            return
+        self._reducer.apply_readings(results, lines, real_times)
+        # The log's time at the zero of `time.monotonic`.
+        zero = self._clock() - self._begun - time.monotonic()
+        records = self._encoder.records
+        self._write(
+            *(
+                record
+                for result, real_time in zip(results, real_times, strict=True)
+                for record in records(result, zero + real_time)
+            )
+        )
+        self._check(zero + real_times[-1])
+
+    def _check(self, real_time: float) -> None:
+        """Write a checkpoint if it is time for one."""
         # Only where nothing is under way: a reader that begins there knows no movement before it.
         is_due = self.lines - self._last_checkpoint >= CHECKPOINT_EVERY
         if is_due and self._reducer.still:
@@ -220,8 +249,7 @@ class RunLog(Closing):
 
     def close(self) -> None:
         """Stop writing. May be called more than once."""
-        for record in self._encoder.rest(self._clock() - self._begun):
-            self._write(record)
+        self._write(*self._encoder.rest(self._clock() - self._begun))
         try:
             if not self.stopped:
                 self._file.look()
@@ -233,13 +261,14 @@ class RunLog(Closing):
         except OSError as error:  # while writing the rest of a compressed log
             self._stop(error)
 
-    def _write(self, record: Struct) -> None:
-        if self.stopped:
+    def _write(self, *records: Struct) -> None:
+        if self.stopped or not records:
             return
         try:
-            self._file.write(encode_line(record))
-            self.lines += 1
-            if self.lines % LOOK_EVERY == 0:
+            self._file.write(b"".join(map(encode_line, records)))
+            looked = self.lines // LOOK_EVERY
+            self.lines += len(records)
+            if self.lines // LOOK_EVERY > looked:
                 self._file.look()
         except OSError as error:
             with contextlib.suppress(OSError):  # it is the file that has failed

@@ -101,6 +101,27 @@ def answered(index: RunLogIndex) -> list[int]:
     return found
 
 
+def test_a_saved_run_has_the_real_times_of_the_part_that_was_replayed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("platformdirs.user_data_path", lambda *_, **__: tmp_path)
+    mission_log(tmp_path / "run.jsonl")
+    with RunLogIndex(tmp_path / "run.jsonl") as index:
+        chosen = TakeOver(tmp_path / "run.jsonl", after(index, index.count - 1))
+    server, rerun = chosen.serve()
+    server.save_run()
+    server.start_log(str(tmp_path / "log.jsonl"))
+    chosen.advance(server, rerun)
+    server.stop()
+    assert server.saved_run is not None
+    times = []
+    for path in (tmp_path / "log.jsonl", server.saved_run.path):
+        with RunLogIndex(path) as found:
+            times.append([found.record(entry).real_time for entry in range(found.count)])
+    assert len(set(times[0])) > 3
+    assert times[0] == times[1]
+
+
 @pytest.mark.slow
 def test_what_follows_is_what_followed(tmp_path: Path) -> None:
     path = tmp_path / "run.jsonl"

@@ -410,7 +410,7 @@ def test_contacts_after_the_mission_change_no_verdict_on_screen(mission_run: Any
         lambda *call: calls.put(call),
         lambda event: None,
     )
-    engine.watch(live.watch)
+    engine.watch(live.apply)
     engine.tell(MissionEvent(0.0, Result.UNDER_WAY, "mission: begun"))
     texts = []
     mission_run.send("u1", "d1-60")
@@ -457,7 +457,7 @@ def test_a_program_that_ends_with_its_mission_is_told_one_verdict(mission_run: A
         lambda *call: calls.put(call),
         told.append,
     )
-    engine.watch(live.watch)
+    engine.watch(live.apply)
     engine.tell(MissionEvent(0.0, Result.UNDER_WAY, "mission: begun"))
     mission_run.send("u1")
     for ends in (ProgramEnded(8.0, 0), SUCCESS):  # the second comes while the first is searched

@@ -41,7 +41,7 @@ class Saved:
         self.engine = Engine(self.simulator)
         self.stopped: list[str] = []
         self.run = SavedRun(log_of(configuration, self.simulator, self.stopped.append))
-        self.engine.watch(self.run)
+        self.engine.watch(self.run.apply)
         self._session = self.engine.session()
 
     def give(self, *commands: str) -> None:
