@@ -2,7 +2,7 @@
 
 A record's definition is all that there is to a line: its keys, the range of their values, what is left out,
 and where in an event each value is from. `encode.py` chooses the records of a run. `decode.py` knows the
-parts of events that follow from a record and the header, and reads the most frequent kinds by hand.
+parts of events that follow from a record and the header. Both know the most frequent kinds by hand.
 
 Annotations are evaluated here. msgspec would evaluate their texts again for each record that inherits them,
 which would take as long as the rest of this module.
@@ -80,7 +80,7 @@ LoggedNumber = float | NotFinite
 """A reading or a reply."""
 _COPY = ValueForm(dict, dict)
 """A table that its owner continues to count in."""
-_PLACE = ValueForm(astuple, lambda value: PathPosition(*value))
+PLACE_FORM = ValueForm(astuple, lambda value: PathPosition(*value))
 _GOALS = ValueForm(
     lambda goals: {goal: time for goal, time in goals.items() if time is not None},
     lambda met: {goal: met.get(goal) for goal in Goal},
@@ -151,7 +151,7 @@ class GripFields(msgspec.Struct, frozen=True):
     block: Annotated[LoggedPose, At("block", POSE_FORM)]
 
 
-_GRIP = form_of_part(GripFields, dict)
+GRIP_FORM = form_of_part(GripFields, dict)
 
 
 class AnswerRecord(ReplyRecord, tag="answer", frozen=True, kw_only=True, gc=False):
@@ -163,7 +163,7 @@ class AnswerRecord(ReplyRecord, tag="answer", frozen=True, kw_only=True, gc=Fals
     stops: Annotated[bool, At("command.stops")] = False
     velocity: Annotated[VelocityFields | None, At("velocity", VELOCITY_FORM)] = None
     waits: Real = 0.0
-    grip: Annotated[GripFields | None, At("grip", _GRIP)] = None
+    grip: Annotated[GripFields | None, At("grip", GRIP_FORM)] = None
 
 
 class ContactFields(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
@@ -171,7 +171,7 @@ class ContactFields(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=Tru
     translation), the point touched."""
 
     t: Annotated[Real, At("time")]
-    at: Annotated[LoggedPlace, At("place", _PLACE)]
+    at: Annotated[LoggedPlace, At("place", PLACE_FORM)]
     point: LoggedPoint
     cell: tuple[Count, Count] | None = None
     ended: bool = False
@@ -190,8 +190,8 @@ class MovementRecord(CommandRecord, frozen=True, kw_only=True):
     origin: Annotated[LoggedPose, At("trajectory.before", POSE_FORM)] = msgspec.field(name="from")
     total: Annotated[LoggedPose, At("trajectory.totals", AXES_FORM)]
     contact: Annotated[ContactFields | None, At("trajectory.contact", CONTACT_FORM)] = None
-    stop: Annotated[LoggedPlace | None, At("trajectory.rest_stop", _PLACE)] = None
-    grip: Annotated[GripFields | None, At("grip", _GRIP)] = None
+    stop: Annotated[LoggedPlace | None, At("trajectory.rest_stop", PLACE_FORM)] = None
+    grip: Annotated[GripFields | None, At("grip", GRIP_FORM)] = None
 
     def __post_init__(self) -> None:
         # All later code relies on it, and a log may have been edited by hand.
