@@ -11,7 +11,7 @@ import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from itertools import count
+from itertools import chain, count
 from pathlib import Path
 from typing import Protocol
 
@@ -196,10 +196,6 @@ class RunLog(Closing):
             raise RunLogError(self.stopped)
         self._on_stop = on_stop
 
-    def __call__(self, event: Event) -> None:
-        """Append one event."""
-        self.apply(event)
-
     def apply(self, event: Event, line: int = 0, real_time: float = math.nan) -> None:
         """Append one event; `real_time` is that of `time.monotonic`, if it came before."""
         if self.stopped or (isinstance(event, Notice) and event.kind is NoticeKind.HINT):
@@ -210,7 +206,10 @@ class RunLog(Closing):
         if real_time == real_time:
             now = max(now - (time.monotonic() - real_time), 0.0)
         self._write(*self._encoder.records(event, now))
-        self._check(now)
+        if self.lines - self._last_checkpoint >= CHECKPOINT_EVERY:
+            self._write_checkpoint(now)
+
+    __call__ = apply
 
     def apply_readings(
         self, results: Sequence[CommandResult], lines: Sequence[int], real_times: Sequence[float]
@@ -220,22 +219,15 @@ class RunLog(Closing):
             return
         self._reducer.apply_readings(results, lines, real_times)
         # The log's time at the zero of `time.monotonic`.
-        zero = self._clock() - self._begun - time.monotonic()
-        records = self._encoder.records
-        self._write(
-            *(
-                record
-                for result, real_time in zip(results, real_times, strict=True)
-                for record in records(result, zero + real_time)
-            )
-        )
-        self._check(zero + real_times[-1])
+        zero, records = self._clock() - self._begun - time.monotonic(), self._encoder.records
+        each_of = (records(result, zero + moment) for result, moment in zip(results, real_times, strict=True))
+        self._write(*chain.from_iterable(each_of))
+        if self.lines - self._last_checkpoint >= CHECKPOINT_EVERY:
+            self._write_checkpoint(zero + real_times[-1])
 
-    def _check(self, real_time: float) -> None:
-        """Write a checkpoint if it is time for one."""
+    def _write_checkpoint(self, real_time: float) -> None:
         # Only where nothing is under way: a reader that begins there knows no movement before it.
-        is_due = self.lines - self._last_checkpoint >= CHECKPOINT_EVERY
-        if is_due and self._reducer.still:
+        if self._reducer.still:
             self._last_checkpoint = self.lines
             self._write(self._encoder.checkpoint(self._reducer.checkpoint(), real_time))
 
