@@ -80,7 +80,8 @@ class RouteKeeper:
             self._reopen(centres[0], begin)
         self._last, kept = centres[-1], self._kept
         # From the last place kept: small movements add up.
-        if all(math.dist(kept, each) < _STANDSTILL for each in reversed(centres)):
+        moves = math.dist(kept, self._last) >= _STANDSTILL
+        if not (moves or any(math.dist(kept, each) >= _STANDSTILL for each in centres)):
             return
         self._open.append((centres, begin, end))
         self._kept = centres[-1]
@@ -155,8 +156,11 @@ def simplified(line: FloatArray, tolerance: float) -> FloatArray:
         away = line[first + 1 : last, :2] - start
         squared = float(chord @ chord)
         # From the nearest place of the chord itself, not of the line through it: a route may turn back.
-        share = np.clip(away @ chord / squared, 0.0, 1.0) if squared > 0.0 else np.zeros(len(away))
-        distance = np.hypot(*(away - share[:, None] * chord).T)
+        share = (
+            np.minimum(np.maximum(away @ chord / squared, 0.0), 1.0) if squared > 0.0 else 0.0 * away[:, 0]
+        )
+        away -= share[:, None] * chord
+        distance = np.hypot(away[:, 0], away[:, 1])
         farthest = int(distance.argmax())
         if distance[farthest] > tolerance:
             middle = first + 1 + farthest
