@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
 import socket
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
@@ -15,7 +16,7 @@ from simmer_tui.config.sets import bundled_folder
 from simmer_tui.live.late_events import TOGETHER, LateEvents
 from simmer_tui.live.server import Server
 from simmer_tui.robot.engine import Engine
-from simmer_tui.run.events import Action, ActionName, CommandResult, Event, Notice, NoticeKind
+from simmer_tui.run.events import Action, ActionName, CommandResult, Event, MovementEnded, Notice, NoticeKind
 from simmer_tui.runlog.log_records import BrokenLine
 from simmer_tui.runlog.reader import LogReader
 from simmer_tui.sim import SimulationSpec, Simulator, parse_command
@@ -109,23 +110,45 @@ def test_a_reader_that_fails_is_dropped_and_the_others_get_all(bench: Bench) -> 
     assert bench.reader.events == bench.told == [bench.told[0], fault]
 
 
-def test_the_saved_run_has_all_events_of_the_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Those that wait too, when the run ends."""
+@pytest.fixture
+def server(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Server]:
+    """A server as the app has it."""
     monkeypatch.setattr("platformdirs.user_data_path", lambda *_, **__: tmp_path)
-    server = Server(load(bundled_folder(), {"server.port": Override("--port", 0)}))
-    server.save_run()
+    made = Server(load(bundled_folder(), {"server.port": Override("--port", 0)}))
+    made.save_run()
+    made.record()
+    yield made
+    made.stop()
+
+
+def kinds_in(path: Path) -> list[type]:
+    """The kinds of events in a log, without notices."""
+    with LogReader(path) as log:
+        found = [logged.event for logged in log if not isinstance(logged, BrokenLine)]
+    return [type(each) for each in found if type(each) is not Notice]
+
+
+def test_who_asks_for_a_run_gets_all_of_it(server: Server) -> None:
+    """Snapshot and saved run have the events that wait, and the saved run those at the end too."""
     told: list[Event] = []
     server.start(told.append)
-    ports = [server.ports[each.purpose] for each in (COMMANDS, REPLIES)]
-    sending, reading = (socket.create_connection(("127.0.0.1", each)) for each in ports)
+    assert server.saved_run is not None
+    path = server.saved_run.path
+    sending, reading = (
+        socket.create_connection(("127.0.0.1", server.ports[each.purpose])) for each in (COMMANDS, REPLIES)
+    )
     with sending, reading:
-        for command in (b"u1\n", b"d1-1\n") * 40:
+        for order, command in enumerate((b"u1\n", b"d1-1\n", b"u2\n") * TOGETHER):
             sending.sendall(command)
             reading.recv(8, socket.MSG_WAITALL)
+            if order == 4:
+                # Its last event has been told before its reply.
+                newest = server.newest
+                snapshot = asyncio.run(server.snapshot())
+                assert newest == snapshot.number == len(told)
+                assert snapshot.state.commands == 5
+                asyncio.run(server.flush_saved_run())
+                assert kinds_in(path) == [type(each) for each in told if type(each) is not Notice]
         server.stop()
-    assert server.saved_run is not None
-    with LogReader(server.saved_run.path) as log:
-        found = [logged.event for logged in log if not isinstance(logged, BrokenLine)]
-    kinds = [[type(each) for each in events if type(each) is not Notice] for events in (found, told)]
-    assert kinds[0] == kinds[1]
-    assert len(kinds[0]) == 160
+    assert kinds_in(path) == [type(each) for each in told if type(each) is not Notice]
+    assert kinds_in(path).count(MovementEnded) == TOGETHER
