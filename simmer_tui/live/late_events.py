@@ -1,7 +1,7 @@
 """Events for those who need not have each at once: they get them together.
 
-The robot's thread is faster so: work on many events takes less than half of the time of the same work after
-each command, and readings that follow each other are done in one pass.
+Readings that follow each other are done in one pass then. With the app open a reading takes 4 us of the
+robot's thread for all of them, in place of 9 (measured).
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ from simmer_tui.run.events import (
 )
 
 TOGETHER = 64
-"""Most events that wait. They are 0.5 ms of work: no client waits longer for its reply."""
+"""Most events that wait. Those of movements are 0.8 ms of work, by which a reply may be late. A process that
+is killed loses them, unless a picture was made since they came."""
 _AT_ONCE = frozenset((ActionDone, Notice, MissionEvent, ProgramEnded))
 """Rare events that do not wait, nor do those before them: they begin and end a run."""
 
