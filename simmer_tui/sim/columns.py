@@ -27,6 +27,8 @@ class CsvColumn(Value, frozen=True, kw_only=True):
     """True if a blank cell is a mistake; otherwise it means the default."""
     is_error: bool = False
     """True if it is an error of a sensor's readings, which an exact sensor has not: 0 means none."""
+    per_time: str = ""
+    """`s` or `s2` if values are in the unit of the reading, or of the drive, by seconds or their square."""
     has_mean: bool = False
     """True if it makes readings wrong on average: reports name a large mean error of a sensor that has it."""
 
@@ -104,6 +106,7 @@ DRIFT = _error(
     *("Drift (per s)", _ANY, _SHIFT),
     "addition for each second of simulated time",
     label="drift/s",
+    per_time="s",
     has_mean=True,
 )
 MIN_RANGE = _column("Min Range (in)", _NOT_NEGATIVE, _AT_LEAST, "its reading of anything nearer", label="min")
@@ -227,12 +230,15 @@ DRIVE_GAIN = _column("Gain", _ANY, _FREE, "factor of the commanded value (1)")
 SPEED = _column(
     *("Speed", _POSITIVE, _AT_MOST),
     f"inches, degrees or (grip) closings a second ({TRANSLATION_SPEED:g}, {ROTATION_SPEED:g}, 2)",
+    per_time="s",
 )
 START_LAG = _column(
     "Start Lag (s)", _NOT_NEGATIVE, _AT_LEAST, "simulated time from a command to the first motion (0)"
 )
 ACCELERATION = _column(
-    "Acceleration", _NOT_NEGATIVE, _AT_MOST, "inches or degrees per second squared (0: full speed at once)"
+    *("Acceleration", _NOT_NEGATIVE, _AT_MOST),
+    "inches or degrees per second squared (0: full speed at once)",
+    per_time="s2",
 )
 REACH = _column(
     *("Reach", _POSITIVE, _AT_MOST),
@@ -240,7 +246,9 @@ REACH = _column(
     unit="in",
 )
 WIDTH = _column("Width", _POSITIVE, _AT_MOST, "grip only: width of that window, inches (4)", unit="in")
-MOVEMENT = (*DRIVE_AXES, DRIVE_GAIN, SPEED, START_LAG, ACCELERATION)
+LESS_USUAL = (START_LAG, ACCELERATION)
+"""The columns of drive.csv that profiles and imported sets may lack: 0 is usual."""
+MOVEMENT = (*DRIVE_AXES, DRIVE_GAIN, SPEED, *LESS_USUAL)
 """The columns of drive.csv for a movement, by field of `DriveSpec`."""
 GRIPPER = (SPEED, REACH, WIDTH)
 """The columns of drive.csv for the gripper, by field of `GripperSpec`."""
