@@ -179,7 +179,7 @@ class Ending(StrEnum):
     """Ending of a run."""
 
     words: str
-    """What so many runs did, after their number."""
+    """Words for it after the number of runs."""
     tone: Tone
 
     def __new__(cls, value: str, words: str = "", tone: Tone = Tone.PLAIN) -> Self:
