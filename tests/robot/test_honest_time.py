@@ -10,7 +10,7 @@ import pytest
 from msgspec.structs import replace
 from rich.console import Console
 
-from simmer_tui.cli.log_commands import build_report
+from simmer_tui.cli.log_reports import build_report
 from simmer_tui.config.loader import Configuration, Override, load
 from simmer_tui.config.sets import bundled_folder, init_set
 from simmer_tui.document.as_terminal import print_document
