@@ -37,9 +37,10 @@ from simmer_tui.links.protocol.mission_query import MissionQuery
 from simmer_tui.links.pty_port import NOT_ON_WINDOWS, PtyDevice
 from simmer_tui.live.late_events import TOGETHER, LateEvents
 from simmer_tui.robot.engine import Engine
+from simmer_tui.robot.link_delay import LinkDelay
 from simmer_tui.robot.playback_throttle import checked_pace
 from simmer_tui.robot.program_clock import ProgramClock, ProgramClockLoop
-from simmer_tui.robot.sessions import Answered, LinkDelay, Session
+from simmer_tui.robot.sessions import Answered, Session
 from simmer_tui.run.events import Event, MissionEnd, Notice, NoticeKind
 from simmer_tui.sim.command import MISSION_QUERY, Command, cut
 from simmer_tui.sim.simulator import Simulator

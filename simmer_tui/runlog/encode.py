@@ -17,7 +17,6 @@ from simmer_tui.run.events import (
     ActionDone,
     Belief,
     CommandResult,
-    DisplayChanged,
     Event,
     LegBegun,
     LegEnded,
@@ -26,9 +25,6 @@ from simmer_tui.run.events import (
     MovementPlanned,
     Notice,
     ProgramEnded,
-    TwinReading,
-    VelocityEnded,
-    WireMessage,
 )
 from simmer_tui.run.state import Checkpoint
 from simmer_tui.runlog.line_form import AXES_FORM, NUMBER_FORM, line_form, logged_number, logged_pose
@@ -37,25 +33,18 @@ from simmer_tui.runlog.log_records import (
     GRIP_FORM,
     NO_DELAY,
     PLACE_FORM,
+    RECORDS,
     USUAL_SOURCE,
     ActionRecord,
     AnswerRecord,
     BeliefRecord,
     CheckpointRecord,
-    DisplayRecord,
     EndRecord,
-    LegEndRecord,
-    LegRecord,
     LoggedPose,
     LogRecord,
-    MissionRecord,
     NoticeRecord,
     PlanRecord,
-    ProgramRecord,
     ReadingRecord,
-    TwinRecord,
-    VelocityEndRecord,
-    WireRecord,
     packed_particles,
 )
 from simmer_tui.runlog.logged_scans import packed_ranges
@@ -66,17 +55,8 @@ LARGE_GRID = 2000
 # Just below half a second: five times a tenth may round to less.
 GRID_EVERY = 0.499
 """Simulated seconds between two large grids with their cells."""
-_RECORDS: dict[type, type[LogRecord]] = {
-    LegBegun: LegRecord,
-    LegEnded: LegEndRecord,
-    VelocityEnded: VelocityEndRecord,
-    MissionEvent: MissionRecord,
-    ProgramEnded: ProgramRecord,
-    TwinReading: TwinRecord,
-    WireMessage: WireRecord,
-    DisplayChanged: DisplayRecord,
-}
-"""The records of events that have all that their record needs."""
+_RECORDS: dict[type | None, type[LogRecord]] = {record.event: record for record in RECORDS}
+"""The kind of record of each kind of event."""
 
 
 class LogEncoder:

@@ -93,9 +93,9 @@ class LineForm(Generic[_Record]):
     """The form of one kind of record, by its definition."""
 
     def __init__(self, record: type[_Record]) -> None:
-        told = [(name, _at(name, hint)) for name, hint in get_type_hints(record, include_extras=True).items()]
-        given = getattr(record, "given", ())
-        told = [(name, at) for name, at in told if at is not GIVEN and name not in given and name != "given"]
+        hints, given = get_type_hints(record, include_extras=True), getattr(record, "given", ())
+        told = [(each.name, _at(each.name, hints[each.name])) for each in fields(record)]
+        told = [(name, at) for name, at in told if at is not GIVEN and name not in given]
         self._record = record
         self._names = tuple(name for name, _ in told)
         self._of_record = _getter(self._names)

@@ -15,7 +15,7 @@ import json
 import math
 import operator
 from itertools import zip_longest
-from typing import Annotated, Any, ClassVar, final
+from typing import Annotated, Any, ClassVar, final, get_args
 
 import msgspec
 from msgspec.structs import astuple
@@ -24,14 +24,28 @@ from simmer_tui.robot.actions import argument_count
 from simmer_tui.run.belief_grid import GridBelief
 from simmer_tui.run.events import (
     LARGEST_NUMBER,
+    ActionDone,
     ActionName,
+    Belief,
+    CommandResult,
     DisplayChanged,
+    Event,
     Goal,
+    LegBegun,
+    LegEnded,
+    MissionEvent,
+    MovementEnded,
+    MovementPlanned,
+    Notice,
     NoticeKind,
     OutputLine,
+    ProgramEnded,
     Real,
     Result,
+    TwinReading,
     VelocityEnd,
+    VelocityEnded,
+    WireMessage,
 )
 from simmer_tui.run.state import MissionProgress, MissionSums, TimeSpent
 from simmer_tui.runlog.line_form import (
@@ -94,6 +108,8 @@ _RESULT = ValueForm(lambda subject: subject if isinstance(subject, Result) else 
 class LogRecord(msgspec.Struct, tag_field="kind", frozen=True, gc=False, omit_defaults=True):
     """A line of a log: simulated time, and seconds of real time since the log began."""
 
+    event: ClassVar[type[Event] | None] = None
+    """The kind of event that it records; None for a checkpoint."""
     given: ClassVar[tuple[str, ...]] = ()
     """More fields that the event does not have."""
     t: Annotated[Real, At("time")]
@@ -123,6 +139,7 @@ class ReadingRecord(ReplyRecord, tag="read", frozen=True, kw_only=True, gc=False
     """A sensor reading. Without `true` it was exact. A scan has the `revolution`, and the `scan` in base64,
     unless it was read before; its reply is the first of its ranges."""
 
+    event = CommandResult
     reply: Annotated[LoggedNumber | None, At("reply", NUMBER_FORM)] = None
     true: Annotated[LoggedNumber | None, At("reading.true", NUMBER_FORM, unless="reply")] = None
     revolution: Annotated[Revolution | None, GIVEN] = None
@@ -157,6 +174,7 @@ GRIP_FORM = form_of_part(GripFields, dict)
 class AnswerRecord(ReplyRecord, tag="answer", frozen=True, kw_only=True, gc=False):
     """The answer to any other command."""
 
+    event = CommandResult
     reply: Annotated[LoggedNumber, At("reply", NUMBER_FORM)]
     status: Status
     reason: str = ""
@@ -202,12 +220,14 @@ class MovementRecord(CommandRecord, frozen=True, kw_only=True):
 class PlanRecord(MovementRecord, tag="plan", frozen=True, kw_only=True):
     """The plan of a movement, made at its beginning, or `again` during it."""
 
+    event = MovementPlanned
     again: Annotated[bool, GIVEN] = False
 
 
 class EndRecord(MovementRecord, tag="end", frozen=True, kw_only=True):
     """The end of a movement, as it really went."""
 
+    event = MovementEnded
     pose: Annotated[LoggedPose, At("pose", POSE_FORM)]
     stopped_by: str = ""
     answers: bool = True
@@ -232,6 +252,7 @@ class LegRecord(CourseRecord, tag="leg", frozen=True, kw_only=True):
     """The beginning of a leg, and its end and last pose unless something interrupts it. Without an end it
     continues until something changes."""
 
+    event = LegBegun
     end: Annotated[Real | None, At("leg.end_time", ENDLESS)] = None
     last_pose: Annotated[LoggedPose, At("leg.last_pose", POSE_FORM)] = msgspec.field(name="to")
 
@@ -243,6 +264,7 @@ class LegRecord(CourseRecord, tag="leg", frozen=True, kw_only=True):
 class LegEndRecord(CourseRecord, tag="leg_end", frozen=True, kw_only=True):
     """The end of a leg, as it really went."""
 
+    event = LegEnded
     begin: Annotated[Real, At("leg.start_time")]
     pose: Annotated[LoggedPose, At("leg.last_pose", POSE_FORM)]
 
@@ -254,6 +276,7 @@ class LegEndRecord(CourseRecord, tag="leg_end", frozen=True, kw_only=True):
 class VelocityEndRecord(LogRecord, tag="velocity", frozen=True, kw_only=True):
     """The end of a velocity without a command that set another."""
 
+    event = VelocityEnded
     reason: VelocityEnd
     source: str = ""
 
@@ -261,6 +284,7 @@ class VelocityEndRecord(LogRecord, tag="velocity", frozen=True, kw_only=True):
 class ActionRecord(LogRecord, tag="action", frozen=True, kw_only=True, gc=False):
     """A person's action; `n` commands had begun before it."""
 
+    event = ActionDone
     n: Annotated[Count, GIVEN]
     action: Annotated[ActionName, At("action.name")]
     source: Annotated[str, At("action.source")]
@@ -285,6 +309,7 @@ class BeliefRecord(LogRecord, tag="belief", frozen=True, kw_only=True, gc=False)
     `believed`, which keeps them short. `again` is true for the previous belief, now with the cells of its
     grid."""
 
+    event = Belief
     believed: Annotated[LoggedPose, At("pose", POSE_FORM)]
     pose: Annotated[LoggedPose | None, At("true", POSE_FORM)] = None
     spread: Real | None = None
@@ -334,6 +359,7 @@ def unpacked_particles(record: BeliefRecord) -> tuple[tuple[float, ...], ...]:
 class NoticeRecord(LogRecord, tag="notice", frozen=True, kw_only=True):
     """A notice: a connection, a fault, the program. Reports use the time of a fault, or of a board, alone."""
 
+    event = Notice
     given: ClassVar[tuple[str, ...]] = ("t",)
     about: Annotated[NoticeKind, At("kind")]
     text: str
@@ -344,6 +370,7 @@ class NoticeRecord(LogRecord, tag="notice", frozen=True, kw_only=True):
 class WireRecord(LogRecord, tag="wire", frozen=True, kw_only=True):
     """Bytes on the line of a dialect, one character each."""
 
+    event = WireMessage
     data: str
     reply: bool = False
     meaning: str = ""
@@ -352,6 +379,7 @@ class WireRecord(LogRecord, tag="wire", frozen=True, kw_only=True):
 class DisplayRecord(LogRecord, tag="display", frozen=True, kw_only=True):
     """A board's LED, and the rows of each of its displays, from a time on."""
 
+    event = DisplayChanged
     board: str
     led: bool = False
     led_pin: str = "13"
@@ -361,6 +389,7 @@ class DisplayRecord(LogRecord, tag="display", frozen=True, kw_only=True):
 class MissionRecord(LogRecord, tag="mission", frozen=True, kw_only=True):
     """A goal met, or a mission's beginning or end."""
 
+    event = MissionEvent
     goal: Annotated[Goal | None, At("subject", _GOAL)] = None
     result: Annotated[Result | None, At("subject", _RESULT)] = None
     text: str
@@ -375,6 +404,7 @@ class MissionRecord(LogRecord, tag="mission", frozen=True, kw_only=True):
 class ProgramRecord(LogRecord, tag="program", frozen=True, kw_only=True):
     """The end of the program that drove the robot, with the last lines of its output."""
 
+    event = ProgramEnded
     exit_code: int
     signal: str = ""
     stopped: bool = False
@@ -387,6 +417,7 @@ class ProgramRecord(LogRecord, tag="program", frozen=True, kw_only=True):
 class TwinRecord(LogRecord, tag="twin", frozen=True, kw_only=True):
     """A reading of the real robot and of its simulated twin at the same time."""
 
+    event = TwinReading
     command: Annotated[str, At("command.text")] = msgspec.field(name="cmd")
     code: str
     robot: Annotated[LoggedNumber, At("robot", NUMBER_FORM)]
@@ -476,6 +507,8 @@ AnyRecord = (
     | WireRecord
     | DisplayRecord
 )
+RECORDS: tuple[type[LogRecord], ...] = get_args(AnyRecord)
+"""All kinds of records."""
 _LINE: TypedJson[AnyRecord] = TypedJson(AnyRecord)
 # Some numbers of a run are NumPy scalars.
 _plain_number = operator.methodcaller("item")

@@ -12,8 +12,9 @@ from typing import Any, cast
 import pytest
 from msgspec.structs import replace
 
-from simmer_tui.cli.log_commands import build_report, run_rerun
+from simmer_tui.cli.log_reports import build_report
 from simmer_tui.cli.replay_command import run_replay
+from simmer_tui.cli.rerun_command import run_rerun
 from simmer_tui.config import load_default
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.sets import bundled_sets

@@ -14,7 +14,8 @@ from typing import Any
 import pytest
 from msgspec import structs
 
-from simmer_tui.cli.log_commands import build_report, run_report
+from simmer_tui.cli.log_reports import build_report
+from simmer_tui.cli.report_command import run_report
 from simmer_tui.client import Robot
 from simmer_tui.config.dialects import COMMANDS, REPLIES
 from simmer_tui.config.loader import Override, find_set, load

@@ -23,7 +23,8 @@ from simmer_tui.config.loader import Configuration, find_set, load
 from simmer_tui.errors import RunLogError
 from simmer_tui.live.snapshot import Recorder
 from simmer_tui.robot.engine import Engine
-from simmer_tui.robot.sessions import LinkDelay, Session
+from simmer_tui.robot.link_delay import LinkDelay
+from simmer_tui.robot.sessions import Session
 from simmer_tui.run.events import (
     Action,
     ActionName,

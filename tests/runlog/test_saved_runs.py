@@ -12,7 +12,8 @@ from typing import Any
 
 import pytest
 
-from simmer_tui.cli.log_commands import run_report, run_rerun
+from simmer_tui.cli.report_command import run_report
+from simmer_tui.cli.rerun_command import run_rerun
 from simmer_tui.config import load_default
 from simmer_tui.config.loader import Override, load
 from simmer_tui.config.sets import bundled_folder
