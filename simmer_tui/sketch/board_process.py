@@ -42,6 +42,7 @@ _CAUSES: dict[int, str] = {
     202: "it used a queue, semaphore, timer or event group that is not there (NULL): create it first",
     203: "it gave back a mutex that {task} holds; only the task that took it may give it back",
     204: "its period has 0 ticks, and FreeRTOS asserts that it has one at least",
+    205: "it called a function at address 0, which starts an AVR again, and no simulated board",
 }
 """Causes of a board's death by its signal; 0 is none. `{task}` is another one that had a part in it."""
 if sys.platform != "win32" and platform_has.POSIX:
