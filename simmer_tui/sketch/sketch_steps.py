@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from msgspec import Struct
 
-from simmer_tui.sketch.sketch_source import MOST_CALLS
+from simmer_tui.sketch.sketch_source import MOST_CALLS, SketchCall
 from simmer_tui.sketch.sketch_values import CHANNEL, DEEPEST, MOST_LOOKUPS, Bindings, Pins, SketchValues
 
 WRITES = ("digitalWrite", "analogWrite")
@@ -44,7 +44,6 @@ def deep_steps(sketch: SketchValues) -> Iterator[SketchStep | None]:
 
 def _walked(sketch: SketchValues, *, deep: bool) -> Iterator[SketchStep | None]:
     by_function = sketch.by_function()
-    objects = sketch.constructed()
     rows = _rows_of_motors(sketch)
     left = [MOST_LOOKUPS]
 
@@ -66,10 +65,9 @@ def _walked(sketch: SketchValues, *, deep: bool) -> Iterator[SketchStep | None]:
                     name = "".join(token.text for token in written[0]) if written else str(pin)
                 yield SketchStep(call.name, pin, name, value, root, call.token.spot)
             elif call.name in sketch.functions and not call.type and depth < DEEPEST:
-                # A method has the values of its object.
-                made = objects.get(call.object)
-                own = {} if made is None else sketch.bindings(made, None)
-                if call.arguments or own or deep:
+                for own in _owners(sketch, call, bound):
+                    if not call.arguments and not own and not deep:
+                        continue
                     given = {**own, **sketch.bindings(call, bound)}
                     index, count = rows.get(call.name, ("", 0))
                     # A loop calls it with the number of each row, which has no value of its own.
@@ -91,10 +89,19 @@ def _walked(sketch: SketchValues, *, deep: bool) -> Iterator[SketchStep | None]:
             yield None
 
 
+def _owners(sketch: SketchValues, call: SketchCall, bound: Bindings | None) -> list[Bindings]:
+    """The values that a method has of its object: of each one that it can be, and of its own caller's if it
+    has none."""
+    scope = sketch.scopes.get(call.name, "")
+    if call.object in ("", "this"):
+        return [bound or {}] if scope and scope == sketch.scopes.get(call.function, "") else [{}]
+    found = sketch.objects_of(call.owner, call.function, bound)[:_MOST_LOOPED]
+    return [sketch.own_values(each) for each in found if each.type == scope] or [{}]
+
+
 def pulses(sketch: SketchValues) -> Iterator[tuple[int, int]]:
     """The pins of pulses, each after that of the write before it, in loops over arrays as well."""
     by_function = sketch.by_function()
-    objects = sketch.constructed()
     left = [MOST_CALLS]
     written: list[int] = []
 
@@ -113,10 +120,9 @@ def pulses(sketch: SketchValues) -> Iterator[tuple[int, int]]:
                     elif len(pins) == len(written) == 1 and not pins.issuperset(written):
                         yield written[0], next(iter(pins))
                 elif call.name in sketch.functions and not call.type and depth < DEEPEST:
-                    made = objects.get(call.object)
-                    own = {} if made is None else sketch.bindings(made, None)
                     for each in sketch.rounds(call, given):
-                        yield from walk(call.name, {**own, **sketch.bindings(call, each)}, depth + 1)
+                        for own in _owners(sketch, call, each):
+                            yield from walk(call.name, {**own, **sketch.bindings(call, each)}, depth + 1)
 
     for function in by_function:
         written.clear()

@@ -109,10 +109,11 @@ class BoardDraft:
         self.encoders = list(_encoders(facts, taken))
         taken |= {pin for motor in self.motors for pin in motor.pins.values()}
         taken |= {pin for each in self.encoders for pin in (each.a, each.b) if pin is not None}
-        self.analog = sorted(_read(facts, "analogRead") - taken - _seeds(facts))
-        self.analog = [pin for pin in self.analog if facts.kind.is_analog(pin)]
-        written = _read(facts, "digitalWrite")
-        self.digital = sorted(_read(facts, "digitalRead") - taken - {*self.analog} - written)
+        no_sensors = taken | _seeds(facts)
+        self.analog = [pin for pin in _in_order(facts, "analogRead") if facts.kind.is_analog(pin)]
+        self.analog = [pin for pin in self.analog if pin not in no_sensors]
+        no_sensors = taken | {*self.analog} | {*_in_order(facts, "digitalWrite")}
+        self.digital = [pin for pin in _in_order(facts, "digitalRead") if pin not in no_sensors]
         grouped = {pin for motor in self.motors for pin in motor.pins.values()}
         self.loose = sorted(
             {each.pin for each in written_steps if each.call == "analogWrite"} - grouped - taken
@@ -236,8 +237,14 @@ def _all_pins(facts: SketchFacts, call: SketchCall) -> set[int]:
     return {pin for at in range(len(call.arguments)) for pin in facts.pins(call, at) or ()}
 
 
-def _read(facts: SketchFacts, name: str) -> set[int]:
-    return {pin for call in facts.named(name) for pin in facts.pins(call) or ()}
+def _in_order(facts: SketchFacts, name: str) -> list[int]:
+    """The pins of a call's uses, in the order of the text: elements of an array in their own order."""
+    found = (
+        pin
+        for call in facts.named(name)
+        for pin in (*facts.ordered_pins(call, 0), *sorted(facts.pins(call) or ()))
+    )
+    return list(dict.fromkeys(found))
 
 
 def _seeds(facts: SketchFacts) -> set[int]:

@@ -120,6 +120,13 @@ def test_a_wiring_that_fits_its_sketches_has_no_problem(tmp_path: Path, parts: W
     assert found(tmp_path, parts, WIRING, ROVER, EYES) == []
 
 
+def test_analog_read_of_a_channel_reads_its_pin(tmp_path: Path, parts: WiringParts) -> None:
+    row = '[[sensors]]\ncode = "i1"\nboard = "eyes"\npart = "analog"\npin = "A2"\npoints = [[0, 0], [1, 9]]\n'
+    channel = EYES.replace("void loop() {", "void loop() { analogRead(2);")
+    assert found(tmp_path, parts, WIRING + row, ROVER, channel) == []
+    assert len(found(tmp_path, parts, WIRING + row, ROVER, EYES)) == 1
+
+
 @pytest.mark.parametrize(
     ("old", "new", "problem"),
     [

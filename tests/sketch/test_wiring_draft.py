@@ -44,6 +44,10 @@ def pins(row: dict[str, Any]) -> tuple[Any, ...]:
     return tuple(row[name] for name in names if name in row)
 
 
+_WHEEL_CLASS = (
+    "class Wheel { int p, m, s; public: Wheel(int pp, int mm, int ss) { p = pp; m = mm; s = ss; }"
+    " void run(int v) { digitalWrite(p, v > 0); digitalWrite(m, v < 0); analogWrite(s, v); } };\n"
+)
 MOTORS = {
     "levels, then duties": (
         "void f() { digitalWrite(2, 1); digitalWrite(4, 0); digitalWrite(7, 1); digitalWrite(8, 0);"
@@ -189,6 +193,52 @@ MOTORS = {
         " analogWrite(motors[i].en, v); }\nvoid loop() { run(0, 9); run(1, 9); }",
         [("hbridge", 7, 8, 5), ("hbridge", 2, 4, 6)],
     ),
+    "macros": (
+        "#define IN1 8\n#define forward() { digitalWrite(IN1, 1); digitalWrite(9, 0); \\\n"
+        " digitalWrite(10, 1); digitalWrite(11, 0); }\n#define halt digitalWrite(IN1, LOW)\n"
+        "#define unused(p) digitalWrite(p, 1)\nvoid loop() { forward(); halt; }",
+        [("hbridge", 8, 9), ("hbridge", 10, 11)],
+    ),
+    "macros with parameters, one in another": (
+        "#define MOTOR(f, r, v) do { analogWrite(f, v); analogWrite(r, 0); } while (0)\n"
+        "#define DRIVE(l, r) MOTOR(5, 6, l); MOTOR(9, 10, r)\nvoid loop() { DRIVE(90, 90); }",
+        [("pwm2", 5, 6), ("pwm2", 9, 10)],
+    ),
+    "structs by reference": (
+        "struct Motor { byte en; uint8_t a, b; int speed = 0; };\nMotor one = {5, 7, 8};\n"
+        "const Motor two = {.en = 6, .a = 2, .b = 4};\n"
+        "void run(const Motor &m, int v) { digitalWrite(m.a, v > 0); digitalWrite(m.b, v < 0);"
+        " analogWrite(m.en, v); }\nvoid loop() { run(one, 9); run(two, 9); }",
+        [("hbridge", 7, 8, 5), ("hbridge", 2, 4, 6)],
+    ),
+    "structs by pointer, with a typedef": (
+        "typedef struct { int a; int b; int en; } motor_t;\nmotor_t one{7, 8, 5}, two{2, 4, 6};\n"
+        "void run(motor_t *m, int v) { digitalWrite(m->a, v > 0); digitalWrite(m->b, v < 0);"
+        " analogWrite(m->en, v); }\nvoid loop() { run(&one, 9); run(&two, 9); }",
+        [("hbridge", 7, 8, 5), ("hbridge", 2, 4, 6)],
+    ),
+    "objects behind pointers": (
+        f"{_WHEEL_CLASS}Wheel *one = new Wheel(7, 8, 5);\nWheel *two;\n"
+        "void setup() { two = new Wheel(2, 4, 6); }\nvoid loop() { one->run(9); two->run(9); }",
+        [("hbridge", 7, 8, 5), ("hbridge", 2, 4, 6)],
+    ),
+    "objects that are members of another": (
+        f"{_WHEEL_CLASS}class Car {{ Wheel one, two; public: Car(int a) : one(7, a, 5), two(2, 4, 6) {{}}"
+        " void go() { one.run(9); this->two.run(9); } };\nCar car(8);\nvoid loop() { car.go(); }",
+        [("hbridge", 7, 8, 5), ("hbridge", 2, 4, 6)],
+    ),
+    "an array of objects": (
+        f"{_WHEEL_CLASS}Wheel wheels[] = {{Wheel(7, 8, 5), {{2, 4, 6}}}};\n"
+        "void loop() { for (int i = 0; i < 2; i++) wheels[i].run(9); }",
+        [("hbridge", 7, 8, 5), ("hbridge", 2, 4, 6)],
+    ),
+    "methods of the same name in two classes": (
+        f"{_WHEEL_CLASS}class Lamp {{ int p; public: Lamp(int pin) : p(pin) {{}}"
+        " void run(int v) { half(v); } void half(int v) { digitalWrite(p, v); } };\n"
+        "Lamp lamp(13);\nWheel one(7, 8, 5), two(2, 4, 6);\nvoid run() { one.run(9); two.run(9); }\n"
+        "void loop() { lamp.run(1); run(); }",
+        [("hbridge", 7, 8, 5), ("hbridge", 2, 4, 6)],
+    ),
     "lamps and relays": (
         "int led1 = 8, led2 = 9, pump = 4, valve = 5;\n"
         "void f() { digitalWrite(led1, 1); digitalWrite(led2, 0);"
@@ -317,6 +367,32 @@ SENSORS = {
         "void setup() { attachInterrupt(0, left, RISING); attachInterrupt(1, right, CHANGE); }",
         [(2, 4), (3,)],
     ),
+    "encoders whose pins are members": (
+        "class Encoder { public: Encoder(int p) { pin = p; } int pin; long n; };\nEncoder one(2);\n"
+        "struct Pair { byte a, b; } two = {3, 5};\nvoid up() { one.n++; } void tick() { digitalRead(two.b); }"
+        "\nvoid setup() { attachInterrupt(digitalPinToInterrupt(one.pin), up, RISING);"
+        " attachInterrupt(digitalPinToInterrupt(two.a), tick, RISING); }",
+        [(2,), (3, 5)],
+    ),
+    "encoders in a loop": (
+        "const byte enc[] = {3, 2};\nvoid up() { n++; } void tick() { m++; }\n"
+        "void (*isr[])() = {up, tick};\nvoid setup() { for (int i = 0; i < 2; i++)"
+        " attachInterrupt(digitalPinToInterrupt(enc[i]), isr[i], RISING); }",
+        [(3,), (2,)],
+    ),
+    "line sensors in the order of their array": (
+        "const int eyes[] = {A2, A0, A1};\n"
+        "void loop() { for (int i = 0; i < 3; i++) { digitalRead(eyes[i]); } digitalRead(4); }",
+        [("A2",), ("A0",), ("A1",), (4,)],
+    ),
+    "line sensors in the order of calls": (
+        "bool dark(int pin) { return analogRead(pin) > 500; }\nvoid loop() { dark(A3); dark(A1); }",
+        [("A3",), ("A1",)],
+    ),
+    "line sensors by the numbers of channels": (
+        "void loop() { analogRead(2); for (int i = 0; i < 2; i++) analogRead(i); }",
+        [("A2",), ("A0",), ("A1",)],
+    ),
     "line sensors": ("void loop() { digitalRead(A1); analogRead(A0); }", [("A1",), ("A0",)]),
 }
 
@@ -328,7 +404,9 @@ def test_sensors_are_read_off_calls(tmp_path: Path, form: str) -> None:
 
 
 def test_line_sensors_beside_motors_have_the_codes_of_the_set(tmp_path: Path) -> None:
-    text = "void f() { analogWrite(5, 9); analogWrite(6, 0); digitalRead(2); digitalRead(3); digitalRead(4); }"
+    text = (
+        "void f() { analogWrite(5, 9); analogWrite(6, 0); digitalRead(2); digitalRead(3); digitalRead(4); }"
+    )
     assert [row["code"] for row in drafted(tmp_path, text)["sensors"]] == ["i1", "i2", "i3"]
 
 
