@@ -160,7 +160,7 @@ class SketchFacts(SketchValues):
         """Its calls of attachInterrupt."""
         found = []
         for call in self.named("attachInterrupt", "attachInterruptArg"):
-            if len(call.arguments) < 2:
+            if len(call.arguments) < 2 or call.object:
                 continue
             first = call.arguments[0]
             is_pin = first[0].text == "digitalPinToInterrupt" if first else False

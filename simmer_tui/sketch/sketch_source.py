@@ -343,6 +343,13 @@ class SketchSource:
         if has_members and arguments and all(_is_parameter(each) for each in arguments):
             return  # the head of a constructor with values of members
         owner = () if is_definition else _owner_before(tokens, at, partners)
+        if (
+            before.text == "::"
+            and at > 2
+            and tokens[at - 2].is_name
+            and tokens[at - 2].text not in self.classes
+        ):
+            owner = (tokens[at - 2],)  # of a library's class: `PCintPort::attachInterrupt(`
         call = SketchCall(
             name=name.text,
             object=owner[0].text if owner else "",

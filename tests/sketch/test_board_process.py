@@ -77,6 +77,24 @@ def test_boards_end_with_their_last_words_and_their_cause(tmp_path: Path) -> Non
     assert re.fullmatch(r"got u-?\d+got !", run(tmp_path / "u", "u!").text)
 
 
+RESTARTS = """
+void (*restart)(void) = 0;
+void setup() { delay(300); }
+void loop() { restart(); }
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(find_compiler() is None, reason="there is no C++ compiler")
+@pytest.mark.skipif(sys.platform != "linux", reason="the address of a fault is known on Linux")
+def test_a_jump_to_the_start_of_the_memory_is_told_as_one(tmp_path: Path) -> None:
+    made = run_boards(made_set(tmp_path / "set", ROVER, {"rover.ino": RESTARTS}), 1.0)
+    assert "rover.ino:4 after 0.3" in made.failed
+    assert made.failed.endswith(
+        "it called a function at address 0, which starts an AVR again, and no simulated board"
+    )
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(find_compiler() is None, reason="there is no C++ compiler")
 def test_calls_do_what_the_core_and_its_libraries_do(tmp_path: Path) -> None:

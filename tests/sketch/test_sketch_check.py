@@ -320,6 +320,15 @@ def test_a_stepper_is_compared_with_its_sketch(
     assert len(problems) == (1 if problem else 0)
 
 
+def test_an_interrupt_of_a_librarys_class_is_none_of_the_boards() -> None:
+    text = (
+        "void tick() {}\nvoid setup() { PCintPort::attachInterrupt(A0, tick, CHANGE);"
+        " eyes.attachInterrupt(9, tick, 1); }"
+    )
+    assert SketchFacts({"s.ino": text}, UNO).interrupts() == []
+    assert len(SketchFacts({"s.ino": text.replace("PCintPort", "")}, UNO).interrupts()) == 1
+
+
 def test_pins_that_cannot_be_known_are_no_problem(tmp_path: Path, parts: WiringParts) -> None:
     unknown = ROVER.replace("pins[side][0]", "first + side").replace("pins[side][1]", "this->second")
     assert found(tmp_path, parts, WIRING, unknown, EYES) == []

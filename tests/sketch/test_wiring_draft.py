@@ -438,6 +438,15 @@ def test_the_board_and_the_line_are_those_that_the_sketch_uses(tmp_path: Path) -
     assert drafted(tmp_path, unused)["laptop"] == {"board": "sketch1", "rx": 0, "tx": 1}
 
 
+def test_each_board_may_have_an_option_of_its_own(tmp_path: Path) -> None:
+    for name, text in (("eyes", EYES), ("rover", ROVER)):
+        (tmp_path / f"{name}.ino").write_text(text, "utf-8")
+    eyes, rover = str(tmp_path / "eyes.ino"), str(tmp_path / "rover.ino")
+    assert main(["init", str(tmp_path / "set"), "--sketch", eyes, "--sketch", rover]) == 0
+    found = tomllib.loads((tmp_path / "set" / "wiring.toml").read_text("utf-8"))
+    assert [*found["boards"]] == ["eyes", "rover"]
+
+
 def test_a_set_for_encoders_alone_has_wheels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", "")  # without a compiler nothing is run
     text = "void tick() { n++; }\nvoid setup() { attachInterrupt(0, tick, RISING); }\nvoid loop() {}\n"
@@ -458,6 +467,8 @@ def test_a_set_for_encoders_alone_has_wheels(tmp_path: Path, monkeypatch: pytest
         ("void f() { jaw.write(1500); jaw.write(30); }", (120, 30)),
         ("void letGo() { jaw.write(120); }\nvoid release() { jaw.write(120); }", (120, 30)),
         ("void f() { jaw.write(analogRead(0)); }", (0, 90)),
+        ("void f(char c) { jaw.write(c == 'o' ? 20 : 100); }", (20, 100)),
+        ("void f(bool closing) { jaw.write(closing ? 100 : 20); }", (20, 100)),
     ],
 )
 def test_a_gripper_has_the_angles_that_the_sketch_writes(
