@@ -858,6 +858,34 @@ def test_sonars_whose_pins_are_in_arrays(case: str, tmp_path: Path) -> None:
     assert "pulseIn" not in made
 
 
+_EYES = "struct Eye { byte trig; byte echo; float last; };\nEye eyes[] = {{5, 8, 0}, {4, 9, 0}};\n"
+_PING_EYE = "digitalWrite(e.trig, HIGH); digitalWrite(e.trig, LOW); e.last = pulseIn(e.echo, HIGH);"
+OBJECTS_OF_SONARS = {
+    "a loop over them, passed by reference": f"void look(Eye &e) {{ {_PING_EYE} }}\n"
+    "void loop() { for (auto &each : eyes) { look(each); } }",
+    "a loop over them": f"void loop() {{ for (Eye &e : eyes) {{ {_PING_EYE} }} }}",
+    "a reference to one": f"float look(int i) {{ const Eye &e = eyes[i]; {_PING_EYE} return e.last; }}\n"
+    "void loop() { for (int i = 0; i < 2; ++i) print(look(i)); }",
+}
+
+
+@pytest.mark.parametrize("case", OBJECTS_OF_SONARS)
+def test_sonars_whose_pins_are_in_objects(case: str, tmp_path: Path) -> None:
+    sketch = tmp_path / "rover.ino"
+    sketch.write_text(_EYES + OBJECTS_OF_SONARS[case], "utf-8")
+    made = draft([sketch], tmp_path, [], [])
+    assert [pins(row) for row in tomllib.loads(made)["sensors"]] == [(5, 8), (4, 9)]
+    assert "pulseIn" not in made
+
+
+def test_a_pin_that_is_output_and_input_by_turns_is_a_sonar_of_one_pin(tmp_path: Path) -> None:
+    ping = "pinMode(P, OUTPUT); digitalWrite(P, HIGH); digitalWrite(P, LOW); {} pulseIn(P, HIGH);"
+    text = f"const int P = 7;\nvoid loop() {{ {ping} }}"
+    found = drafted(tmp_path, text.replace("{}", "pinMode(P, INPUT);"))
+    assert [pins(row) for row in found["sensors"]] == [(7, 7)]
+    assert "sensors" not in drafted(tmp_path, text.replace("{}", ""))
+
+
 def test_sonars_that_are_not_found_are_told(tmp_path: Path) -> None:
     sketch = tmp_path / "rover.ino"
     sketch.write_text(
