@@ -14,6 +14,7 @@ from msgspec.structs import replace
 
 from simmer_tui.config.set_sketches import source_paths
 from simmer_tui.sketch.boards import BoardKind
+from simmer_tui.sketch.container_arrays import with_plain_arrays
 from simmer_tui.sketch.cpp_tokens import SourceDirective, Token, TokenKind, tokens_of
 from simmer_tui.sketch.sketch_classes import SketchClass, classes_of, functions_of
 from simmer_tui.sketch.sketch_macros import functions_of_macros
@@ -139,6 +140,7 @@ class SketchSource:
             tokens += found
             macros += directives
             self._read_directives(directives, name)
+        tokens = with_plain_arrays(tokens, partners_of(tokens))
         self._read([*functions_of_macros(macros, tokens), *tokens])
 
     @classmethod

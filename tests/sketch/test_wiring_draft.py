@@ -869,10 +869,17 @@ OBJECTS_OF_SONARS = {
 }
 
 
+_CONTAINERS = (_EYES, _EYES.replace("Eye eyes[] =", "std::vector<Eye> eyes"))
+_CONTAINERS += (
+    _EYES.replace("Eye eyes[]", "std::array<Eye, 2> eyes").replace("{{", "{{{").replace("}}", "}}}"),
+)
+
+
+@pytest.mark.parametrize("eyes", _CONTAINERS)
 @pytest.mark.parametrize("case", OBJECTS_OF_SONARS)
-def test_sonars_whose_pins_are_in_objects(case: str, tmp_path: Path) -> None:
+def test_sonars_whose_pins_are_in_objects(case: str, eyes: str, tmp_path: Path) -> None:
     sketch = tmp_path / "rover.ino"
-    sketch.write_text(_EYES + OBJECTS_OF_SONARS[case], "utf-8")
+    sketch.write_text(eyes + OBJECTS_OF_SONARS[case], "utf-8")
     made = draft([sketch], tmp_path, [], [])
     assert [pins(row) for row in tomllib.loads(made)["sensors"]] == [(5, 8), (4, 9)]
     assert "pulseIn" not in made
