@@ -13,8 +13,7 @@ from msgspec import Struct
 
 from simmer_tui.robot.engine import Engine
 from simmer_tui.robot.sessions import Session
-from simmer_tui.run.phrases import BOARD_SOURCE
-from simmer_tui.sim.command import parse_command
+from simmer_tui.sim.command import BOARD_SOURCE, parse_command
 from simmer_tui.sim.records import CommandResult, Status
 from simmer_tui.sim.specs import VelocityKind
 from simmer_tui.sim.wheels import WheelKinematics
