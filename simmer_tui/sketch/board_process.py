@@ -130,6 +130,7 @@ class Mistake(IntEnum):
     CIRCLE = 9
     ALL_WAIT = 10
     LOST_ALARM = 11
+    SOME_WAIT = 12
 
 
 class Waits(IntEnum):

@@ -3,7 +3,7 @@ it does not know it leaves out."""
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import KeysView, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -106,6 +106,10 @@ class SketchSource:
         self.arrays: dict[str, tuple[Row, ...]] = {}
         self.changed: set[str] = set()
         """Names that `++` and its kind change."""
+        self.mentions: Counter[str] = Counter()
+        """Numbers of the places where a name stands that are no calls and no heads of functions."""
+        self.in_macros: set[str] = set()
+        """Names in what `#define` stands for."""
         self.parameters: dict[str, list[str]] = {}
         self.class_methods: dict[str, list[str]] = defaultdict(list)
         """The methods of a class with a body."""
@@ -145,7 +149,9 @@ class SketchSource:
             if each.name == "include" and rest:
                 name = "".join(token.text for token in rest).strip('<>"')
                 self.includes.append((name, f"{file}:{each.line}"))
-            elif each.name == "define" and len(rest) > 1 and rest[1].text != "(":
+            elif each.name == "define":
+                self.in_macros |= {token.text for token in rest[1:] if token.is_name}
+            if each.name == "define" and len(rest) > 1 and rest[1].text != "(":
                 self.expressions[rest[0].text].append((rest[1:], ""))
             elif each.name == "define" and len(rest) > 3 and rest[-1].text == ")":
                 # `#define PIN (9)` has a blank before the bracket, which a macro with arguments has not.
@@ -164,6 +170,8 @@ class SketchSource:
             before = tokens[at - 1].text if at else ""
             if not token.is_name:
                 continue
+            if after != "(":
+                self.mentions[token.text] += 1
             while self._loops and at > self._loops[-1][0]:
                 self._loops.pop()
             if token.text == "for" and after == "(":

@@ -14,11 +14,13 @@ constexpr Nanoseconds WATCHDOG = 5 * SECOND;
 // Judged: no run of a maze lasts as long. vTaskDelay(portMAX_DELAY) of an AVR lasts 17 minutes.
 constexpr uint64_t FOR_EVER = 600 * SECOND / TICK;
 constexpr int NEVER_WAITS = 1, ON_CORE_0 = 2;  // flags of a task that others cannot pass
-constexpr int HAS_INTERRUPTS = 1, LOOP_GOES_ON = 2;  // flags of what is left while all wait
+constexpr int HAS_INTERRUPTS = 1, LOOP_GOES_ON = 2, SETUP_GOES_ON = 4;  // flags of what is left while others wait
 
 // Tasks that wait for ever: one notice a board. A circle says more than that all wait.
 bool circle_is_told = false, all_are_told = false;
 Nanoseconds all_wait_since = NEVER;
+// The tasks that waited for ever when that was last told, and what for.
+uint64_t told_waits = 0;
 bool has_watchdog = CORES > 1;
 
 bool waits_for_ever(const Task& task) {
@@ -70,6 +72,41 @@ void look_for_waits() {
   make_room(2);
   tell(Told::Detail, static_cast<int>(WaitsFor::Others), (has_interrupts() ? HAS_INTERRUPTS : 0) | (loop_goes_on ? LOOP_GOES_ON : 0));
   tell_mistake(Mistake::AllWait, running_task(), place);
+}
+
+// One that waits for what others give, for so long that a report may ask who they are.
+bool is_left_waiting(const Task& task) {
+  return task.state == TaskState::Blocked && task.awaited.kind != WaitsFor::Time && waits_for_ever(task) &&
+         now - task.left >= TOO_LONG;
+}
+
+// The simulator reads off the sketch whether a task that is left can end such a wait: it is told all tasks again when
+// others wait than before.
+void look_for_lone_waits() {
+  if (all_wait_since != NEVER && !all_are_told) return;  // that all wait says more
+  uint64_t waits = 0;
+  bool is_found = false, loop_goes_on = idle_loop() != nullptr, setup_goes_on = false;
+  for (const Task& each : all_tasks()) {
+    const bool is_left = is_left_waiting(each), is_deleted = each.state == TaskState::Deleted;
+    is_found |= is_left;
+    if (!idle_loop() && &each == &all_tasks().front() && !is_left && !is_deleted) (is_loop(each) ? loop_goes_on : setup_goes_on) = true;
+    // Numbers of FNV-1a.
+    waits = (waits ^ (is_left ? each.awaited.at : is_deleted)) * 1099511628211u;
+  }
+  if (waits == told_waits) return;
+  told_waits = waits;
+  if (!is_found) return;
+  make_room(3 * task_total() + 2);
+  for (const Task& each : all_tasks()) {
+    if (each.state == TaskState::Deleted) continue;
+    if (is_left_waiting(each))
+      tell_wait(each, each.awaited);
+    else
+      tell(Told::Detail, static_cast<int>(WaitsFor::Time), 0, now, each.number);
+  }
+  tell(Told::Detail, static_cast<int>(WaitsFor::Others),
+       (has_interrupts() ? HAS_INTERRUPTS : 0) | (loop_goes_on ? LOOP_GOES_ON : 0) | (setup_goes_on ? SETUP_GOES_ON : 0));
+  tell_mistake(Mistake::SomeWait, running_task(), place);
 }
 
 uint32_t place_of(const Task& task) { return &task == &running_task() ? place : task.place; }
@@ -139,6 +176,7 @@ void watch_core_0(bool on) { has_watchdog = on; }
 
 void look_at_tasks() {
   if (!circle_is_told && !all_are_told) look_for_waits();
+  look_for_lone_waits();
   for (int core = 0; core < CORES; ++core)
     if (Task* runs = task_on(core)) look_for_starved(*runs, core);
   look_at_watchdog();
