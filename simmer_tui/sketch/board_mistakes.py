@@ -133,6 +133,11 @@ class BoardMistakes:
                 if text:
                     self._note_waits(board, details)
                 return text
+            case Mistake.NOT_FED:
+                within = details[-1]
+                what = f"task {_name(board, record.task)}{_at(line)} has not called esp_task_wdt_reset for"
+                does = "restarts" if within.pin else "prints a warning on"
+                return f"{what} {within.value / 1000:g} s: the task watchdog {does} a real ESP32"
             case Mistake.SOME_WAIT:
                 return self._some_wait(board, facts, details)
 
@@ -190,7 +195,14 @@ class BoardMistakes:
         return text
 
 
-_OF_TASKS = (Mistake.STARVED, Mistake.WATCHDOG, Mistake.CIRCLE, Mistake.ALL_WAIT, Mistake.SOME_WAIT)
+_OF_TASKS = (
+    Mistake.STARVED,
+    Mistake.WATCHDOG,
+    Mistake.NOT_FED,
+    Mistake.CIRCLE,
+    Mistake.ALL_WAIT,
+    Mistake.SOME_WAIT,
+)
 
 
 def _line(board: Board, record: BoardRecord) -> str:

@@ -131,6 +131,7 @@ class Mistake(IntEnum):
     ALL_WAIT = 10
     LOST_ALARM = 11
     SOME_WAIT = 12
+    NOT_FED = 13
 
 
 class Waits(IntEnum):
@@ -142,6 +143,7 @@ class Waits(IntEnum):
     READ = 3
     STEPS = 4
     TASK = 5
+    SLEEP = 6
 
 
 class BoardWait(NamedTuple):

@@ -35,6 +35,8 @@ _KEYWORDS = frozenset(
 """Names before `(` that are no calls, or before a name that are no types."""
 _CHANGED = ("++", "--", "+=", "-=", "*=", "/=")
 _OPEN, _CLOSE = "([{", ")]}"
+_BEFORE_A_LAMBDA = ("=", "(", "{", ",", "+", "?", ":", "return")
+"""Tokens before the bracket that begins a lambda; elsewhere it is an index."""
 # More than the pins of a Mega.
 MOST_VALUES = 100
 """Values of a name, or rows of an array, that are looked at."""
@@ -120,6 +122,9 @@ class SketchSource:
         """The end of the last definition of an object, and its class."""
         self._loops: list[tuple[int, SketchLoop]] = []
         """The loops around the token that is read, with their ends."""
+        self.in_lambdas: set[int] = set()
+        """The numbers of calls in lambdas, which are of no function that the text names."""
+        self._lambda_end = -1
         self.calls: list[SketchCall] = []
         """Calls and definitions of objects, in the order of the text."""
         tokens: list[Token] = []
@@ -169,6 +174,8 @@ class SketchSource:
             after = tokens[at + 1].text if at + 1 < len(tokens) else ""
             before = tokens[at - 1].text if at else ""
             if not token.is_name:
+                if token.text == "[" and before in _BEFORE_A_LAMBDA:
+                    self._lambda_end = max(self._lambda_end, _end_of_lambda(tokens, at, partners))
                 continue
             if after != "(":
                 self.mentions[token.text] += 1
@@ -336,9 +343,21 @@ class SketchSource:
             order=len(self.calls),
             loops=tuple(loop for _, loop in self._loops),
         )
+        if at < self._lambda_end:
+            self.in_lambdas.add(call.order)
         self.calls.append(call)
         if is_definition:
             self._defined = (close, before)
+
+
+def _end_of_lambda(tokens: Sequence[Token], at: int, partners: Mapping[int, int]) -> int:
+    """The place of the end of a lambda's body, by that of its first bracket."""
+    body = partners.get(at, at) + 1
+    if body < len(tokens) and tokens[body].text == "(":
+        body = partners.get(body, body) + 1
+    while body < len(tokens) and tokens[body].text not in ("{", ";", ")"):
+        body += 1
+    return partners.get(body, body)
 
 
 def _loop_of(head: Sequence[Token]) -> SketchLoop | None:

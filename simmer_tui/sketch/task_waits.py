@@ -77,6 +77,8 @@ _EMPTY = ("NULL", "nullptr", "0")
 _CREATES_TASK = ("xTaskCreate", "xTaskCreatePinnedToCore")
 _ATTACHES = ("attachInterrupt", "attachInterruptArg", "timerAttachInterrupt", "timerAttachInterruptArg")
 _ABORTS = "xTaskAbortDelay"
+_OF_TIMERS = ("Tmr Svc", "esp_timer")
+"""Tasks of the system."""
 _LONGEST_TASK = 15
 """Characters of a task's name that a board knows."""
 
@@ -151,13 +153,6 @@ class _TaskText:
         self._created = {name for name in facts.expressions if self._is_created(name)}
         self._created |= {_last_name(call.arguments[0]) for call in facts.named("vSemaphoreCreateBinary")}
         self._always = self._always_called(made)
-        self._lambdas = {
-            token
-            for call in facts.calls
-            for place, argument in enumerate(call.arguments)
-            if _has_lambda(call, place)
-            for token in argument
-        }
 
     @property
     def is_open(self) -> bool:
@@ -195,8 +190,8 @@ class _TaskText:
         functions = set(self._always)
         for name in tasks:
             if name and name not in self._tasks:
-                if name == "Tmr Svc":
-                    continue  # the functions of timers are among those of pointers
+                if name in _OF_TIMERS:
+                    continue  # what they call is among the functions of pointers
                 return None
             own = self._tasks.get(name, set()) if name else set()
             if not own <= {"", *self._facts.functions}:
@@ -216,7 +211,7 @@ class _TaskText:
         facts = self._facts
         functions = list(roots)
         known = set(functions)
-        found = [call for call in facts.calls if call.token in self._lambdas or not call.function]
+        found = [call for call in facts.calls if self._is_anyones(call)]
         for each in functions:
             for call in facts.calls_in(each):
                 found.append(call)
@@ -290,9 +285,11 @@ class _TaskText:
 
     def _calls_of(self, name: str) -> list[SketchCall]:
         functions = self._tasks.get(name, set()) if name else set(LOOPS)
-        reached = self.calls_from(functions)
-        always = [call for call in reached if call.token in self._lambdas or not call.function]
-        return [call for call in reached if call not in always]
+        return [call for call in self.calls_from(functions) if not self._is_anyones(call)]
+
+    def _is_anyones(self, call: SketchCall) -> bool:
+        """True for a call that may come at any time: in a lambda, or outside of functions."""
+        return call.order in self._facts.in_lambdas or not call.function
 
 
 def _last_name(tokens: Sequence[Token]) -> str:

@@ -10,6 +10,8 @@ namespace board {
 
 Nanoseconds now = 0;
 Nanoseconds boot = 0;
+Nanoseconds stopped = 0;
+bool is_stopped = false;
 Nanoseconds waited = 0;
 Nanoseconds next_stop = NEVER;  // before main() nothing is due: constructors of globals take no time
 

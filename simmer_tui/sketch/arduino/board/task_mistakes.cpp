@@ -22,6 +22,8 @@ Nanoseconds all_wait_since = NEVER;
 // The tasks that waited for ever when that was last told, and what for.
 uint64_t told_waits = 0;
 bool has_watchdog = CORES > 1;
+Nanoseconds fed_within = WATCHDOG;
+bool watchdog_restarts = true;
 
 bool waits_for_ever(const Task& task) {
   if (task.state == TaskState::Suspended) return true;
@@ -147,6 +149,16 @@ void look_at_watchdog() {
   make_room(1);
   tell_mistake(Mistake::Watchdog, *runs, place_of(*runs));
 }
+
+void look_for_hungry() {
+  for (Task& each : all_tasks()) {
+    if (each.fed_at == NEVER || each.state == TaskState::Deleted || now - each.fed_at < fed_within) continue;
+    each.fed_at = NEVER;  // told once
+    make_room(2);
+    tell(Told::Detail, watchdog_restarts, static_cast<int>(fed_within / MILLISECOND), now, each.number);
+    tell_mistake(Mistake::NotFed, each, place_of(each));
+  }
+}
 }  // namespace
 
 void look_for_circle(const Awaited& awaited) {
@@ -173,6 +185,10 @@ void look_for_circle(const Awaited& awaited) {
 }
 
 void watch_core_0(bool on) { has_watchdog = on; }
+void watch_tasks(uint32_t milliseconds, bool restarts) {
+  fed_within = milliseconds * MILLISECOND;
+  watchdog_restarts = restarts;
+}
 
 void look_at_tasks() {
   if (!circle_is_told && !all_are_told) look_for_waits();
@@ -180,6 +196,7 @@ void look_at_tasks() {
   for (int core = 0; core < CORES; ++core)
     if (Task* runs = task_on(core)) look_for_starved(*runs, core);
   look_at_watchdog();
+  look_for_hungry();
 }
 
 }  // namespace board

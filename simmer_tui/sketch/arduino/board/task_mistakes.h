@@ -10,5 +10,7 @@ void look_for_circle(const Awaited& awaited);
 // and if the first core of an ESP32 has not been idle for as long as its watchdog lets it.
 void look_at_tasks();
 void watch_core_0(bool on);
+// Tasks with a watchdog call it in this time: else a real ESP32 restarts, or prints a line.
+void watch_tasks(uint32_t milliseconds, bool restarts);
 
 }  // namespace board
