@@ -154,11 +154,11 @@ class BoardMistakes:
         waiting: list[WaitingTask] = []
         for each in waits:
             name = board.process.task_name(each.task)
-            if each.pin == WaitsFor.HOLDER:
+            if each.pin == WaitsFor.HOLDER and waiting:
                 waiting[-1].holder, waiting[-1].has_holder = name, True
             elif each.pin in (WaitsFor.TIME, WaitsFor.RESUME):
                 others.append(name)
-            else:
+            elif each.pin in _AWAITED:
                 waiting.append(WaitingTask(name, _line(board, each), WaitsFor(each.pin)))
         stuck = {each.name: each for each in _stuck(board, waits)}
         told = []

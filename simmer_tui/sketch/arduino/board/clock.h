@@ -68,6 +68,7 @@ extern Nanoseconds boot;       // the time of the last reset: millis() counts fr
 extern Nanoseconds stopped;    // time in which a sleep has stopped the clock of millis()
 extern bool is_stopped;
 extern Nanoseconds waited;     // time spent in delay(), or asleep
+void begin_clock();            // the board is reset at the present time
 extern Nanoseconds next_stop;  // the earliest time at which something is due
 
 // A call in which the sketch waits: delay(), pulseIn(), a read with a timeout, a stepper's movement, vTaskDelay(), or a sleep.

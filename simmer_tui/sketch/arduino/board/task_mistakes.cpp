@@ -1,5 +1,7 @@
 #include "task_mistakes.h"
 
+#include <vector>
+
 #include "exchange.h"
 #include "interrupts.h"
 #include "mistakes.h"
@@ -19,8 +21,9 @@ constexpr int HAS_INTERRUPTS = 1, LOOP_GOES_ON = 2, SETUP_GOES_ON = 4;  // flags
 // Tasks that wait for ever: one notice a board. A circle says more than that all wait.
 bool circle_is_told = false, all_are_told = false;
 Nanoseconds all_wait_since = NEVER;
-// The tasks that waited for ever when that was last told, and what for.
-uint64_t told_waits = 0;
+// Sums over the tasks that waited for ever whenever that was told, and what for.
+std::vector<uint64_t> told_waits;
+constexpr size_t MOST_TOLD_WAITS = 100;  // more than anybody reads
 bool has_watchdog = CORES > 1;
 Nanoseconds fed_within = WATCHDOG;
 bool watchdog_restarts = true;
@@ -95,9 +98,10 @@ void look_for_lone_waits() {
     // Numbers of FNV-1a.
     waits = (waits ^ (is_left ? each.awaited.at : is_deleted)) * 1099511628211u;
   }
-  if (waits == told_waits) return;
-  told_waits = waits;
-  if (!is_found) return;
+  if (!is_found || told_waits.size() >= MOST_TOLD_WAITS) return;
+  for (uint64_t each : told_waits)
+    if (each == waits) return;
+  told_waits.push_back(waits);
   make_room(3 * task_total() + 2);
   for (const Task& each : all_tasks()) {
     if (each.state == TaskState::Deleted) continue;
@@ -153,7 +157,9 @@ void look_at_watchdog() {
 void look_for_hungry() {
   for (Task& each : all_tasks()) {
     if (each.fed_at == NEVER || each.state == TaskState::Deleted || now - each.fed_at < fed_within) continue;
-    each.fed_at = NEVER;  // told once
+    each.fed_at = NEVER;
+    if (each.is_told_hungry) continue;
+    each.is_told_hungry = true;
     make_room(2);
     tell(Told::Detail, watchdog_restarts, static_cast<int>(fed_within / MILLISECOND), now, each.number);
     tell_mistake(Mistake::NotFed, each, place_of(each));

@@ -234,7 +234,7 @@ Task* create_task(void (*function)(void*), const char* name, void* argument, uns
   task->wake = NEVER;
   task->awaited = Awaited();
   task->ready_since = task->works_since = now;
-  task->is_told = task->is_told_passed = false;
+  task->is_told = task->is_told_passed = task->is_told_hungry = false;
   task->fed_at = NEVER;
   task->notification = 0;
   task->is_notified = false;
