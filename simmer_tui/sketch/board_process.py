@@ -115,6 +115,7 @@ class Told(IntEnum):
     FINE_DUTY = 18
     MISTAKE = 19
     DETAIL = 20
+    BUSY = 21
 
 
 class Mistake(IntEnum):
@@ -131,6 +132,8 @@ class Mistake(IntEnum):
     CIRCLE = 9
     ALL_WAIT = 10
     LOST_ALARM = 11
+    SOME_WAIT = 12
+    NOT_FED = 13
 
 
 class Waits(IntEnum):
@@ -142,6 +145,7 @@ class Waits(IntEnum):
     READ = 3
     STEPS = 4
     TASK = 5
+    SLEEP = 6
 
 
 class BoardWait(NamedTuple):
@@ -185,7 +189,6 @@ class BoardProcess:
     Attributes:
         now: the board's clock, nanoseconds.
         reason, query, pin: why it has stopped, and its question.
-        waited: its time in delay() so far, milliseconds.
         place: the address of the basic block of its sketch.
         wait: the call in which it waits, if it does; its end is not known.
         task: the number of the task that runs; 0 is loop().
@@ -202,7 +205,7 @@ class BoardProcess:
         """Start the board. A failure is told when it is received from."""
         self.name = name
         self.now = 0
-        self.reason = self.query = self.pin = self.waited = self.place = self.task = 0
+        self.reason = self.query = self.pin = self.place = self.task = 0
         self._task_names: dict[int, list[bytes]] = {}
         self.wait: BoardWait | None = None
         self.line_of = (lines or SketchLines(program)).line_of
@@ -230,8 +233,8 @@ class BoardProcess:
         # The board sends one request with its records, mostly in one piece, and waits for a grant.
         data = self._read_more(b"", _REQUEST.size)
         self.now, self.reason, self.query, count, *rest = _REQUEST.unpack_from(data)
-        self.pin, self.waited, self.place, begin, place, waits = rest
-        kind, task, self.task = waits & 0xFF, waits >> 8 & 0xFF, waits >> 16
+        self.pin, self.place, place, begin, waits, self.task = rest
+        kind, task = waits & 0xFF, waits >> 8
         self.wait = BoardWait(kind, place, begin, NEVER, task) if kind else None
         self.exchanges += 1
         records: list[BoardRecord] = []

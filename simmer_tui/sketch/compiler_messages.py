@@ -37,9 +37,10 @@ _OF_PORTS = re.compile(
 )
 """Calls and macros of the core that lead to registers."""
 _OTHER_BOARD = re.compile(
-    r"ledc\w+|xTaskCreatePinnedToCore|xPortGetCoreID|esp_\w+|analogWrite(?:Resolution|Frequency)|touchRead"
+    r"ledc\w+|xTaskCreatePinnedToCore|xPortGetCoreID|esp_\w+|analogWrite(?:Resolution|Frequency)|touch[A-Z]\w+"
     r"|dacWrite|hallRead|timer(?:Begin|Attach|Alarm|Write|Read|Start|Stop)\w*|hw_timer_t|ESP|portMUX_TYPE"
-    r"|analogReadResolution|analogSet\w+|ADC_\w+|WRITE_PERI_REG|attachInterruptArg"
+    r"|analogReadResolution|analogSet\w+|ADC_\w+|WRITE_PERI_REG|attachInterruptArg|Ticker|ESP_ERR\w*"
+    r"|(?:gpio|mcpwm|pcnt|rmt|nvs|i2s)_\w+"
 )
 """Calls of the ESP32 and of 32-bit boards."""
 _OF_TASKS = re.compile(

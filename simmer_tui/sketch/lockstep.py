@@ -45,7 +45,8 @@ REAL_SLICE = 0.02
 # Names of an enumeration take longer to read than its values, thousands of times a second.
 _QUERY = int(Reason.QUERY)
 _RATE = int(Query.RATE)
-_BYTE, _TEXT = int(Told.BYTE), int(Told.TEXT)
+_BYTE = int(Told.BYTE)
+_SHOWN = frozenset(map(int, (Told.TEXT, Told.BUSY)))
 _LEVEL, _DUTY, _FINE_DUTY, _SERVO, _STEP = map(
     int, (Told.LEVEL, Told.DUTY, Told.FINE_DUTY, Told.SERVO, Told.STEP)
 )
@@ -161,6 +162,9 @@ class LockstepWorld:
 
     def sent(self, time: int, value: int, byte: int) -> None:
         """A byte arrives at the laptop at a time; `byte` is its duration."""
+
+    def printed(self, board: Board, pin: int, time: int, value: int, byte: int) -> None:
+        """A byte leaves a port that is not the laptop's; `byte` is its duration."""
 
     def shows(self, board: Board, record: BoardRecord) -> None:
         """A board may show something else."""
@@ -377,7 +381,7 @@ class Lockstep:
                         stepper.add(record)
                 board.records.append(record)
                 board.waits = True
-            elif kind == _TEXT:
+            elif kind in _SHOWN:
                 self._world.shows(board, record)
             elif kind in _FIRST_OF_TWO:
                 before = record
@@ -419,6 +423,8 @@ class Lockstep:
         if self._laptop is not None and self._laptop[0] is board and self._laptop[1] == pin:
             self.sent.append((arrives, value))
             self._world.sent(arrives, value, byte)
+        else:
+            self._world.printed(board, pin, time, value, byte)
 
 
 def _clock(board: Board) -> int:

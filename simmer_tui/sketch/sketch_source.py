@@ -3,7 +3,7 @@ it does not know it leaves out."""
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterator, KeysView, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -39,6 +39,8 @@ _KEYWORDS = frozenset(
 """Names before `(` that are no calls, or before a name that are no types."""
 _CHANGED = ("++", "--", "+=", "-=", "*=", "/=")
 _OPEN, _CLOSE = "([{", ")]}"
+_BEFORE_A_LAMBDA = ("=", "(", "{", ",", "+", "?", ":", "return")
+"""Tokens before the bracket that begins a lambda; elsewhere it is an index."""
 # More than the pins of a Mega.
 MOST_VALUES = 100
 """Values of a name, or rows of an array, that are looked at."""
@@ -112,6 +114,10 @@ class SketchSource:
         self.arrays: dict[str, tuple[Row, ...]] = {}
         self.changed: set[str] = set()
         """Names that `++` and its kind change."""
+        self.mentions: Counter[str] = Counter()
+        """Numbers of the places where a name stands that are no calls and no heads of functions."""
+        self.in_macros: set[str] = set()
+        """Names in what `#define` stands for."""
         self.parameters: dict[str, list[str]] = {}
         self.class_methods: dict[str, list[str]] = defaultdict(list)
         """The methods of a class with a body."""
@@ -131,6 +137,9 @@ class SketchSource:
         """The end of the last definition of an object, and its class."""
         self._loops: list[tuple[int, SketchLoop]] = []
         """The loops around the token that is read, with their ends."""
+        self.in_lambdas: set[int] = set()
+        """The numbers of calls in lambdas, which are of no function that the text names."""
+        self._lambda_end = -1
         self.calls: list[SketchCall] = []
         """Calls and definitions of objects, in the order of the text."""
         tokens: list[Token] = []
@@ -163,8 +172,10 @@ class SketchSource:
             if each.name == "include" and rest:
                 name = "".join(token.text for token in rest).strip('<>"')
                 self.includes.append((name, f"{file}:{each.line}"))
-            elif each.name == "define" and len(rest) > 1 and not each.has_parameters:
-                self.expressions[rest[0].text].append((rest[1:], ""))
+            elif each.name == "define":
+                self.in_macros |= {token.text for token in rest[1:] if token.is_name}
+                if len(rest) > 1 and not each.has_parameters:
+                    self.expressions[rest[0].text].append((rest[1:], ""))
 
     def _read(self, tokens: Sequence[Token]) -> None:
         partners = partners_of(tokens)
@@ -178,7 +189,11 @@ class SketchSource:
             after = tokens[at + 1].text if at + 1 < len(tokens) else ""
             before = tokens[at - 1].text if at else ""
             if not token.is_name:
+                if token.text == "[" and before in _BEFORE_A_LAMBDA:
+                    self._lambda_end = max(self._lambda_end, _end_of_lambda(tokens, at, partners))
                 continue
+            if after != "(":
+                self.mentions[token.text] += 1
             while self._loops and at > self._loops[-1][0]:
                 self._loops.pop()
             if token.text == "for" and after == "(":
@@ -363,11 +378,23 @@ class SketchSource:
             loops=tuple(loop for _, loop in self._loops),
             owner=owner,
         )
+        if at < self._lambda_end:
+            self.in_lambdas.add(call.order)
         self.calls.append(call)
         if is_definition:
             self._defined = (close, before)
             if before.text in self.classes:
                 self.types[name.text] = before.text
+
+
+def _end_of_lambda(tokens: Sequence[Token], at: int, partners: Mapping[int, int]) -> int:
+    """The place of the end of a lambda's body, by that of its first bracket."""
+    body = partners.get(at, at) + 1
+    if body < len(tokens) and tokens[body].text == "(":
+        body = partners.get(body, body) + 1
+    while body < len(tokens) and tokens[body].text not in ("{", ";", ")"):
+        body += 1
+    return partners.get(body, body)
 
 
 def _loop_of(head: Sequence[Token]) -> SketchLoop | None:

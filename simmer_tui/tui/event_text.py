@@ -216,6 +216,9 @@ class _Wording(EventHandler[EventWords]):
 
     def on_wire(self, event: events.WireMessage) -> EventWords:
         shown = utf8_text(event.data)
+        if event.port:
+            by = f"{event.board} {event.port}: "
+            return EventWords("robot", "<", lambda: ((by, "dim"), (shown, "value")))
         if event.reply:
             return EventWords("robot", "<", lambda: ((shown, "value"),))
         return EventWords("client", ">", lambda: ((f"{shown}  ", "plain"), (event.meaning, "dim")))

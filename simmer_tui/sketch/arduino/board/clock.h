@@ -65,12 +65,15 @@ constexpr Cost TASK_CALL = 20000, TASK_CREATE = 100000;
 
 extern Nanoseconds now;
 extern Nanoseconds boot;       // the time of the last reset: millis() counts from there
-extern Nanoseconds waited;     // time spent in delay()
+extern Nanoseconds stopped;    // time in which a sleep has stopped the clock of millis()
+extern bool is_stopped;
+extern Nanoseconds waited;     // time spent in delay(), or asleep
+void begin_clock();            // the board is reset at the present time
 extern Nanoseconds next_stop;  // the earliest time at which something is due
 
-// A call in which the sketch waits: delay(), pulseIn(), a read with a timeout, a stepper's movement, or vTaskDelay().
+// A call in which the sketch waits: delay(), pulseIn(), a read with a timeout, a stepper's movement, vTaskDelay(), or a sleep.
 // Calls within it do not count.
-enum class Waits : uint8_t { Not = 0, InDelay = 1, InPulse = 2, InRead = 3, InSteps = 4, InTask = 5 };
+enum class Waits : uint8_t { Not = 0, InDelay = 1, InPulse = 2, InRead = 3, InSteps = 4, InTask = 5, InSleep = 6 };
 struct Wait {
   Waits kind = Waits::Not;
   uint32_t place = 0;  // address of the call, or of the basic block that has it

@@ -159,7 +159,7 @@ int main(int count, char** arguments) {
   }
   std::atexit(left);
   std::signal(SIGINT, SIG_IGN);  // Ctrl-C is for the simulator, which ends its boards
-  board::now = board::boot;
+  board::begin_clock();
   board::open_channel();
   board::exchange(board::Reason::Horizon);
   if (sketch_start.main) {

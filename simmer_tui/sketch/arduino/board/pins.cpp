@@ -316,7 +316,10 @@ void attachInterruptArg(int number, void (*function)(void*), void* argument, int
 void detachInterrupt(int number) { attach(interrupt_pin(number), InterruptFunction(), 0); }
 void interrupts() {
   set_interrupts(true);
-  if (interrupt_waits() || next_task_stop() <= now) service();
+  if (!interrupt_waits() && next_task_stop() > now) return;
+  const uint64_t before = wakes;
+  service();
+  if (wakes != before) waited_for_sei = now;
 }
 void noInterrupts() { set_interrupts(false); }
 void sei() { interrupts(); }
