@@ -54,6 +54,8 @@ constexpr Cost PID_COMPUTE = 150000;
 constexpr Nanoseconds DISPLAY_TRANSFER = 190000;
 // A byte of EEPROM takes 3.3 ms to write (ATmega328P, table 8-1).
 constexpr Nanoseconds EEPROM_READ = 1000, EEPROM_WRITE = 3300000;
+// A value of an ESP32's flash memory: judged by its pages, which take 0.4 ms to write (GD25Q32, tPP).
+constexpr Nanoseconds FLASH_READ = 30000, FLASH_WRITE = 500000;
 // A byte on the bus of Wire, with its acknowledge, at 100 and at 400 kHz.
 constexpr Nanoseconds I2C_BYTE = 95000, I2C_FAST_BYTE = 22500;
 // FreeRTOS. A switch saves 34 registers and loads 34 others, of two cycles each: 9 us, and looks for the next task. The

@@ -119,6 +119,10 @@ int Servo::read() const { return map(width_ + 1, shortest_, longest_, 0, 180); }
 // -- EEPROM ------------------------------------------------------------------------------------------
 
 EEPROMClass EEPROM;
+#if defined(SIMMER_ESP32)
+void flash_read() { pass(cost::FLASH_READ); }
+void flash_write() { pass(cost::FLASH_WRITE); }
+#else
 namespace {
 uint8_t cells[EEPROM_SIZE];
 bool erased = false;
@@ -138,3 +142,4 @@ void eeprom_write(int address, uint8_t value) {
   cell(address) = value;
 }
 unsigned int EEPROMClass::length() const { return EEPROM_SIZE; }
+#endif
