@@ -97,14 +97,14 @@ def _no_header(
     place: str, name: str, files: Sequence[Path], board: BoardKind | None, *, listed: bool = True
 ) -> Problem:
     """The problem of a header that no library has; with `listed`, those that are there."""
-    if name.lower().startswith("wifi"):
-        return Problem(place, f"{name}: WiFi is not simulated; use Bluetooth or the USB port")
     lacks = frozenset[str]() if board is None else board.lacks
     what = f"there is no library with {name}"
     if name in CPP_STANDARD:
         what = f"{name} is a header of C++, which an AVR board has not"
     if board is not None and name in lacks:
         what = f"{name} is no library of the {board.title}"
+    if name.lower().startswith("wifi"):
+        what = f"{name}: WiFi is not simulated; use Bluetooth or the USB port"
     if not listed:
         return Problem(place, what)
     there = ", ".join(each for each in libraries() if each not in lacks)

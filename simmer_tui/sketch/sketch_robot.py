@@ -257,7 +257,7 @@ class SketchRobot(LockstepWorld):
         """Functions that move the robot otherwise than they are named, until that is told."""
         self._messages = SentMessages()
         self._prints: dict[tuple[str, int], SentMessages] = {}
-        """What boards print on other ports than the laptop's, by board and pin."""
+        """Messages of boards on other ports than the laptop's, by board and pin."""
         self._prints_due = NEVER
         self._last_lines: dict[str, dict[str, str]] = {}
         """The last line of each board's ports, by board and port; that to the laptop has no name."""

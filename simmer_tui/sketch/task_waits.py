@@ -175,7 +175,7 @@ class _TaskText:
         )
 
     def _always_called(self, made: Iterable[SketchCall]) -> set[str]:
-        """Functions that may be called at any time: by a pointer, by an object, or by a timer."""
+        """Functions that may be called at any time: by a pointer, an object, a macro, or a timer."""
         facts = self._facts
         known = facts.mentions.copy()
         known.subtract(_last_name(call.arguments[0]) for call in made)
@@ -183,7 +183,7 @@ class _TaskText:
             _last_name(call.arguments[1]) for call in facts.named(*_ATTACHES) if len(call.arguments) > 1
         )
         methods = {each for name, own in facts.class_methods.items() if name for each in own}
-        return methods | {name for name in facts.functions if known[name] > 0}
+        return methods | {name for name in facts.functions if known[name] > 0 or name in facts.in_macros}
 
     def roots(self, tasks: Iterable[str], flags: int) -> set[str] | None:
         """The functions that these tasks, and what else is left, begin in; None if they are not known."""
@@ -239,21 +239,26 @@ class _TaskText:
         if task.kind is WaitsFor.NOTIFICATION:
             functions = self._tasks.get(task.name, set())
             return next(iter(functions)) if calls and len(functions) == 1 else ""
-        handles = {_last_name(call.arguments[0]) if call.arguments else "" for call in calls}
-        handle = handles.pop() if len(handles) == 1 else ""
-        return handle if handle in self._created else ""
+        handles = {self._handle_in(call) for call in calls}
+        return handles.pop() if len(handles) == 1 else ""
+
+    def _handle_in(self, call: SketchCall) -> str:
+        """The handle that a call is about; empty if another name may stand for it."""
+        name = _last_name(call.arguments[0]) if call.arguments else ""
+        is_parameter = name in self._facts.parameters.get(call.function, ())
+        return name if name in self._created and not is_parameter else ""
 
     def _gives(self, task: WaitingTask, call: SketchCall) -> bool:
         """True if a call may give what a task waits for."""
         if not _KINDS[task.kind].gives.fullmatch(call.name):
             return False
-        given = _last_name(call.arguments[0]) if call.arguments else ""
         wanted = self._handle_of(task)
         if task.kind is WaitsFor.NOTIFICATION:
+            given = _last_name(call.arguments[0]) if call.arguments else ""
             functions = self._told_to.get(given)
             is_other = functions is not None and wanted not in functions
             return not (is_other and given not in self._facts.expressions)
-        return given == wanted or given not in self._created
+        return self._handle_in(call) in ("", wanted)
 
     def can_end(self, task: WaitingTask, alive: Iterable[SketchCall], goes_on: Collection[str]) -> bool:
         """True if one of these calls may end a wait, or if the holder of a mutex goes on."""

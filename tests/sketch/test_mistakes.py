@@ -582,6 +582,16 @@ STOPS = "void stops() { int i = 1; xQueueSend(orders, &i, 0); }\n"
             "void drives", "void puts_(QueueHandle_t to) { int i; xQueueSend(to, &i, 0); }\nvoid drives"
         ),
         some_wait(NOTED, shows="if (digitalRead(8)) xTaskNotifyGive(driver);"),
+        # A function in a macro, and a parameter with the name of another queue.
+        some_wait(GETS, shows="if (digitalRead(8)) STOP").replace(
+            "void shows", STOPS + "#define STOP stops();\nvoid shows"
+        ),
+        some_wait("gets(other);", more="other = xQueueCreate(4, 2);", shows="GIVES").replace(
+            "void drives",
+            "QueueHandle_t other;\n"
+            "void gets(QueueHandle_t orders) { int i; xQueueReceive(orders, &i, portMAX_DELAY); }\n"
+            "void drives",
+        ).replace("GIVES", "int i; if (digitalRead(8)) xQueueSend(other, &i, 0);"),
         # A lock of a class, whose end gives it back.
         some_wait(LOCKS, shows="if (digitalRead(8)) { Lock lock; }").replace(
             "void drives", "struct Lock { Lock() {} ~Lock() { xSemaphoreGive(bus); } };\nvoid drives"

@@ -1,4 +1,4 @@
-"""What boards print on ports that do not go to the laptop: in the events, on the screen, and in a log."""
+"""Prints of boards on ports that do not go to the laptop: in the events, on the screen, and in a log."""
 
 from __future__ import annotations
 

@@ -260,7 +260,11 @@ void loop() { delay(1); }
         ("#include <Ticker.h>", UNO, r"Ticker\.h is no library of the Uno; there are .*NewPing\.h"),
         ("#include <esp_timer.h>", UNO, r"esp_timer\.h is no library of the Uno"),
         ("#include <avr/sleep.h>", ESP32, r"avr/sleep\.h is no library of the ESP32; there are .*Ticker\.h"),
-        ("#include <WiFi.h>", ESP32, r"WiFi\.h: WiFi is not simulated; use Bluetooth or the USB port"),
+        (
+            "#include <WiFi.h>",
+            ESP32,
+            r"WiFi\.h: WiFi is not simulated; use Bluetooth or the USB port; there are .*Ticker\.h",
+        ),
         ("void f() { touchRead(4); }", ESP32, "touchRead is not simulated"),
         ("void f() { touchAttachInterrupt(4, f, 9); }", ESP32, "touchAttachInterrupt is not simulated"),
         ("void f() { esp_deep_sleep_start(); }", ESP32, "esp_deep_sleep_start is not simulated"),

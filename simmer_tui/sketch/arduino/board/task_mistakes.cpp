@@ -1,5 +1,6 @@
 #include "task_mistakes.h"
 
+#include <algorithm>
 #include <vector>
 
 #include "exchange.h"
@@ -89,21 +90,23 @@ bool is_left_waiting(const Task& task) {
 // others wait than before.
 void look_for_lone_waits() {
   if (all_wait_since != NEVER && !all_are_told) return;  // that all wait says more
+  if (told_waits.size() >= MOST_TOLD_WAITS) return;
+  const std::deque<Task>& tasks = all_tasks();
+  if (std::none_of(tasks.begin(), tasks.end(), is_left_waiting)) return;
   uint64_t waits = 0;
-  bool is_found = false, loop_goes_on = idle_loop() != nullptr, setup_goes_on = false;
-  for (const Task& each : all_tasks()) {
+  bool loop_goes_on = idle_loop() != nullptr, setup_goes_on = false;
+  for (const Task& each : tasks) {
     const bool is_left = is_left_waiting(each), is_deleted = each.state == TaskState::Deleted;
-    is_found |= is_left;
-    if (!idle_loop() && &each == &all_tasks().front() && !is_left && !is_deleted) (is_loop(each) ? loop_goes_on : setup_goes_on) = true;
+    if (!idle_loop() && &each == &tasks.front() && !is_left && !is_deleted)
+      (is_loop(each) ? loop_goes_on : setup_goes_on) = true;
     // Numbers of FNV-1a.
     waits = (waits ^ (is_left ? each.awaited.at : is_deleted)) * 1099511628211u;
   }
-  if (!is_found || told_waits.size() >= MOST_TOLD_WAITS) return;
   for (uint64_t each : told_waits)
     if (each == waits) return;
   told_waits.push_back(waits);
   make_room(3 * task_total() + 2);
-  for (const Task& each : all_tasks()) {
+  for (const Task& each : tasks) {
     if (each.state == TaskState::Deleted) continue;
     if (is_left_waiting(each))
       tell_wait(each, each.awaited);
