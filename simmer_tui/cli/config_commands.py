@@ -116,10 +116,11 @@ def run_init(options: argparse.Namespace) -> int:
         home = options.directory / LOCAL_FOLDER if options.term else options.directory
         drafted = _drafted(options.sketch, home, decoded(SENSORS_FILE, files.get(SENSORS_FILE, b"")))
         files = with_comments({**files, **drafted})
-        if re.search(rb'^wheel = "', drafted[WIRING_FILE], re.MULTILINE) and SETTINGS_FILE in files:
+        layout = _layout_of(drafted[WIRING_FILE])
+        if layout and SETTINGS_FILE in files:
             # Motors and encoders are those of wheels, which most sets do not describe.
-            none, two = f'layout = "{NO_WHEELS}"'.encode(), b'layout = "diff"  # ?'
-            files[SETTINGS_FILE] = files[SETTINGS_FILE].replace(none, two, 1)
+            none, found = f'layout = "{NO_WHEELS}"'.encode(), f'layout = "{layout}"  # ?'.encode()
+            files[SETTINGS_FILE] = files[SETTINGS_FILE].replace(none, found, 1)
     if options.term:
         files = term_files(files)
     wrote = _write(options.directory, files)
@@ -166,6 +167,13 @@ def _draft_beside(options: argparse.Namespace) -> int:
     print_lines(_write(options.directory, made))
     print_lines(f'Look at every line with "# ?", then: simmer-tui check {typed_path(options.directory)}')
     return ExitCode.DONE
+
+
+def _layout_of(wiring: bytes) -> str:
+    """The layout of the wheels in a drafted wiring.toml; empty if it has none."""
+    from simmer_tui.sketch.wheel_draft import layout_with
+
+    return layout_with(re.findall(r'^wheel = "(.+?)"', wiring.decode(), re.MULTILINE)) or ""
 
 
 def _drafted(sketches: Sequence[Path], directory: Path, sensors: str) -> dict[str, bytes]:
@@ -262,6 +270,7 @@ def _sketches(configuration: Configuration) -> tuple[list[str], list[Problem]]:
     none for a set without a wiring. Raises ConfigurationError if the wiring itself has mistakes."""
     if WIRING_FILE not in configuration.files:
         return [], []
+    from simmer_tui.config.nominal import nominal_note
     from simmer_tui.sketch.bench_check import bench_lines
     from simmer_tui.sketch.gripper_draft import guess_lines
     from simmer_tui.sketch.motion_check import motor_lines
@@ -275,7 +284,8 @@ def _sketches(configuration: Configuration) -> tuple[list[str], list[Problem]]:
     facts, wheels = facts_of(wiring, configuration.directory, problems), configuration.simulation.wheels
     problems += sketch_problems(wiring, facts, wheels)
     guesses = guess_lines(wiring, configuration.files[WIRING_FILE])
-    lines = [*wiring_lines(wiring), *guesses, *motor_lines(wiring, wheels)]
+    note = nominal_note(configuration.settings.nominal)
+    lines = [*wiring_lines(wiring), *([note] if note else ()), *guesses, *motor_lines(wiring, wheels)]
     return [*lines, *bench_lines(configuration, wiring, problems)], problems
 
 

@@ -9,6 +9,9 @@ from msgspec.structs import replace
 
 from simmer_tui.sketch.cpp_tokens import SourceDirective, Token, TokenKind
 
+_STATEMENTS = frozenset(("{", ";", "=", "if", "for", "while", "do"))
+"""Tokens that no single expression has."""
+
 
 def functions_of_macros(macros: Sequence[SourceDirective], tokens: Sequence[Token]) -> list[Token]:
     """The macros that a text or another used macro names, as the tokens of functions, `void stop() { ... }`.
@@ -26,12 +29,15 @@ def functions_of_macros(macros: Sequence[SourceDirective], tokens: Sequence[Toke
             count = next((at for at, each in enumerate(rest, 1) if each.text == ")"), len(rest))
         parameters = rest[:count] or [replace(head, kind=TokenKind.MARK, text=mark) for mark in "()"]
         opened, end, closed = (replace(head, kind=TokenKind.MARK, text=mark) for mark in "{;}")
-        made += [replace(head, text="void"), head, *parameters, opened, *rest[count:], end, closed]
+        body = rest[count:]
+        if not any(each.text in _STATEMENTS for each in body):
+            body = [replace(head, text="return"), *body]
+        made += [replace(head, text="void"), head, *parameters, opened, *body, end, closed]
     return made
 
 
 def _used(bodies: Mapping[str, Sequence[Token]], tokens: Sequence[Token]) -> list[str]:
-    """The macros that a text names, and those that these name."""
+    """The macros that a text names, and those that these name, in their own order."""
     found: dict[str, None] = {}
     texts = [tokens]
     for text in texts:
@@ -39,7 +45,7 @@ def _used(bodies: Mapping[str, Sequence[Token]], tokens: Sequence[Token]) -> lis
             if token.text in bodies and token.text not in found:
                 found[token.text] = None
                 texts.append(bodies[token.text][1:])
-    return [*found]
+    return [name for name in bodies if name in found]
 
 
 def _has_call(body: Sequence[Token]) -> bool:

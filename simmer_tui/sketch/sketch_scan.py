@@ -32,6 +32,8 @@ class SketchInterrupt(Struct, frozen=True):
     function: str
     mode: str
     spot: str
+    reads: Pins
+    """The pins that its function reads with digitalRead."""
 
 
 class SketchFacts(SketchValues):
@@ -92,6 +94,9 @@ class SketchFacts(SketchValues):
             for each in items:
                 values = self.values(each) or Pins()
                 found += values if len(values) == 1 and values <= meant else ()
+        elif len(argument) == 1 and (made := self.objects_with(name, call.function)):
+            members = (self.member(each, argument[0], depth + 1) or Pins() for each in made)
+            found += (pin for each in members if len(each) == 1 for pin in each)
         else:
             values = self.values(argument, call.function) or Pins()
             found += values if len(values) == 1 else ()
@@ -173,8 +178,19 @@ class SketchFacts(SketchValues):
                     by_number = {each: pin for pin, each in self.kind.interrupts.items()}
                     pins = Pins({by_number[number]}) if number in by_number else Pins()
                 function = self._function_named(call, 1, bound)
-                found.append(SketchInterrupt(pins, number, function, mode, call.token.spot))
+                reads = self._read_by(call, function)
+                found.append(SketchInterrupt(pins, number, function, mode, call.token.spot, reads))
         return found
+
+    def _read_by(self, attach: SketchCall, function: str) -> Pins:
+        """The pins that the function of an interrupt reads, or a lambda in the call itself."""
+        inside = {id(token) for token in attach.arguments[1]} if function.startswith("[") else set()
+        reads = (
+            each
+            for each in self.named("digitalRead")
+            if each.function == function or id(each.token) in inside
+        )
+        return Pins(pin for each in reads for pin in self.pins(each) or ())
 
     def _function_named(self, call: SketchCall, index: int, bound: Bindings) -> str:
         """The function that an argument names, also in an array of them."""

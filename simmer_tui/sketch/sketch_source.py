@@ -12,12 +12,14 @@ from typing import Self
 from msgspec import Struct
 from msgspec.structs import replace
 
-from simmer_tui.config.set_sketches import source_paths
+from simmer_tui.config.set_sketches import library_paths, source_paths
 from simmer_tui.sketch.boards import BoardKind
 from simmer_tui.sketch.container_arrays import with_plain_arrays
-from simmer_tui.sketch.cpp_tokens import SourceDirective, Token, TokenKind, tokens_of
+from simmer_tui.sketch.cpp_tokens import LARGEST_SOURCE, SourceDirective, Token, tokens_of
+from simmer_tui.sketch.known_headers import is_provided
 from simmer_tui.sketch.sketch_classes import SketchClass, classes_of, functions_of
 from simmer_tui.sketch.sketch_macros import functions_of_macros
+from simmer_tui.sketch.token_lists import partners_of, split
 
 _KEYWORDS = frozenset(
     (
@@ -38,7 +40,6 @@ _KEYWORDS = frozenset(
 )
 """Names before `(` that are no calls, or before a name that are no types."""
 _CHANGED = ("++", "--", "+=", "-=", "*=", "/=")
-_OPEN, _CLOSE = "([{", ")]}"
 _BEFORE_A_LAMBDA = ("=", "(", "{", ",", "+", "?", ":", "return")
 """Tokens before the bracket that begins a lambda; elsewhere it is an index."""
 # More than the pins of a Mega.
@@ -84,6 +85,8 @@ class SketchCall(Struct, frozen=True):
     loops: tuple[SketchLoop, ...] = ()
     owner: tuple[Token, ...] = ()
     """The object with its index, `motors[0]`."""
+    block: int = -1
+    """The index of the innermost brace that it is in."""
 
 
 class DeclaredObject(Struct, frozen=True):
@@ -119,6 +122,8 @@ class SketchSource:
         self.in_macros: set[str] = set()
         """Names in what `#define` stands for."""
         self.parameters: dict[str, list[str]] = {}
+        self.returned: dict[str, list[tuple[Token, ...]]] = defaultdict(list)
+        """The expressions that a function returns."""
         self.class_methods: dict[str, list[str]] = defaultdict(list)
         """The methods of a class with a body."""
         self.scopes: dict[str, str] = {}
@@ -131,7 +136,7 @@ class SketchSource:
         self.declared: list[DeclaredObject] = []
         self._scopes_of: dict[str, set[str]] = defaultdict(set)
         """The classes with a function of a name; "" stands for none."""
-        self._values_of_members: list[tuple[str, str, tuple[Token, ...]]] = []
+        self.values_of_members: list[tuple[str, str, tuple[Token, ...]]] = []
         """The values that constructors give to members: the constructor, the member and the value."""
         self._defined: tuple[int, Token] | None = None
         """The end of the last definition of an object, and its class."""
@@ -140,6 +145,8 @@ class SketchSource:
         self.in_lambdas: set[int] = set()
         """The numbers of calls in lambdas, which are of no function that the text names."""
         self._lambda_end = -1
+        self._blocks: list[int] = []
+        """The braces around the token that is read."""
         self.calls: list[SketchCall] = []
         """Calls and definitions of objects, in the order of the text."""
         tokens: list[Token] = []
@@ -156,8 +163,7 @@ class SketchSource:
     def read(cls, sketch: Path, kind: BoardKind) -> Self:
         """The facts of a sketch by its .ino file or its folder. Raises OSError, or ValueError for a source
         that is too long."""
-        paths = source_paths(sketch)
-        return cls({path.name: path.read_text("utf-8", "replace") for path in paths}, kind)
+        return cls(texts_of(sketch), kind)
 
     @property
     def functions(self) -> KeysView[str]:
@@ -188,6 +194,10 @@ class SketchSource:
                 function, end = self._bodies[at], partners.get(at, len(tokens))
             after = tokens[at + 1].text if at + 1 < len(tokens) else ""
             before = tokens[at - 1].text if at else ""
+            if token.text == "{":
+                self._blocks.append(at)
+            elif token.text == "}" and self._blocks and partners.get(at) == self._blocks[-1]:
+                self._blocks.pop()
             if not token.is_name:
                 if token.text == "[" and before in _BEFORE_A_LAMBDA:
                     self._lambda_end = max(self._lambda_end, _end_of_lambda(tokens, at, partners))
@@ -196,6 +206,8 @@ class SketchSource:
                 self.mentions[token.text] += 1
             while self._loops and at > self._loops[-1][0]:
                 self._loops.pop()
+            if token.text == "return" and function:
+                self._read_return(tokens, at, function)
             if token.text == "for" and after == "(":
                 self._read_loop(tokens, at, partners)
             if at + 1 < len(tokens) and tokens[at + 1].is_name and token.text not in _KEYWORDS:
@@ -210,6 +222,13 @@ class SketchSource:
             elif after in ("(", "{") and token.text not in _KEYWORDS:
                 self._read_call(tokens, at, partners, function)
         self.calls = [self._resolved(call) for call in (*self.calls, *self._made_members())]
+
+    def _read_return(self, tokens: Sequence[Token], at: int, function: str) -> None:
+        end = at + 1
+        while end < len(tokens) and tokens[end].text != ";" and end - at < LONGEST_CALL:
+            end += 1
+        if at + 1 < end and len(self.returned[function]) < MOST_VALUES:
+            self.returned[function].append(tuple(tokens[at + 1 : end]))
 
     def _read_loop(self, tokens: Sequence[Token], at: int, partners: Mapping[int, int]) -> None:
         """Take a loop that counts by one, or over an array, until its end."""
@@ -275,13 +294,13 @@ class SketchSource:
             self.class_methods[each.scope].append(name)
             self.scopes[name] = each.scope
             self.parameters[name] = [_parameter(one) for one in split(each.parameters)]
-            self._values_of_members += [(name, *given) for given in each.values[:MOST_VALUES]]
+            self.values_of_members += [(name, *given) for given in each.values[:MOST_VALUES]]
             for member, value in each.values[:MOST_VALUES]:
                 self.expressions[member].append((value, name))
 
     def _made_members(self) -> Iterator[SketchCall]:
         """The objects that are members of others, by the values in constructors: `: left(5, 7)`."""
-        for function, member, value in self._values_of_members:
+        for function, member, value in self.values_of_members:
             kind = self.types.get(member, "")
             if kind in self.parameters and value:
                 arguments, order = tuple(split(value)), len(self.calls)
@@ -377,6 +396,7 @@ class SketchSource:
             order=len(self.calls),
             loops=tuple(loop for _, loop in self._loops),
             owner=owner,
+            block=self._blocks[-1] if self._blocks else -1,
         )
         if at < self._lambda_end:
             self.in_lambdas.add(call.order)
@@ -397,6 +417,18 @@ def _end_of_lambda(tokens: Sequence[Token], at: int, partners: Mapping[int, int]
     return partners.get(body, body)
 
 
+def texts_of(sketch: Path) -> dict[str, str]:
+    """The texts of a sketch's files by name, then those of `src/` and of libraries beside it, by path, that
+    none of the simulator's replaces. Libraries that are longer than any sketch are left out. Raises OSError.
+    """
+    found = {path.name: path.read_text("utf-8", "replace") for path in source_paths(sketch)}
+    others: dict[str, str] = {}
+    for path, name in library_paths(sketch if sketch.is_dir() else sketch.parent):
+        if not any(is_provided(each.name, ()) for each in path.parent.glob("*.h")):
+            others[name] = path.read_text("utf-8", "replace")
+    return found | (others if sum(map(len, others.values())) <= LARGEST_SOURCE else {})
+
+
 def _loop_of(head: Sequence[Token]) -> SketchLoop | None:
     """The loop of a head without its brackets; None for one of another form."""
     marks = [token.text for token in head]
@@ -413,54 +445,6 @@ def _loop_of(head: Sequence[Token]) -> SketchLoop | None:
     if middle[0].text != name or sorted(step) != sorted(("++", name)):
         return None
     return SketchLoop(name, tuple(start[at + 1 :]), tuple(middle[2:]), middle[1].text == "<=")
-
-
-def without_casts(tokens: Sequence[Token]) -> Sequence[Token]:
-    """An expression without brackets around it, and without `(int)` before it."""
-    while len(tokens) >= 3 and tokens[0].text == "(":
-        if tokens[-1].text == ")" and partners_of(tokens).get(0) == len(tokens) - 1:
-            tokens = tokens[1:-1]
-        elif tokens[1].is_name and tokens[2].text == ")":
-            tokens = tokens[3:]
-        else:
-            break
-    return tokens
-
-
-def partners_of(tokens: Sequence[Token]) -> dict[int, int]:
-    """The index of the other bracket, by the index of each. One without a partner is missing."""
-    opened: list[int] = []
-    found: dict[int, int] = {}
-    for at, token in enumerate(tokens):
-        if token.kind is not TokenKind.MARK:
-            continue
-        if token.text in _OPEN:
-            opened.append(at)
-        elif token.text in _CLOSE:
-            wanted = _OPEN[_CLOSE.index(token.text)]
-            # A bracket that an #if leaves open is passed over.
-            while opened and tokens[opened[-1]].text != wanted:
-                opened.pop()
-            if opened:
-                start = opened.pop()
-                found[start], found[at] = at, start
-    return found
-
-
-def split(tokens: Sequence[Token]) -> list[tuple[Token, ...]]:
-    """The parts of a list at its commas; commas in inner brackets do not count."""
-    parts: list[tuple[Token, ...]] = []
-    current: list[Token] = []
-    depth = 0
-    for token in tokens:
-        if token.kind is TokenKind.MARK:
-            depth += (token.text in _OPEN) - (token.text in _CLOSE)
-            if token.text == "," and depth == 0:
-                parts.append(tuple(current))
-                current = []
-                continue
-        current.append(token)
-    return [*parts, tuple(current)] if current or parts else []
 
 
 def _parameter(tokens: Sequence[Token]) -> str:

@@ -19,10 +19,8 @@ from simmer_tui.sketch.sketch_source import (
     SketchCall,
     SketchLoop,
     SketchSource,
-    partners_of,
-    split,
-    without_casts,
 )
+from simmer_tui.sketch.token_lists import partners_of, split, without_casts
 
 _WHOLE = re.compile(r"(0[xX][0-9a-fA-F]+|0[bB][01]+|[0-9]+)[uUlL]*")
 _ANALOG_PIN = re.compile(r"A([0-9]|1[0-9])")
@@ -89,6 +87,13 @@ class SketchValues(SketchSource):
             if loop.array and self.types.get(loop.array, "") in self.classes
         }
         """The arrays of objects that loops go through, by function and the loop's name."""
+        self.bases: dict[str, list[tuple[str, list[tuple[Token, ...]]]]] = {}
+        """The values that a constructor gives to those of its base classes, by class."""
+        for constructor, base, value in self.values_of_members:
+            if base in self.functions:
+                self.bases.setdefault(constructor, []).append((base, split(value)))
+        self._objects: dict[str, list[SketchObject]] = {}
+        """The objects of each class that was asked for."""
         self._definitions = {
             call.name: call for call in self.calls if call.type in self.classes or call.type in self.functions
         }
@@ -108,7 +113,7 @@ class SketchValues(SketchSource):
         """The pins that an argument of a call can be; None if that is unknown."""
         if index >= len(call.arguments):
             return None
-        loops = {loop.name: found for loop in call.loops if (found := self._looped(loop, call.function))}
+        loops = {loop.name: values for loop in call.loops if (values := self._looped(loop, call.function))}
         bound = {name: Pins(values) for name, values in loops.items()}
         found = self.values(call.arguments[index], call.function, 0, bound or None)
         if found is not None and call.name == "analogRead":
@@ -151,6 +156,10 @@ class SketchValues(SketchSource):
             return self._count_of(marks)
         if "?" in marks and ":" in marks:
             half, end = marks.index("?"), marks.index(":")
+            chosen = self._is_true(tokens[:half], function, depth, bound)
+            if chosen is not None:
+                part = tokens[half + 1 : end] if chosen else tokens[end + 1 :]
+                return self.values(part, function, depth + 1, bound)
             one = self.values(tokens[half + 1 : end], function, depth + 1, bound)
             other = self.values(tokens[end + 1 :], function, depth + 1, bound)
             return None if one is None or other is None else one | other
@@ -163,7 +172,12 @@ class SketchValues(SketchSource):
             if marks[:-2] == ["this"]:
                 return self._value_of(tokens[-1], function, depth, bound)
             found = self.objects_of(tokens[:-2], function, bound, depth)
-            return union(self._member(each, tokens[-1], depth) for each in found) if found else None
+            return union(self.member(each, tokens[-1], depth) for each in found) if found else None
+        if first.text in self.returned and marks[1] == "(" and partners_of(tokens).get(1) == len(tokens) - 1:
+            names, given = self.parameters[first.text], split(tokens[2:-1])
+            passed = self._bound(names, given, function, bound)
+            returned = self.returned[first.text]
+            return union(self.values(each, first.text, depth + 1, passed) for each in returned)
         if first.is_name and marks[1] == "[" and marks[-1] == "]":
             end = partners_of(tokens).get(1, len(tokens) - 1)
             items: list[tuple[Token, ...]] = []
@@ -179,10 +193,49 @@ class SketchValues(SketchSource):
             return union(self.values(item, "", depth + 1) for item in items) if items else None
         return None
 
+    def _is_true(
+        self, condition: Sequence[Token], function: str, depth: int, bound: Bindings | None
+    ) -> bool | None:
+        """True or False if both sides of `a == b` or `a != b` are known; None for another condition."""
+        tokens = without_casts(condition)
+        at = next((place for place, each in enumerate(tokens) if each.text in ("==", "!=")), 0)
+        if not at:
+            return None
+        one, other = (
+            self.values(each, function, depth + 1, bound) for each in (tokens[:at], tokens[at + 1 :])
+        )
+        if one is None or other is None or len(one) != 1 or len(other) != 1:
+            return None
+        return (one == other) == (tokens[at].text == "==")
+
+    def objects_of_class(self, kind: str) -> list[SketchObject]:
+        """The objects of one of the sketch's own classes, in the order of the text, or of their array."""
+        if kind in self._objects:
+            return self._objects[kind]
+        found = self._objects[kind] = []
+        for name, own in self.types.items():
+            if own == kind and name in self.arrays:
+                for row in self.arrays[name]:
+                    found += self._of_row(kind, row, 1)
+            elif own == kind and name in self.aggregates:
+                found += self._made(kind, self.aggregates[name], "", None)
+            elif own == kind and name in self._definitions:
+                call = self._definitions[name]
+                found += self._made(kind, call.arguments, call.function, None)
+        return found
+
+    def _of_row(self, kind: str, row: Row, depth: int) -> list[SketchObject]:
+        """The object in a row of an array: by its own expression, or by the values in its braces."""
+        own = self.objects_of(row[0], "", None, depth + 1) if len(row) == 1 else []
+        return own or self._made(kind, row, "", None)
+
     def objects_of(
         self, expression: Sequence[Token], function: str, bound: Bindings | None, depth: int = 0
     ) -> list[SketchObject]:
         """The objects of the sketch's own classes that an expression can mean; none if that is unknown."""
+        self.looked_up += 1
+        if self.looked_up > MOST_LOOKUPS:
+            return []
         tokens = without_casts(expression)
         if tokens and tokens[0].text in ("&", "*"):
             tokens = without_casts(tokens[1:])
@@ -199,12 +252,7 @@ class SketchValues(SketchSource):
                 for each in self.arrays_of(name, function, bound)
                 for row in self.picked(each, tokens[2:-1], function, depth, bound)
             ]
-            return [
-                made
-                for row in rows
-                for made in (self.objects_of(row[0], "", None, depth + 1) if len(row) == 1 else ())
-                or self._made(kind, row, "", None)
-            ]
+            return [made for row in rows for made in self._of_row(kind, row, depth)]
         given = bound.get(name) if bound is not None else None
         if isinstance(given, SketchObject):
             return [given]
@@ -237,7 +285,7 @@ class SketchValues(SketchSource):
         tokens = without_casts(expression)
         if len(tokens) < _NAMED_VALUE or tokens[-2].text not in (".", "->"):
             return []
-        return [self._member(each, tokens[-1], 0) for each in self.objects_of(tokens[:-2], function, None)]
+        return [self.member(each, tokens[-1], 0) for each in self.objects_of(tokens[:-2], function, None)]
 
     def _elements(self, array: str) -> list[SketchObject]:
         """The objects in an array, in their order."""
@@ -249,8 +297,10 @@ class SketchValues(SketchSource):
     ) -> list[SketchObject]:
         """The object of a class with these values; none of another class."""
         if kind in self.parameters:
-            names = self.parameters[kind]
-            return [SketchObject(kind, {}, self._bound(names, given, function, bound))]
+            own = self._bound(self.parameters[kind], given, function, bound)
+            for base, values in self.bases.get(kind, ()):
+                own |= self._bound(self.parameters.get(base, ()), values, kind, own)
+            return [SketchObject(kind, {}, own)]
         if kind not in self.classes:
             return []
         members = dict(zip(self.classes[kind].members, given, strict=False))
@@ -258,11 +308,17 @@ class SketchValues(SketchSource):
             members = {each[1].text: each[3:] for each in given if len(each) > _NAMED_VALUE}
         return [SketchObject(kind, members, {})]
 
-    def _member(self, made: SketchObject, name: Token, depth: int) -> Pins | None:
+    def member(self, made: SketchObject, name: Token, depth: int) -> Pins | None:
         """The value of an object's member."""
         if name.text in made.members:
             return self.values(made.members[name.text], "", depth + 1)
         return self._value_of(name, made.type, depth, made.bound)
+
+    def objects_with(self, name: str, function: str) -> list[SketchObject]:
+        """The objects that a method may have, if a name in it is a member; none of another name."""
+        kind = self.scopes.get(function, "")
+        is_member = kind in self.classes and name in self.classes[kind].members
+        return self.objects_of_class(kind) if is_member else []
 
     def own_values(self, made: SketchObject) -> Bindings:
         """The values of names in the methods of an object: its members, or its constructor's parameters."""
@@ -353,8 +409,9 @@ class SketchValues(SketchSource):
         return union(self.pins(call) for call in self.named("ledcAttachPin"))
 
     def items(self, name: str) -> list[Pins | None]:
-        """The values of each element of an array, in order; none if there is no such array."""
-        return [self.values(item) for row in self.arrays.get(name, ()) for item in row]
+        """The values of each element of an array, or of an object in braces, in order; none without such."""
+        rows = self.arrays.get(name) or (self.aggregates.get(name, ()),)
+        return [self.values(item) for row in rows for item in row]
 
     def bindings(
         self, call: SketchCall, bound: Bindings | None
@@ -408,6 +465,8 @@ class SketchValues(SketchSource):
         if name in self.arrays:
             items = (item for row in self.arrays[name] for item in row)
             return union(self.values(item, "", depth + 1) for item in items)
+        if made := [each for each in self.objects_with(name, function) if name in each.members]:
+            return union(self.member(each, token, depth) for each in made)
         if name in _NAMED:
             return Pins({self.kind.led if name == "LED_BUILTIN" else _NAMED[name]})
         analog = _ANALOG_PIN.fullmatch(name)

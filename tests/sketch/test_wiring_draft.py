@@ -18,6 +18,7 @@ from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim.specs import WheelLayout, WheelsSpec
 from simmer_tui.sketch.boards import UNO
 from simmer_tui.sketch.sketch_scan import SketchFacts
+from simmer_tui.sketch.wheel_draft import layout_with
 from simmer_tui.sketch.wiring import WiringParts, missing_sketches, read_wiring
 from simmer_tui.sketch.wiring_draft import draft
 from tests.sketch.running import FORMS
@@ -32,10 +33,12 @@ def drafted(folder: Path, *texts: str) -> dict[str, Any]:
         paths[-1].write_text(text, "utf-8")
     made = draft(paths, folder, ["u1", "u2"], ["i1", "i2"])
     problems: list[Problem] = []
-    read_wiring(made, WiringParts((), WheelsSpec(layout=WheelLayout.DIFF)), problems)
+    lines = [line for line in made.splitlines() if line.startswith("wheel = ")]
+    layout = layout_with(line.split('"')[1] for line in lines)
+    read_wiring(made, WiringParts((), WheelsSpec(layout=layout or WheelLayout.DIFF)), problems)
     assert [str(each) for each in problems if "no row of sensors.csv has" not in each.what] == []
-    marks = ("# ? which wheel", '"  # ? which\n', "  # by the names in the sketch\n")
-    assert made.count("wheel =") == sum(map(made.count, marks))
+    marks = ("# ? which wheel of [wheels] in settings.toml", "# ? which", "# by the names in the sketch")
+    assert all(line.endswith(marks) for line in lines)
     return tomllib.loads(made)
 
 
@@ -239,6 +242,26 @@ MOTORS = {
         "void loop() { lamp.run(1); run(); }",
         [("hbridge", 7, 8, 5), ("hbridge", 2, 4, 6)],
     ),
+    "pins that functions and macros return": (
+        "#define DIR(m) (4 + 3 * (m))\n#define LEFT 0\nint pwm(int m) { return m == LEFT ? 5 : 6; }\n"
+        "void run(int m, int v) { digitalWrite(DIR(m), v > 0); analogWrite(pwm(m), v); }\n"
+        "void loop() { run(LEFT, 9); run(1, 9); }",
+        [("shield", 4, 5), ("shield", 7, 6)],
+    ),
+    "a method with a pin of the base class": (
+        "class Part { protected: int pin; public: Part(int p) : pin(p) {} };\n"
+        "class Wheel : public Part { int way; public: Wheel(int en, int dir) : Part(en), way(dir) {}\n"
+        " void run(int v) { digitalWrite(way, v > 0); analogWrite(pin, v); } };\n"
+        "Wheel one(5, 4), two(6, 7);\nvoid loop() { one.run(9); two.run(9); }",
+        [("shield", 4, 5), ("shield", 7, 6)],
+    ),
+    "numbers of pins in the blocks of one function": (
+        "void setup() { pinMode(11, OUTPUT); pinMode(10, OUTPUT); pinMode(9, OUTPUT); pinMode(8, OUTPUT); }\n"
+        "void loop() { if (t == 'F') { digitalWrite(11, 1); digitalWrite(9, 1); }"
+        " else if (t == 'W') { digitalWrite(7, 1); } else { digitalWrite(11, 0); digitalWrite(9, 0);"
+        " digitalWrite(10, 0); digitalWrite(8, 0); } }",
+        [("hbridge", 11, 10), ("hbridge", 9, 8)],
+    ),
     "lamps and relays": (
         "int led1 = 8, led2 = 9, pump = 4, valve = 5;\n"
         "void f() { digitalWrite(led1, 1); digitalWrite(led2, 0);"
@@ -388,6 +411,20 @@ SENSORS = {
     "line sensors in the order of calls": (
         "bool dark(int pin) { return analogRead(pin) > 500; }\nvoid loop() { dark(A3); dark(A1); }",
         [("A3",), ("A1",)],
+    ),
+    "the second channel in a lambda": (
+        "void setup() { attachInterrupt(digitalPinToInterrupt(2), []() { digitalRead(4) ? n++ : n--; }, LOW);"
+        " attachInterrupt(digitalPinToInterrupt(3), [] { m++; }, RISING); }",
+        [(2, 4), (3,)],
+    ),
+    "line sensors that are objects": (
+        "struct Eye { int pin; bool dark() const { return digitalRead(pin); } };\n"
+        "Eye eyes[] = {{A2}, {A0}};\nvoid loop() { eyes[0].dark(); eyes[1].dark(); }",
+        [("A2",), ("A0",)],
+    ),
+    "line sensors by macros, in their own order": (
+        "#define EYE_L analogRead(A2)\n#define EYE_R analogRead(A0)\nvoid loop() { if (EYE_R || EYE_L) {} }",
+        [("A2",), ("A0",)],
     ),
     "line sensors by the numbers of channels": (
         "void loop() { analogRead(2); for (int i = 0; i < 2; i++) analogRead(i); }",
@@ -539,6 +576,24 @@ def test_the_gripper_is_the_servo_that_is_named_so(
     assert [row["pin"] for row in made if "gripper" in row] == ([] if gripper is None else [gripper])
 
 
+_MEASURE = "int ping() { digitalWrite(7, HIGH); return pulseIn(8, HIGH); }\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "is_gripper"),
+    [
+        ("void lookLeft() { s.write(170); }\nvoid loop() {}", False),
+        ("int at(int a) { s.write(a); delay(300); return ping(); }\nvoid loop() { at(20); }", False),
+        ("void loop() { for (int a = 15; a < 165; a++) { s.write(a); delay(30); ping(); } }", False),
+        ("void loop() { if (ping() < 100) s.write(20); else s.write(90); ping(); }", True),
+    ],
+)
+def test_a_servo_that_turns_a_sonar_is_no_gripper(tmp_path: Path, text: str, is_gripper: bool) -> None:
+    head = "#include <Servo.h>\nServo s;\nvoid setup() { s.attach(3); }\n"
+    (row,) = drafted(tmp_path, f"{head}{_MEASURE}{text}")["servos"]
+    assert ("gripper" in row) is is_gripper
+
+
 STEPPERS = {
     "objects": (
         "#include <AccelStepper.h>\n#define EN 8\nAccelStepper left(AccelStepper::DRIVER, 2, 5);\n"
@@ -570,6 +625,12 @@ STEPPERS = {
         "void loop() { digitalWrite(STEP_R, HIGH); digitalWrite(STEP_L, HIGH); delayMicroseconds(500);\n"
         "digitalWrite(STEP_R, LOW); digitalWrite(STEP_L, LOW); delayMicroseconds(500); }",
         [("step_dir", 9, 4, 8), ("step_dir", 3, 10, 8)],
+    ),
+    "pulses of a class": (
+        "class Step { byte pin, dir; public: Step(byte p, byte d) : pin(p), dir(d) {}\n"
+        "void one(bool ahead) { digitalWrite(dir, ahead); digitalWrite(pin, HIGH); delayMicroseconds(9);"
+        " digitalWrite(pin, LOW); } };\nStep a(2, 5), b(3, 6);\nvoid loop() { a.one(true); b.one(true); }",
+        [("step_dir", 2, 5), ("step_dir", 3, 6)],
     ),
     "pulses of a parameter": (
         "void one(int pin, int dirPin, bool ahead) { digitalWrite(dirPin, ahead); digitalWrite(pin, HIGH);\n"
@@ -690,6 +751,28 @@ def test_a_drafted_set_is_its_own_nominal_one(tmp_path: Path) -> None:
     other = nominal_of(configuration, "mission")
     assert other is not None
     assert other.name == "mission"
+
+
+def test_check_tells_the_nominal_set_of_a_set_that_got_its_wiring_later(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("PATH", "")  # without a compiler nothing is run
+    (tmp_path / "eyes.ino").write_text(EYES, "utf-8")
+    made = tmp_path / "set"
+    assert main(["init", str(made)]) == 0
+    assert main(["init", str(made), "--sketch", str(tmp_path / "eyes.ino")]) == 0
+    settings = made / "settings.toml"
+    text = settings.read_text("utf-8")
+    (named,) = (line for line in text.splitlines() if line.startswith("nominal = "))
+    for line, count in ((named, 1), ('nominal = ""', 0)):
+        settings.write_text(text.replace(named, line), "utf-8")
+        capsys.readouterr()
+        main(["check", str(made)])
+        said = capsys.readouterr().out
+        assert said.count("reports compare this robot with that set") == count
+    nominal = nominal_of(load(made))
+    assert nominal is not None
+    assert nominal.name == str(made)
 
 
 def test_init_drafts_where_the_set_is(
@@ -820,7 +903,7 @@ def test_a_note_tells_the_enables_of_steppers(tmp_path: Path) -> None:
         "void setup() { analogWrite(10, 150); }\nvoid loop() {}\n",
         "utf-8",
     )
-    note = "# ? rover has analogWrite on 10 as well: a stepper's enable (then no row), a motor, or a lamp"
+    note = "# ? rover writes 10 as well, in no row: a motor (add [[motors]] by hand), or an enable"
     assert note in draft([tmp_path / "rover.ino"], tmp_path, [], [])
 
 
