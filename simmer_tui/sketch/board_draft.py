@@ -226,7 +226,7 @@ def _kind(facts: SketchFacts) -> BoardKind:
     of_esp32 = any(name.lower() in _ESP32_HEADERS for name, _ in facts.includes)
     if of_esp32 or any(_ESP32_CALL.fullmatch(call.name) for call in facts.calls):
         return ESP32
-    is_mega = any(call.object in ("Serial1", "Serial2", "Serial3") for call in facts.calls)
+    is_mega = any(facts.port_named(call.object) in ("Serial1", "Serial2", "Serial3") for call in facts.calls)
     for call in facts.named(*WRITES, *PULSES, "digitalRead", "pinMode"):
         is_mega |= any(UNO.pins <= pin < BOARDS["mega"].pins for pin in facts.pins(call) or ())
     for kind in ("AccelStepper", "Stepper", "LiquidCrystal"):

@@ -12,6 +12,14 @@ from simmer_tui.sketch.pwm_channels import follow_channels
 from simmer_tui.sketch.sketch_source import SketchCall
 from simmer_tui.sketch.sketch_values import DEEPEST, MOST_LOOKUPS, Bindings, Pins, SketchValues
 
+_PORTS = frozenset(("Serial", "Serial1", "Serial2", "Serial3"))
+"""Ports in hardware of any board."""
+_TAKING = (
+    *("available", "peek", "read", "readString", "readStringUntil", "readBytes", "readBytesUntil"),
+    *("parseInt", "parseFloat", "find", "findUntil"),
+)
+"""Calls that take bytes from a port, or ask for them."""
+
 
 class SketchPort(Struct, frozen=True):
     """A serial port of a sketch: its pins, and the rates that it is begun with (none: it is not begun)."""
@@ -51,8 +59,18 @@ class SketchFacts(SketchValues):
 
     def is_port(self, name: str) -> bool:
         """True if an object is a serial port."""
-        port = self._port_named(name)
+        port = self.port_named(name)
         return port in self.kind.serial or any(each.name == port for each in self.ports())
+
+    def takes_from(self, port: str) -> bool:
+        """True if the sketch takes bytes from a port, or passes it on to something that may."""
+        for call in self.calls:
+            if call.name in _TAKING and self.port_named(call.object) == port:
+                return True
+            names = (each[-1].text for each in call.arguments if len(each) in (1, 2))
+            if any(self.port_named(name) == port for name in names):
+                return True
+        return False
 
     def methods(self, name: str, *called: str) -> Iterator[tuple[SketchCall, Bindings | None]]:
         """The calls of methods of an object by its name; those of a function that it is passed to with the
@@ -106,7 +124,7 @@ class SketchFacts(SketchValues):
         """The serial ports in hardware that it begins, those of its own objects, and Bluetooth."""
         begun: dict[str, list[SketchCall]] = defaultdict(list)
         for call in self.named("begin"):
-            begun[self._port_named(call.object)].append(call)
+            begun[self.port_named(call.object)].append(call)
         found = []
         for name, usual in self.kind.serial.items():
             if begun[name]:
@@ -134,12 +152,12 @@ class SketchFacts(SketchValues):
                     found.append(SketchPort(each.name, rx, tx, (), each.spot, spot))
         return found
 
-    def _port_named(self, name: str) -> str:
+    def port_named(self, name: str) -> str:
         """The port that a name stands for: `#define BT Serial1`, or a reference to it."""
         found = {
             "".join(token.text for token in each).lstrip("&") for each, _ in self.expressions.get(name, ())
         }
-        return next(iter(found)) if len(found) == 1 and found <= self.kind.serial.keys() else name
+        return next(iter(found)) if len(found) == 1 and found <= _PORTS else name
 
     def _begun_pins(
         self, begins: Sequence[SketchCall], usual: tuple[int, int] | None

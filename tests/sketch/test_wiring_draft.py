@@ -473,6 +473,14 @@ def test_the_board_and_the_line_are_those_that_the_sketch_uses(tmp_path: Path) -
     assert drafted(tmp_path, duties)["boards"]["sketch1"]["board"] == "mega"
     unused = "SoftwareSerial eyes(10, 11);\nvoid setup() { Serial.begin(9600); }"
     assert drafted(tmp_path, unused)["laptop"] == {"board": "sketch1", "rx": 0, "tx": 1}
+    notes = "#define BT Serial1\nvoid setup() { Serial.begin(9600); BT.begin(9600); Serial.print(1); }\n"
+    other = {"board": "sketch1", "rx": 19, "tx": 18}
+    assert drafted(tmp_path, f"{notes}void loop() {{ BT.read(); }}")["laptop"] == other
+    passed = "Robot robot(&BT);\nvoid loop() { robot.run(); }"
+    assert drafted(tmp_path, notes + passed)["laptop"] == other
+    begin = "Serial.begin(9600); lcd.begin(9600);"
+    usb = f"SoftwareSerial lcd(10, 11);\nvoid setup() {{ {begin} lcd.print(Serial.read()); }}"
+    assert drafted(tmp_path, usb)["laptop"] == {"board": "sketch1", "rx": 0, "tx": 1}
 
 
 def test_each_board_may_have_an_option_of_its_own(tmp_path: Path) -> None:
