@@ -43,6 +43,7 @@ _CAUSES: dict[int, str] = {
     203: "it gave back a mutex that {task} holds; only the task that took it may give it back",
     204: "its period has 0 ticks, and FreeRTOS asserts that it has one at least",
     205: "it called a function at address 0, which starts an AVR again, and no simulated board",
+    206: "it set the mode of a timer, and registers are not simulated; only its rate may be set",
 }
 """Causes of a board's death by its signal; 0 is none. `{task}` is another one that had a part in it."""
 if sys.platform != "win32" and platform_has.POSIX:

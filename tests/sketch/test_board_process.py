@@ -77,6 +77,29 @@ def test_boards_end_with_their_last_words_and_their_cause(tmp_path: Path) -> Non
     assert re.fullmatch(r"got u-?\d+got !", run(tmp_path / "u", "u!").text)
 
 
+RATES = """
+void setup() {
+  Serial.begin(9600);
+  TCCR1B = TCCR1B & 0b11111000 | 0x05;
+  TCCR2B = (TCCR2B & B11111000) | _BV(CS20);
+  Serial.print(TCCR1B); Serial.print(TCCR2B);
+  TCCR1B &= ~(1 << CS12); TCCR1B |= 1 << CS11;
+  Serial.print(TCCR1B);
+  delay(300);
+}
+void loop() { TCCR1B |= 1 << 3; }
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(find_compiler() is None, reason="there is no C++ compiler")
+def test_a_sketch_sets_the_frequency_of_pwm_and_no_mode_of_a_timer(tmp_path: Path) -> None:
+    made = run_boards(made_set(tmp_path / "set", ROVER, {"rover.ino": RATES}), 1.0)
+    assert made.text == "513"
+    assert "rover.ino:11 after 0.3" in made.failed
+    assert "it set the mode of a timer, and registers are not simulated" in made.failed
+
+
 RESTARTS = """
 void (*restart)(void) = 0;
 void setup() { delay(300); }

@@ -65,7 +65,7 @@ uint32_t fault_address(const void*) { return 0; }
 #endif
 
 constexpr int NO_TASK = -1;
-constexpr int TASK_RETURNED = 200, RESTARTED = 201, ABSENT = 202, FOREIGN = 203, NO_TICKS = 204, JUMPED_TO_START = 205;  // beyond the signals of all systems
+constexpr int TASK_RETURNED = 200, RESTARTED = 201, ABSENT = 202, FOREIGN = 203, NO_TICKS = 204, JUMPED_TO_START = 205, TIMER_MODE = 206;  // beyond the signals of all systems
 
 // `task` is the number of another one that had a part in it.
 void report_death(int number, uint32_t address, int task = NO_TASK) {
@@ -135,6 +135,13 @@ EspClass ESP;
 void EspClass::restart() {
   report_death(RESTARTED, CALLED_AT - 1);
   for (;;) {}
+}
+#endif
+#if !defined(SIMMER_ESP32)
+TimerRateRegister& TimerRateRegister::operator=(int value) {
+  if (value & ~7) report_death(TIMER_MODE, CALLED_AT - 1);
+  value_ = static_cast<uint8_t>(value);
+  return *this;
 }
 #endif
 void board::report_return() { report_death(TASK_RETURNED, 0); }

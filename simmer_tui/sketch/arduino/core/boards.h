@@ -41,6 +41,7 @@ enum : unsigned char { A8 = A7 + 1, A9, A10, A11, A12, A13, A14, A15 };
 enum : unsigned char { PORF, EXTRF, BORF, WDRF };
 inline volatile unsigned char MCUSR = 0;
 
+#include "timer_rates.h"
 #define LED_BUILTIN 13
 #define NUM_DIGITAL_PINS DIGITAL_PINS
 #define NUM_ANALOG_INPUTS ANALOG_PINS
