@@ -172,7 +172,12 @@ ESP32 = BoardKind(
     most_counts=4095,
     led=2,
     bluetooth=(40, 41),
-    lacks=frozenset(("Arduino_FreeRTOS.h", "Servo.h", "SoftwareSerial.h", "avr/power.h", "avr/sleep.h")),
+    lacks=frozenset(
+        (
+            *("Arduino_FreeRTOS.h", "Servo.h", "SoftwareSerial.h", "avr/power.h", "avr/sleep.h"),
+            *("EnableInterrupt.h", "PinChangeInt.h", "PinChangeInterrupt.h"),
+        )
+    ),
     tick=1,
 )
 BOARDS = {board.name: board for board in (UNO, NANO, MEGA, ESP32)}

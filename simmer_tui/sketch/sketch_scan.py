@@ -12,6 +12,10 @@ from simmer_tui.sketch.pwm_channels import follow_channels
 from simmer_tui.sketch.sketch_source import SketchCall
 from simmer_tui.sketch.sketch_values import DEEPEST, MOST_LOOKUPS, Bindings, Pins, SketchValues
 
+PIN_CHANGES = ("attachPCINT", "attachPinChangeInterrupt", "enableInterrupt", "PCattachInterrupt")
+"""Calls of libraries that attach a function to a pin change."""
+_PIN_CHANGE_CLASS = "PCintPort"
+"""Class of an old library whose attachInterrupt does so."""
 _PORTS = frozenset(("Serial", "Serial1", "Serial2", "Serial3"))
 """Ports in hardware of any board."""
 _TAKING = (
@@ -33,7 +37,11 @@ class SketchPort(Struct, frozen=True):
 
 
 class SketchInterrupt(Struct, frozen=True):
-    """An attachInterrupt. `pins` is None if unknown; `number` is the interrupt's number, if that is given."""
+    """An attachInterrupt, or a call of a library for pin changes.
+
+    `pins` is None if unknown; `number` is the interrupt's number, if that is given. `is_pin_change` is true
+    for one that comes by a pin-change interrupt.
+    """
 
     pins: Pins | None
     number: int | None
@@ -42,6 +50,7 @@ class SketchInterrupt(Struct, frozen=True):
     spot: str
     reads: Pins
     """The pins that its function reads with digitalRead."""
+    is_pin_change: bool = False
 
 
 class SketchFacts(SketchValues):
@@ -180,24 +189,35 @@ class SketchFacts(SketchValues):
                 yield call
 
     def interrupts(self) -> list[SketchInterrupt]:
-        """Its calls of attachInterrupt."""
+        """Its calls of attachInterrupt, and those of libraries for pin changes."""
         found = []
-        for call in self.named("attachInterrupt", "attachInterruptArg"):
-            if len(call.arguments) < 2 or call.object:
+        for call in self.named("attachInterrupt", "attachInterruptArg", *PIN_CHANGES):
+            is_change = call.name in PIN_CHANGES or call.object == _PIN_CHANGE_CLASS
+            if len(call.arguments) < 2 or (call.object and not is_change):
                 continue
             first = call.arguments[0]
-            is_pin = first[0].text == "digitalPinToInterrupt" if first else False
+            is_pin = is_change or (bool(first) and first[0].text == "digitalPinToInterrupt")
+            if first and first[0].text.startswith("digitalPinTo"):
+                first = first[2:-1]
             mode = self.spelled(call, len(call.arguments) - 1)
             for bound in self.rounds(call, {}):
-                values = self.values(first[2:-1] if is_pin else first, call.function, 0, bound)
+                values = self.values(first, call.function, 0, bound)
                 pins, number = values, None
                 if not is_pin and values is not None and len(values) == 1:
                     number = next(iter(values))
                     by_number = {each: pin for pin, each in self.kind.interrupts.items()}
                     pins = Pins({by_number[number]}) if number in by_number else Pins()
+                # This one takes the interrupt of attachInterrupt where a pin has one.
+                is_free = (
+                    call.name == "enableInterrupt" and bool(pins) and pins <= self.kind.interrupts.keys()
+                )
                 function = self._function_named(call, 1, bound)
                 reads = self._read_by(call, function)
-                found.append(SketchInterrupt(pins, number, function, mode, call.token.spot, reads))
+                found.append(
+                    SketchInterrupt(
+                        pins, number, function, mode, call.token.spot, reads, is_change and not is_free
+                    )
+                )
         return found
 
     def _read_by(self, attach: SketchCall, function: str) -> Pins:

@@ -35,6 +35,7 @@
 #include "libraries/esp_timer.cpp"
 #include "libraries/esp_task_wdt.cpp"
 #else
+#include "board/pin_change.cpp"
 #include "libraries/avr/sleep.cpp"
 #endif
 #include "libraries/Wire.cpp"

@@ -42,6 +42,8 @@ constexpr Cost PRINT_NUMBER = 10000, PRINT_DIGIT = 37000;
 constexpr Cost PRINT_FLOAT = 40000, PRINT_DECIMAL = 55000;
 constexpr Cost INTERRUPT_ENTRY = 5000;
 constexpr Cost INTERRUPT_EXIT = 2500;
+// A pin-change interrupt beyond one of a single pin: it reads its port, and looks which of eight pins have changed.
+constexpr Cost PIN_CHANGE = 5000;
 constexpr Cost LOOP = 500;
 constexpr Cost SERVO_WRITE = 8000;
 constexpr Cost TONE = 10000;
