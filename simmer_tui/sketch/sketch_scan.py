@@ -207,10 +207,9 @@ class SketchFacts(SketchValues):
                     number = next(iter(values))
                     by_number = {each: pin for pin, each in self.kind.interrupts.items()}
                     pins = Pins({by_number[number]}) if number in by_number else Pins()
+                known = pins or Pins({-1})
                 # This one takes the interrupt of attachInterrupt where a pin has one.
-                is_free = (
-                    call.name == "enableInterrupt" and bool(pins) and pins <= self.kind.interrupts.keys()
-                )
+                is_free = call.name == "enableInterrupt" and known <= self.kind.interrupts.keys()
                 function = self._function_named(call, 1, bound)
                 reads = self._read_by(call, function)
                 found.append(
