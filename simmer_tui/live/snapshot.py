@@ -31,6 +31,7 @@ from simmer_tui.run.events import (
     NoticeKind,
     ProgramEnded,
     TwinReading,
+    WireMessage,
 )
 from simmer_tui.run.facts import BESIDE, degrees_beside
 from simmer_tui.run.mission import MissionState, Referee, mission_state
@@ -67,10 +68,10 @@ class LogEntry(Struct, frozen=True):
 
     `number` is the running number of the (latest) event, `real_time` the time of day (seconds since the
     epoch), `time` simulated time. Events are kept without large parts: a belief's particles and cells, a
-    result's path. Where readings are folded, `first` is the number of the first. `readings`, `beliefs` and
-    `velocities` count all of them; `kept` holds the latest and `missing` counts the others. `nearest` is the
-    latest reading of the sensor that points at a contact, since the movement before. `wedged` is true if the
-    robot keeps touching something in one place.
+    result's path. Where readings are folded, `first` is the number of the first. `readings`, `beliefs`,
+    `velocities` and `prints` (of boards) count all of them; `kept` holds the latest and `missing` counts the
+    others. `nearest` is the latest reading of the sensor that points at a contact, since the movement before.
+    `wedged` is true if the robot keeps touching something in one place.
     """
 
     number: int
@@ -85,11 +86,12 @@ class LogEntry(Struct, frozen=True):
     nearest: Reading | None = None
     missing: int = 0
     wedged: bool = False
+    prints: int = 0
 
     @property
     def folds(self) -> bool:
         """True if the entry represents several events."""
-        return self.readings + self.beliefs + self.velocities > 0
+        return self.readings + self.beliefs + self.velocities + self.prints > 0
 
 
 class _Folded:
@@ -97,16 +99,17 @@ class _Folded:
 
     def __init__(self, first: int) -> None:
         self.first = self.number = first
-        self.readings = self.beliefs = self.velocities = 0
+        self.readings = self.beliefs = self.velocities = self.prints = 0
         self.kept: deque[tuple[LogEntry, bool]] = deque(maxlen=KEPT_READINGS)
         """The latest, each with True if it is among those counted."""
 
     def entry(self) -> LogEntry:
         kept = tuple(entry for entry, _ in self.kept)
-        last, all_of_them = kept[-1], self.readings + self.beliefs + self.velocities
+        last, all_of_them = kept[-1], self.readings + self.beliefs + self.velocities + self.prints
         return LogEntry(
             self.number, last.real_time, last.event, last.time, self.first, self.readings, self.beliefs,
             self.velocities, kept, missing=all_of_them - sum(counted for _, counted in self.kept),
+            prints=self.prints,
         )  # fmt: skip
 
 
@@ -247,6 +250,13 @@ class EventFeed(EventHandler[None]):
             self.other(light)
         else:
             self._fold(light).beliefs += 1
+
+    def on_wire(self, event: WireMessage) -> None:
+        if event.port:
+            # A sketch may print in each pass of its loop.
+            self._fold(event).prints += 1
+        else:
+            self.other(event)
 
     def on_display(self, event: DisplayChanged) -> None:
         """No entry: the boards' panel shows it."""

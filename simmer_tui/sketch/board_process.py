@@ -53,7 +53,8 @@ NEVER = 1 << 62
 STOP_WHEN_SENT = 0x100
 """Flag of a grant: the first byte sent at the pin in the low byte ends the slice when it has arrived."""
 ANSWER_HOLDS = 0x200
-"""Flag of a grant: the answer stays the same until its horizon, as long as the board changes no output."""
+"""Flag of a grant: the answers since the last one without it stay the same until its horizon, as long as the
+board changes no output."""
 
 
 class BoardSilence:

@@ -633,7 +633,7 @@ class SketchRobot(LockstepWorld):
                 is_rate = query == Query.RATE
                 made = self._world.rate(each.code, filter_number) if is_rate else self._world.read(each.code)
             else:
-                seen = self._world.read(each.code) == 1.0
+                seen = self._world.level(each.code) == 1.0
                 made = float(seen == each.active_high)
         return made
 

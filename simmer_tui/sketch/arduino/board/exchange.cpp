@@ -96,7 +96,7 @@ Nanoseconds horizon = 0;
 uint64_t events_applied = 0;
 uint32_t place = 0;
 uint32_t grant_flags = 0;
-uint64_t grants = 0;
+uint64_t answers_since = 0;
 
 void open_channel() {
   channel_in = duplicate(0);
@@ -152,7 +152,7 @@ double exchange(Reason reason, Query query, int pin) {
   }
   horizon = grant.horizon;
   grant_flags = grant.flags;
-  ++grants;
+  if (!(grant.flags & ANSWER_HOLDS)) ++answers_since;
   plan_stop();
   return grant.answer;
 }

@@ -40,7 +40,8 @@ enum class Told : uint8_t {
 enum class Event : uint8_t { Edge = 1, Byte = 2 };
 
 constexpr uint32_t STOP_WHEN_SENT = 0x100;  // flag: the first byte of the pin in the low byte ends the slice when it has arrived
-constexpr uint32_t ANSWER_HOLDS = 0x200;    // flag: until the next grant the same question has the same answer
+// Flag: until the next grant without it, questions that were asked since the last one without it have the same answers.
+constexpr uint32_t ANSWER_HOLDS = 0x200;
 
 struct Record {
   uint64_t time;
@@ -54,7 +55,7 @@ extern Nanoseconds horizon;
 extern uint64_t events_applied;
 extern uint32_t place;  // address of the last basic block of the sketch
 extern uint32_t grant_flags;
-extern uint64_t grants;  // their number so far
+extern uint64_t answers_since;  // the number of grants so far after which no earlier answer holds
 
 void open_channel();
 void send_told(Reason reason, Query query = Query::None, int pin = 0);  // safe in a signal handler

@@ -15,6 +15,8 @@ struct Pin {
   int32_t duty;         // 1 up to the most, or 0 without PWM
   int8_t outside;       // the world's level; -1 where nothing is connected
   bool drives, triggers, asked, steps;
+  bool answer;             // of one that is asked, and `answers_since` for which it is known; 0 for none
+  uint64_t answer_since;
 };
 #if defined(SIMMER_ESP32)
 constexpr Told DUTY = Told::FineDuty;
@@ -122,9 +124,15 @@ void digitalWrite(int number, int value) {
 
 int digitalRead(int number) {
   pass(cost::DIGITAL);
-  const Pin* pin = pin_of(number);
+  Pin* pin = pin_of(number);
   if (!pin) return LOW;
-  if (pin->asked && pin->mode != OUTPUT) return exchange(Reason::Query, Query::Digital, number) != 0.0;
+  if (pin->asked && pin->mode != OUTPUT) {
+    if (pin->answer_since != answers_since) {
+      pin->answer = exchange(Reason::Query, Query::Digital, number) != 0.0;
+      pin->answer_since = grant_flags & ANSWER_HOLDS ? answers_since : 0;
+    }
+    return pin->answer;
+  }
   return pin->mode == OUTPUT ? pin->level : input_level(number);
 }
 
