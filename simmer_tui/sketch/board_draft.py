@@ -8,7 +8,7 @@ from pathlib import Path
 
 from msgspec import Struct
 
-from simmer_tui.sketch.boards import BOARDS, ESP32, UNO, BoardKind
+from simmer_tui.sketch.boards import ESP32, MEGA, UNO, BoardKind
 from simmer_tui.sketch.bus_draft import draft_gyros, draft_rangers
 from simmer_tui.sketch.known_headers import is_provided, provided_classes
 from simmer_tui.sketch.motion_check import forward_levels
@@ -32,6 +32,8 @@ _TRIGGER, _ECHO = (re.compile(word, re.IGNORECASE) for word in ("trig", "echo"))
 _NO_SENSOR = re.compile("potent|knob|batter|button|joystick|taster", re.IGNORECASE)
 _NO_SENSOR_PARTS = frozenset(("pot", "poti", "bat", "batt", "vbat", "volt", "volts", "voltage", "vin", "btn"))
 """Words and parts in the names of inputs that are no sensors of the world: knobs, buttons, the battery."""
+_ENCODER_PARTS, _CHANNELS = frozenset(("enc", "encoder", "hall", "odo")), 2
+"""Parts in the names of an encoder's pins, and the most channels that it has."""
 _ESP32_HEADERS = frozenset(
     ("bluetoothserial.h", "esp32servo.h", "wifi.h", "esp_now.h", "freertos/freertos.h")
 )
@@ -95,6 +97,8 @@ class BoardDraft:
             for each, turn in zip(every, turns, strict=True)
         ]
         self.encoders = list(_encoders(facts, taken))
+        known = {pin for each in self.encoders for pin in (each.a, each.b)}
+        self.encoders += _polled_encoders(facts, {*taken, *known} - {None})
         taken |= {pin for motor in self.motors for pin in motor.pins.values()}
         taken |= {pin for each in self.encoders for pin in (each.a, each.b) if pin is not None}
         no_sensors = taken | _seeds(facts)
@@ -160,6 +164,19 @@ def _encoders(facts: SketchFacts, taken: set[int]) -> Iterator[DraftEncoder]:
         yield DraftEncoder(a, b, place_of_pins(facts, {a} if b is None else {a, b}))
 
 
+def _polled_encoders(facts: SketchFacts, taken: set[int | None]) -> Iterator[DraftEncoder]:
+    """Encoders that are read without an interrupt, by their names; those of a wheel are its two channels."""
+    named = _named(facts, ("digitalRead",), lambda name: parts_of_name(name) & _ENCODER_PARTS)
+    by_place: dict[PartPlace, list[int]] = {}
+    for pin in named:
+        if pin not in taken:
+            by_place.setdefault(place_of_pins(facts, {pin}), []).append(pin)
+    for place, pins in by_place.items():
+        is_one = place != PartPlace() and len(pins) == _CHANNELS
+        for one, *other in [pins] if is_one else ([pin] for pin in pins):
+            yield DraftEncoder(one, other[0] if other else None, place)
+
+
 def facts_for_draft(sketch: Path) -> SketchFacts:
     """The facts of a sketch on the board that it needs. Raises OSError, or ValueError for a source that is
     too long."""
@@ -221,19 +238,24 @@ def _seeds(facts: SketchFacts) -> set[int]:
 
 
 def _kind(facts: SketchFacts) -> BoardKind:
-    """The board that a sketch needs: an ESP32 for its libraries and calls; a Mega for its further ports or
-    a pin that an Uno lacks, or for two pins that have a PWM on a Mega alone."""
+    """The board that a sketch needs: an ESP32 for its libraries and calls; a Mega for its further ports, a
+    pin or interrupt that an Uno lacks, or for two pins that have a PWM on a Mega alone."""
     of_esp32 = any(name.lower() in _ESP32_HEADERS for name, _ in facts.includes)
     if of_esp32 or any(_ESP32_CALL.fullmatch(call.name) for call in facts.calls):
         return ESP32
     is_mega = any(facts.port_named(call.object) in ("Serial1", "Serial2", "Serial3") for call in facts.calls)
-    for call in facts.named(*WRITES, *PULSES, "digitalRead", "pinMode"):
-        is_mega |= any(UNO.pins <= pin < BOARDS["mega"].pins for pin in facts.pins(call) or ())
-    for kind in ("AccelStepper", "Stepper", "LiquidCrystal"):
+    for call in facts.named(*WRITES, *PULSES, "digitalRead", "pinMode", "attach"):
+        is_mega |= any(UNO.pins <= pin < MEGA.pins for pin in facts.pins(call) or ())
+    more = MEGA.interrupts.keys() - UNO.interrupts.keys()
+    # A change of a pin is an interrupt on both.
+    numbered = (each for each in facts.interrupts() if not each.is_pin_change)
+    is_mega |= any(more & (each.pins or Pins()) for each in numbered)
+    for kind in ("AccelStepper", "Stepper", "LiquidCrystal", "NewPing"):
         for call in facts.objects(kind):
-            # The first argument of a stepper is its kind, or its steps a turn.
-            first = 0 if kind == "LiquidCrystal" else 1
-            pins = (facts.pins(call, at) or () for at in range(first, len(call.arguments)))
-            is_mega |= any(UNO.pins <= pin < BOARDS["mega"].pins for each in pins for pin in each)
+            # The first argument of a stepper is its kind, or its steps a turn; a sonar has two pins.
+            first = 1 if kind.endswith("Stepper") else 0
+            last = 2 if kind == "NewPing" else len(call.arguments)
+            pins = (facts.pins(call, at) or () for at in range(first, last))
+            is_mega |= any(UNO.pins <= pin < MEGA.pins for each in pins for pin in each)
     duties = {pin for call in facts.named("analogWrite") for pin in facts.pins(call) or ()}
-    return BOARDS["mega"] if is_mega or len(duties & (BOARDS["mega"].pwm - UNO.pwm)) > 1 else UNO
+    return MEGA if is_mega or len(duties & (MEGA.pwm - UNO.pwm)) > 1 else UNO

@@ -9,7 +9,7 @@ from itertools import chain
 from simmer_tui.config.set_sketches import WIRING_FILE
 from simmer_tui.sketch.sketch_scan import SketchFacts
 from simmer_tui.sketch.sketch_source import SketchCall
-from simmer_tui.sketch.sketch_values import Pins
+from simmer_tui.sketch.sketch_values import Bindings, Pins
 from simmer_tui.sketch.wiring import Wiring
 
 _OPEN, _CLOSED = (re.compile(word, re.IGNORECASE) for word in ("open|release", "clos|grab|hold"))
@@ -31,9 +31,10 @@ def gripper_of(facts: SketchFacts, pins: Sequence[int]) -> int | None:
     one that does not look about; None without one."""
     names = {
         pin: " ".join(
-            f"{call.object} {facts.spelled(call)}"
-            for call in facts.named("attach")
-            if pin in (facts.pins(call) or ())
+            (
+                *(f"{call.object} {facts.spelled(call)}" for call, at, _ in _attached(facts) if at == pin),
+                *(call.function for call in _writes(facts, pin)),
+            )
         )
         for pin in pins
     }
@@ -44,21 +45,39 @@ def gripper_of(facts: SketchFacts, pins: Sequence[int]) -> int | None:
 
 def _looks_about(facts: SketchFacts, pin: int) -> bool:
     """True if a servo turns a sensor: a distance is measured after one of its writes, in the same function,
-    or loop, or the function is named so."""
+    or loop, or after two angles, or the function is named so."""
+    looked: set[str] = set()
     for write in _writes(facts, pin):
         after = [call for call in facts.calls_in(write.function) if call.order > write.order]
         is_own = write.function not in ("setup", "loop") or write.loops
         if is_own and any(_DISTANCE.search(call.name) and call.loops == write.loops for call in after):
             return True
-        if _LOOKS.search(write.function):
+        following = next((call.name for call in after if not call.name.startswith("delay")), "")
+        looked |= {facts.spelled(write)} if _DISTANCE.search(following) else set()
+        if _LOOKS.search(write.function) or len(looked) > 1:
             return True
     return False
 
 
+def _attached(facts: SketchFacts) -> Iterator[tuple[SketchCall, int, str]]:
+    """The calls that attach servos, in loops as well: with the pin, and the servo as its writes name it."""
+    for call in facts.named("attach"):
+        for bound in facts.rounds(call, {}):
+            found = facts.values(call.arguments[0], call.function, 0, bound) if call.arguments else None
+            if found is not None and len(found) == 1:
+                yield call, next(iter(found)), _servo_named(facts, call, bound)
+
+
+def _servo_named(facts: SketchFacts, call: SketchCall, bound: Bindings) -> str:
+    """The name of a call's object, with the number of its index: `servos[1]`."""
+    index = facts.values(call.owner[2:-1], call.function, 0, bound) if len(call.owner) > 1 else None
+    return f"{call.object}[{min(index)}]" if index else call.object
+
+
 def _writes(facts: SketchFacts, pin: int) -> list[SketchCall]:
     """The writes of the servo at a pin."""
-    servos = {call.object for call in facts.named("attach") if facts.pins(call) == Pins({pin})}
-    return [call for call in facts.named("write") if call.object in servos]
+    servos = {name for _, each, name in _attached(facts) if each == pin}
+    return [call for call in facts.named("write") if _servo_named(facts, call, {}) in servos]
 
 
 def drafted_angles(facts: SketchFacts, pin: int) -> str:

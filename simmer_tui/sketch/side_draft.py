@@ -121,10 +121,32 @@ def names_of_pins(facts: SketchFacts, pins: set[int]) -> Iterator[str]:
             yield from (facts.spelled(call, at) for at in places)
             if call.type:
                 yield call.name
+    yield from _index_names(facts, pins)
     for name in (*facts.arrays, *facts.aggregates):
         items = {pin for each in facts.items(name) for pin in each or ()}
         if len(pins) > 1 and pins <= items:
             yield name
+
+
+def _index_names(facts: SketchFacts, pins: set[int]) -> Iterator[str]:
+    """Names of the number of a part whose pins are elements of arrays: `LEFT` of `drive(LEFT, 90)`."""
+    places: list[set[int]] = []
+    for pin in pins:
+        rows = (rows for rows in facts.arrays.values() if len(rows) > 1)
+        found = ((at, row) for each in rows for at, row in enumerate(each))
+        places.append({at for at, row in found if any(facts.values(item) == Pins({pin}) for item in row)})
+    together = set.intersection(*places) if places else set()
+    if len(pins) < 2 or len(together) != 1:
+        return
+    for call in facts.calls:
+        if call.name not in facts.functions or call.type:
+            continue
+        for argument in call.arguments:
+            # Also of `&motors[LEFT]`.
+            index = argument[-2:-1] if argument and argument[-1].text == "]" else argument
+            is_name = len(index) == 1 and index[0].is_name
+            if is_name and facts.values(index, call.function) == Pins(together):
+                yield index[0].text
 
 
 def sides_by_turns(facts: SketchFacts, motors: Sequence[DraftMotor]) -> list[str]:

@@ -15,7 +15,7 @@ from msgspec.structs import replace
 from simmer_tui.config.set_sketches import library_paths, source_paths
 from simmer_tui.sketch.boards import BoardKind
 from simmer_tui.sketch.container_arrays import with_plain_arrays
-from simmer_tui.sketch.cpp_tokens import LARGEST_SOURCE, SourceDirective, Token, tokens_of
+from simmer_tui.sketch.cpp_tokens import LARGEST_SOURCE, SourceDirective, Token, TokenKind, tokens_of
 from simmer_tui.sketch.known_headers import is_provided
 from simmer_tui.sketch.sketch_classes import SketchClass, classes_of, functions_of
 from simmer_tui.sketch.sketch_macros import functions_of_macros
@@ -206,6 +206,8 @@ class SketchSource:
                 self.mentions[token.text] += 1
             while self._loops and at > self._loops[-1][0]:
                 self._loops.pop()
+            if token.text == "enum":
+                self._read_enumerators(tokens, at, partners)
             if token.text == "return" and function:
                 self._read_return(tokens, at, function)
             if token.text == "for" and after == "(":
@@ -222,6 +224,24 @@ class SketchSource:
             elif after in ("(", "{") and token.text not in _KEYWORDS:
                 self._read_call(tokens, at, partners, function)
         self.calls = [self._resolved(call) for call in (*self.calls, *self._made_members())]
+
+    def _read_enumerators(self, tokens: Sequence[Token], at: int, partners: Mapping[int, int]) -> None:
+        """Take the names in `enum { LEFT, RIGHT }` without a value of their own: one more than the last."""
+        begin = at + 1
+        while begin < len(tokens) and tokens[begin].text not in ("{", ";", "(", ")", "="):
+            begin += 1
+        if begin == len(tokens) or tokens[begin].text != "{":
+            return
+        last: tuple[Token, ...] = ()
+        count = 0
+        for item in split(tokens[begin + 1 : partners.get(begin, begin + 1)])[:MOST_VALUES]:
+            if len(item) > 1:
+                last, count = item[2:], 0
+            elif item:
+                number = replace(item[0], kind=TokenKind.NUMBER, text=str(count))
+                plus = replace(item[0], kind=TokenKind.MARK, text="+")
+                self.expressions[item[0].text].append(((*last, plus, number) if last else (number,), ""))
+            count += 1
 
     def _read_return(self, tokens: Sequence[Token], at: int, function: str) -> None:
         end = at + 1

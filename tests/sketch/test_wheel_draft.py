@@ -85,6 +85,15 @@ LAYOUTS = {
         ["left", "right"],
         2,
     ),
+    "omni wheels by the names of their numbers": (
+        "const int P[4][3] = {{22, 23, 2}, {24, 25, 3}, {26, 27, 4}, {28, 29, 5}};\n"
+        "enum Side { FRONT_W = 0, RIGHT_W, BACK_W, LEFT_W };\nvoid one(int i, int v) {"
+        " digitalWrite(P[i][0], v > 0); digitalWrite(P[i][1], v < 0); analogWrite(P[i][2], v); }\n"
+        "void loop() { one(FRONT_W, 9); one(RIGHT_W, 9); one(BACK_W, 9); one(LEFT_W, 9); }",
+        "omni-4",
+        ["front", "right", "rear", "left"],
+        0,
+    ),
     "three wheels by their places": (
         duties("backMotor", "leftMotor", "rightMotor"),
         "omni-3",

@@ -397,6 +397,18 @@ SENSORS = {
         " attachInterrupt(digitalPinToInterrupt(two.a), tick, RISING); }",
         [(2,), (3, 5)],
     ),
+    "encoders that are polled": (
+        "#define ENC_L 8\n#define ENC_R_A 10\n#define ENC_R_B 11\n"
+        "void loop() { digitalRead(ENC_L); digitalRead(ENC_R_A); digitalRead(ENC_R_B); digitalRead(4); }",
+        [(8,), (10, 11), (4,)],
+    ),
+    "encoders of structs that enumerators pick": (
+        "struct Side { byte en, enc; };\nSide s[] = {{5, 2}, {6, 3}};\nenum { L, R };\n"
+        "void l() { n++; } void r() { m++; }\nvoid setup() {"
+        " attachInterrupt(digitalPinToInterrupt(s[L].enc), l, RISING);"
+        " attachInterrupt(digitalPinToInterrupt(s[R].enc), r, RISING); }",
+        [(2,), (3,)],
+    ),
     "encoders in a loop": (
         "const byte enc[] = {3, 2};\nvoid up() { n++; } void tick() { m++; }\n"
         "void (*isr[])() = {up, tick};\nvoid setup() { for (int i = 0; i < 2; i++)"
@@ -469,6 +481,11 @@ def test_a_sensor_whose_row_is_not_there_has_one_to_add(tmp_path: Path) -> None:
 
 
 def test_the_board_and_the_line_are_those_that_the_sketch_uses(tmp_path: Path) -> None:
+    for mega in (
+        "NewPing far(24, 25, 200);",
+        "void setup() { attachInterrupt(digitalPinToInterrupt(18), f, 3); }",
+    ):
+        assert drafted(tmp_path, mega)["boards"]["sketch1"]["board"] == "mega"
     duties = "void f() { digitalWrite(4, 1); analogWrite(2, 9); digitalWrite(5, 1); analogWrite(7, 9); }"
     assert drafted(tmp_path, duties)["boards"]["sketch1"]["board"] == "mega"
     unused = "SoftwareSerial eyes(10, 11);\nvoid setup() { Serial.begin(9600); }"
@@ -584,6 +601,17 @@ def test_the_gripper_is_the_servo_that_is_named_so(
     assert [row["pin"] for row in made if "gripper" in row] == ([] if gripper is None else [gripper])
 
 
+def test_the_gripper_among_servos_in_an_array_is_told_by_its_functions(tmp_path: Path) -> None:
+    text = (
+        "#include <Servo.h>\nServo all[2];\nconst int pin[] = {9, 10};\n"
+        "void setup() { for (int i = 0; i < 2; i++) all[i].attach(pin[i]); }\n"
+        "void armUp() { all[0].write(90); }\nvoid openGripper() { all[1].write(30); }\n"
+        "void closeGripper() { all[1].write(100); }\nvoid loop() {}\n"
+    )
+    made = drafted(tmp_path, text)["servos"]
+    assert [row.get("gripper") for row in made] == [None, {"open": 30, "closed": 100}]
+
+
 _MEASURE = "int ping() { digitalWrite(7, HIGH); return pulseIn(8, HIGH); }\n"
 
 
@@ -593,6 +621,7 @@ _MEASURE = "int ping() { digitalWrite(7, HIGH); return pulseIn(8, HIGH); }\n"
         ("void lookLeft() { s.write(170); }\nvoid loop() {}", False),
         ("int at(int a) { s.write(a); delay(300); return ping(); }\nvoid loop() { at(20); }", False),
         ("void loop() { for (int a = 15; a < 165; a++) { s.write(a); delay(30); ping(); } }", False),
+        ("void loop() { s.write(10); delay(9); ping(); s.write(170); delay(9); ping(); }", False),
         ("void loop() { if (ping() < 100) s.write(20); else s.write(90); ping(); }", True),
     ],
 )
