@@ -8,7 +8,7 @@ from pathlib import Path
 
 from msgspec import Struct
 
-from simmer_tui.sketch.boards import ESP32, MEGA, UNO, BoardKind
+from simmer_tui.sketch.boards import ESP32, MEGA, NANO, UNO, BoardKind
 from simmer_tui.sketch.bus_draft import draft_gyros, draft_rangers
 from simmer_tui.sketch.known_headers import is_provided, provided_classes
 from simmer_tui.sketch.motion_check import forward_levels
@@ -239,7 +239,8 @@ def _seeds(facts: SketchFacts) -> set[int]:
 
 def _kind(facts: SketchFacts) -> BoardKind:
     """The board that a sketch needs: an ESP32 for its libraries and calls; a Mega for its further ports, a
-    pin or interrupt that an Uno lacks, or for two pins that have a PWM on a Mega alone."""
+    pin or interrupt that an Uno lacks, or for two pins that have a PWM on a Mega alone; a
+    Nano for A6 or A7, which an Uno has on no pin."""
     of_esp32 = any(name.lower() in _ESP32_HEADERS for name, _ in facts.includes)
     if of_esp32 or any(_ESP32_CALL.fullmatch(call.name) for call in facts.calls):
         return ESP32
@@ -258,4 +259,6 @@ def _kind(facts: SketchFacts) -> BoardKind:
             pins = (facts.pins(call, at) or () for at in range(first, last))
             is_mega |= any(UNO.pins <= pin < MEGA.pins for each in pins for pin in each)
     duties = {pin for call in facts.named("analogWrite") for pin in facts.pins(call) or ()}
-    return MEGA if is_mega or len(duties & (MEGA.pwm - UNO.pwm)) > 1 else UNO
+    if is_mega or len(duties & (MEGA.pwm - UNO.pwm)) > 1:
+        return MEGA
+    return NANO if any(name in facts.mentions or name in facts.in_macros for name in ("A6", "A7")) else UNO

@@ -69,7 +69,7 @@ def draft(
         boards.append(BoardDraft(name, _path_from(directory, sketch), facts_for_draft(sketch)))
     text = [_HEAD]
     for board in boards:
-        sure = "" if board.facts.kind.name != "uno" else "  # ? or nano"
+        sure = {"uno": f"{_MARK} or nano", "nano": f"{_MARK} or mega"}.get(board.facts.kind.name, "")
         # Strings of JSON are strings of TOML.
         path = json.dumps(board.sketch, ensure_ascii=False)
         text.append(f'[boards.{board.name}]\nsketch = {path}\nboard = "{board.facts.kind.name}"{sure}\n')

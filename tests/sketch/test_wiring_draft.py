@@ -500,6 +500,17 @@ def test_the_board_and_the_line_are_those_that_the_sketch_uses(tmp_path: Path) -
     assert drafted(tmp_path, usb)["laptop"] == {"board": "sketch1", "rx": 0, "tx": 1}
 
 
+@pytest.mark.parametrize(
+    "text", ["#define EYE A7\nvoid f() { analogRead(EYE); }", "void f() { analogRead(A6); }"]
+)
+def test_inputs_that_an_uno_lacks_are_those_of_a_nano(tmp_path: Path, text: str) -> None:
+    found = drafted(tmp_path, text)
+    assert found["boards"]["sketch1"]["board"] == "nano"
+    assert [row["pin"] for row in found["sensors"]] in (["A6"], ["A7"])
+    ports = "void setup() { Serial1.begin(9600); }"
+    assert drafted(tmp_path, text + ports)["boards"]["sketch1"]["board"] == "mega"
+
+
 def test_each_board_may_have_an_option_of_its_own(tmp_path: Path) -> None:
     for name, text in (("eyes", EYES), ("rover", ROVER)):
         (tmp_path / f"{name}.ino").write_text(text, "utf-8")
