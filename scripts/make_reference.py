@@ -390,6 +390,7 @@ _ELSEWHERE = "Elsewhere"
 _PARTS = {
     "config/importer": "Import",
     "config": "The files of a set, and options",
+    "sketch": "Sketches and wiring.toml",
     "sim": "Where robot and block stand, and what a robot lacks",
     "run/mission": "Missions",
     "client": "The client library",
@@ -438,7 +439,12 @@ _MESSAGE_PAGES = {
     "messages-sets.md": (
         "Error messages of sets",
         "As in [error messages](messages.md). Each begins with its place, `file:line:column`.",
-        ("The files of a set, and options", "A team's own language: dialect.toml", "Import"),
+        (
+            "The files of a set, and options",
+            "Sketches and wiring.toml",
+            "A team's own language: dialect.toml",
+            "Import",
+        ),
     ),
     "messages-commands.md": (
         "Error messages of commands",

@@ -62,6 +62,7 @@ def _init_options(parser: OneLineParser) -> None:
         metavar="FILE.ino",
         type=Path,
         nargs="+",
+        action="extend",
         help="draft a wiring.toml from these sketches, one for each board, beside the set in DIR",
     )
 

@@ -31,6 +31,7 @@ from simmer_tui.run.events import (
     NoticeKind,
     ProgramEnded,
     TwinReading,
+    WireMessage,
 )
 from simmer_tui.run.facts import BESIDE, degrees_beside
 from simmer_tui.run.mission import MissionState, Referee, mission_state
@@ -66,10 +67,10 @@ class LogEntry(Struct, frozen=True):
 
     `number` is the running number of the (latest) event, `real_time` the time of day (seconds since the
     epoch), `time` simulated time. Events are kept without large parts: a belief's particles and cells, a
-    result's path. Where readings are folded, `first` is the number of the first. `readings`, `beliefs` and
-    `velocities` count all of them; `kept` holds the latest and `missing` counts the others. `nearest` is the
-    latest reading of the sensor that points at a contact, since the movement before. `wedged` is true if the
-    robot keeps touching something in one place.
+    result's path. Where readings are folded, `first` is the number of the first. `readings`, `beliefs`,
+    `velocities` and `prints` (of boards) count all of them; `kept` holds the latest and `missing` counts the
+    others. `nearest` is the latest reading of the sensor that points at a contact, since the movement before.
+    `wedged` is true if the robot keeps touching something in one place.
     """
 
     number: int
@@ -84,14 +85,15 @@ class LogEntry(Struct, frozen=True):
     nearest: Reading | None = None
     missing: int = 0
     wedged: bool = False
+    prints: int = 0
 
     @property
     def folds(self) -> bool:
         """True if the entry represents several events."""
-        return self.readings + self.beliefs + self.velocities > 0
+        return self.readings + self.beliefs + self.velocities + self.prints > 0
 
 
-_FoldedEvent = CommandResult | Belief | TwinReading
+_FoldedEvent = CommandResult | Belief | TwinReading | WireMessage
 
 
 class _Folded:
@@ -102,7 +104,7 @@ class _Folded:
 
     def __init__(self, first: int) -> None:
         self.first = self.number = first
-        self.readings = self.beliefs = self.velocities = 0
+        self.readings = self.beliefs = self.velocities = self.prints = 0
         self.kept: deque[tuple[int, float, _FoldedEvent, bool]] = deque(maxlen=KEPT_READINGS)
         """The latest: running number, real time, and True if it is among those counted."""
 
@@ -111,10 +113,11 @@ class _Folded:
             LogEntry(number, real_time, light := _light_event(event), light.time)
             for number, real_time, event, _ in self.kept
         )
-        last, all_of_them = kept[-1], self.readings + self.beliefs + self.velocities
+        last, all_of_them = kept[-1], self.readings + self.beliefs + self.velocities + self.prints
         return LogEntry(
             self.number, last.real_time, last.event, last.time, self.first, self.readings, self.beliefs,
             self.velocities, kept, missing=all_of_them - sum(counted for *_, counted in self.kept),
+            prints=self.prints,
         )  # fmt: skip
 
 
@@ -260,6 +263,13 @@ class EventFeed(EventHandler[None]):
         else:
             self._fold(event).beliefs += 1
 
+    def on_wire(self, event: WireMessage) -> None:
+        if event.port:
+            # A sketch may print in each pass of its loop.
+            self._fold(event).prints += 1
+        else:
+            self.other(event)
+
     def on_display(self, event: DisplayChanged) -> None:
         """No entry: the boards' panel shows it."""
 
@@ -312,7 +322,7 @@ def _light_event(event: _FoldedEvent) -> _FoldedEvent:
     if isinstance(event, Belief):
         grid = None if event.grid is None else replace(event.grid, cells=b"")
         return replace(event, particles=(), grid=grid)
-    if isinstance(event, TwinReading):
+    if isinstance(event, TwinReading | WireMessage):
         return event
     reading = event.reading
     has_parts = reading is not None and (reading.view is not None or reading.scan is not None)

@@ -279,6 +279,7 @@ class DisplayChanged(Struct, frozen=True, omit_defaults=True):
         led: true if its own LED is on.
         led_pin: the pin of that LED.
         displays: the rows of text on each of its displays.
+        busy: the share of its last second in which its sketch did not wait; None in its first one.
     """
 
     time: Real = field(name="t")
@@ -286,6 +287,7 @@ class DisplayChanged(Struct, frozen=True, omit_defaults=True):
     led: bool = False
     led_pin: str = "13"
     displays: tuple[tuple[str, ...], ...] = ()
+    busy: Real | None = None
 
 
 class MovementPlanned(Struct, frozen=True):
@@ -391,6 +393,14 @@ class VelocityEnded(Struct, frozen=True):
     source: str = ""
 
 
+class PortLine(Struct, frozen=True, omit_defaults=True):
+    """The last line that a board has sent at one of its ports; the one to the program has no name."""
+
+    board: str
+    port: str = ""
+    text: str = ""
+
+
 class WireMessage(Struct, frozen=True):
     """Bytes on the line between a program and a robot with a dialect, at a simulated time.
 
@@ -398,12 +408,16 @@ class WireMessage(Struct, frozen=True):
         data: the bytes, one character each.
         reply: true if the robot sent them.
         meaning: what a message does; empty for a reply.
+        board: the board that has sent a reply.
+        port: its port, if that is not the one to the program: text for people, no reply.
     """
 
     time: float
     data: str
     reply: bool = False
     meaning: str = ""
+    board: str = ""
+    port: str = ""
 
 
 Event = (

@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from simmer_tui.run.events import MovementEnded, ProgramEnded
 from simmer_tui.sim.angles import half_turn, side_name
 from simmer_tui.sim.arcs import Twist
-from simmer_tui.sim.command import counted, cut
+from simmer_tui.sim.command import BOARD_SOURCE, counted, cut
 from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import Grip, LidarScan
@@ -19,8 +19,6 @@ from simmer_tui.sim.scan_rays import extremes
 from simmer_tui.sim.specs import CELL_SIZE, DriveKind, SimulationSpec
 from simmer_tui.sim.trajectory import Trajectory
 
-BOARD_SOURCE = "boards"
-"""Source of commands that boards make; a place in a sketch may follow: `boards, main at a.ino:4`."""
 _LONGEST = 200
 """Characters of text from a program that are shown."""
 # Inches; two decimals show less as 0.

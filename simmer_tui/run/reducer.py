@@ -34,6 +34,7 @@ from simmer_tui.run.events import (
     MovementPlanned,
     Notice,
     NoticeKind,
+    PortLine,
     ProgramEnded,
     Result,
     TwinReading,
@@ -353,6 +354,7 @@ class Reducer:
             distance=0.0,
             mission=mission,
             displays=(),
+            lines=(),
         )
         self.time = 0.0
         self._commands = 0
@@ -361,15 +363,22 @@ class Reducer:
         self._reading = {}
 
     def _take_wire(self, message: WireMessage) -> None:
-        """Messages over the line change nothing: their commands do."""
-        if self.history is not None:
+        """Messages over the line change nothing: their commands do. The last line of a board is shown."""
+        text = message.data.strip() if message.board and message.reply else ""
+        if text:
+            line = PortLine(message.board, message.port, text)
+            others = [each for each in self._now.lines if (each.board, each.port) != (line.board, line.port)]
+            self._now = replace(self._now, lines=(*others, line))
+        if self.history is not None and not message.port:
             self.history.add_wire(message)
 
     def _take_display(self, change: DisplayChanged) -> None:
         others = (each for each in self._now.displays if each.board != change.board)
         displays = sorted((*others, change), key=lambda each: each.board)
+        before = next((each for each in self._now.displays if each.board == change.board), None)
+        is_busy_alone = before is not None and replace(change, time=before.time, busy=before.busy) == before
         self._now = replace(self._now, displays=tuple(displays))
-        if self.history is not None:
+        if self.history is not None and not is_busy_alone:
             self.history.add_display(change)
 
     def _take_notice(self, notice: Notice) -> None:

@@ -14,6 +14,7 @@ from simmer_tui.run.events import (
     Goal,
     MovementEnded,
     MovementPlanned,
+    PortLine,
     Result,
     TwinReading,
 )
@@ -117,6 +118,8 @@ class Checkpoint(Struct, frozen=True, kw_only=True):
     bias: Mapping[DriveKind, Axes] = field(default_factory=dict)
     displays: tuple[DisplayChanged, ...] = ()
     """The newest change of each board that has shown something."""
+    lines: tuple[PortLine, ...] = ()
+    """The last line of each port of each board."""
 
 
 def checkpoint_of(simulator: Simulator, *, mission: bool = False, time_scale: float = 1.0) -> Checkpoint:

@@ -138,7 +138,7 @@ class BoardRerun(Closing):
 
 def _fact(event: Event) -> tuple[float, str, str] | None:
     """A fact that boards have made: its time, its text and its value. None for other events."""
-    if isinstance(event, WireMessage) and event.reply:
+    if isinstance(event, WireMessage) and event.reply and not event.port:
         return event.time, "line", event.data
     if isinstance(event, CommandResult) and is_of_boards(event.command.source):
         return event.time, event.command.text, repr(event.reply)

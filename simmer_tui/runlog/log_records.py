@@ -39,6 +39,7 @@ from simmer_tui.run.events import (
     Notice,
     NoticeKind,
     OutputLine,
+    PortLine,
     ProgramEnded,
     Real,
     Result,
@@ -368,22 +369,25 @@ class NoticeRecord(LogRecord, tag="notice", frozen=True, kw_only=True):
 
 
 class WireRecord(LogRecord, tag="wire", frozen=True, kw_only=True):
-    """Bytes on the line of a dialect, one character each."""
+    """Bytes on the line of a dialect or of a board, one character each."""
 
     event = WireMessage
     data: str
     reply: bool = False
     meaning: str = ""
+    board: str = ""
+    port: str = ""
 
 
 class DisplayRecord(LogRecord, tag="display", frozen=True, kw_only=True):
-    """A board's LED, and the rows of each of its displays, from a time on."""
+    """A board's LED, the rows of each of its displays, and its busy share, from a time on."""
 
     event = DisplayChanged
     board: str
     led: bool = False
     led_pin: str = "13"
     displays: tuple[tuple[str, ...], ...] = ()
+    busy: Real | None = None
 
 
 class MissionRecord(LogRecord, tag="mission", frozen=True, kw_only=True):
@@ -476,6 +480,7 @@ class CheckpointRecord(LogRecord, tag="checkpoint", frozen=True, kw_only=True):
     link: Annotated[Real, At("spent.link")] = 0.0
     reading: Annotated[dict[str, Real], At("spent.by_sensor", _COPY)] = {}
     displays: tuple[DisplayChanged, ...] = ()
+    lines: tuple[PortLine, ...] = ()
 
 
 @final

@@ -18,6 +18,9 @@ deg/s."""
 # No bundled or imported set has it: codes of robots begin with a letter. A set that has it keeps it.
 MISSION_QUERY = "?m"
 """Code of the query for the facts of the mission."""
+BOARD_SOURCE = "boards"
+"""Source of commands that boards make; a place in a sketch may follow: `boards, main at a.ino:4`."""
+_LONG_NUMBER = re.compile(r"\d+\.\d{3,}(?:[eE][+-]?\d+)?")
 PEOPLE = frozenset(("console", "keys"))
 """Sources of commands by people at the screen; all others are programs. Only programs send theirs over the
 link."""
@@ -41,7 +44,10 @@ class Command(Struct, frozen=True, gc=False):
 
     @property
     def shown(self) -> str:
-        """The text as people write it: letters and signs of all scripts as they are, at most a line."""
+        """The text as people write it: letters and signs of all scripts as they are, at most a line. Speeds
+        that a board's duties make have two decimals here."""
+        if self.source.partition(",")[0] == BOARD_SOURCE:
+            return cut(_LONG_NUMBER.sub(lambda number: f"{float(number[0]):.2f}", self.text))
         return cut(self.text if self.source in PEOPLE else utf8_text(self.text))
 
 

@@ -384,6 +384,26 @@ class Simulator:
         given. Raises UnknownSensorError."""
         return self._observe(self._working(code), self.pose if pose is None else pose)[0]
 
+    def plain_reading(self, code: str) -> float:
+        """The reading of a sensor now without random errors, as its electronics report it. Raises
+        UnknownSensorError."""
+        return self._working(code).reading(self.true_value(code), None, self.time)
+
+    def steady_seconds(self, code: str) -> float:
+        """Seconds from now in which a sensor's plain reading surely stays the same, if the motion under way
+        does; infinite for a robot that stands. Raises UnknownSensorError."""
+        sensor, leg = self._working(code), self._continuous.leg
+        if self.trajectory is not None or sensor.spec.drift:
+            return 0.0
+        if leg is None:
+            return math.inf
+        if not isinstance(sensor, ObservingSensor):
+            return 0.0
+        x, y = leg.arc.velocity
+        away = math.sqrt(sensor.spec.x * sensor.spec.x + sensor.spec.y * sensor.spec.y)
+        speed = math.sqrt(x * x + y * y) + math.radians(abs(leg.arc.rate + leg.arc.spin)) * away
+        return sensor.steady_distance(self.pose) / speed if speed else math.inf
+
     def count_rate(self, code: str) -> float:
         """The rate at which a counting sensor counts now, in its unit a second, with its gain and drift.
         Raises UnknownSensorError."""

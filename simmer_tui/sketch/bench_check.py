@@ -9,9 +9,8 @@ from simmer_tui.config.loader import Configuration
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.robot.engine import Engine
 from simmer_tui.run.events import Event, Notice
-from simmer_tui.run.phrases import BOARD_SOURCE
 from simmer_tui.sim import Simulator
-from simmer_tui.sim.command import Command, counted, cut
+from simmer_tui.sim.command import BOARD_SOURCE, Command, counted, cut
 from simmer_tui.sketch.compiler import find_compiler
 from simmer_tui.sketch.parts import analog_counts, echo_length, range_millimetres
 from simmer_tui.sketch.sketch_robot import SketchRobot, compile_set, with_boards

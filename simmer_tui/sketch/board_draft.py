@@ -8,7 +8,7 @@ from pathlib import Path
 
 from msgspec import Struct
 
-from simmer_tui.sketch.boards import ESP32, MEGA, UNO, BoardKind
+from simmer_tui.sketch.boards import ESP32, MEGA, NANO, UNO, BoardKind
 from simmer_tui.sketch.bus_draft import draft_gyros, draft_rangers
 from simmer_tui.sketch.known_headers import is_provided, provided_classes
 from simmer_tui.sketch.motion_check import forward_levels
@@ -240,15 +240,18 @@ def _seeds(facts: SketchFacts) -> set[int]:
 
 def _kind(facts: SketchFacts) -> BoardKind:
     """The board that a sketch needs: an ESP32 for its libraries and calls; a Mega for its further ports, a
-    pin or interrupt that an Uno lacks, or for two pins that have a PWM on a Mega alone."""
+    pin or interrupt that an Uno lacks, or for two pins that have a PWM on a Mega alone; a
+    Nano for A6 or A7, which an Uno has on no pin."""
     of_esp32 = any(name.lower() in _ESP32_HEADERS for name, _ in facts.includes)
     if of_esp32 or any(_ESP32_CALL.fullmatch(call.name) for call in facts.calls):
         return ESP32
-    is_mega = any(call.object in ("Serial1", "Serial2", "Serial3") for call in facts.calls)
+    is_mega = any(facts.port_named(call.object) in ("Serial1", "Serial2", "Serial3") for call in facts.calls)
     for call in facts.named(*WRITES, *PULSES, "digitalRead", "pinMode", "attach"):
         is_mega |= any(UNO.pins <= pin < MEGA.pins for pin in facts.pins(call) or ())
     more = MEGA.interrupts.keys() - UNO.interrupts.keys()
-    is_mega |= any(more & (each.pins or Pins()) for each in facts.interrupts())
+    # A change of a pin is an interrupt on both.
+    numbered = (each for each in facts.interrupts() if not each.is_pin_change)
+    is_mega |= any(more & (each.pins or Pins()) for each in numbered)
     for kind in ("AccelStepper", "Stepper", "LiquidCrystal", "NewPing"):
         for call in facts.objects(kind):
             # The first argument of a stepper is its kind, or its steps a turn; a sonar has two pins.
@@ -257,4 +260,6 @@ def _kind(facts: SketchFacts) -> BoardKind:
             pins = (facts.pins(call, at) or () for at in range(first, last))
             is_mega |= any(UNO.pins <= pin < MEGA.pins for each in pins for pin in each)
     duties = {pin for call in facts.named("analogWrite") for pin in facts.pins(call) or ()}
-    return MEGA if is_mega or len(duties & (MEGA.pwm - UNO.pwm)) > 1 else UNO
+    if is_mega or len(duties & (MEGA.pwm - UNO.pwm)) > 1:
+        return MEGA
+    return NANO if any(name in facts.mentions or name in facts.in_macros for name in ("A6", "A7")) else UNO

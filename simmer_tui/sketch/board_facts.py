@@ -30,6 +30,7 @@ _CALLS = {
     Waits.READ: "in a read with a timeout",
     Waits.STEPS: "in a stepper's movement",
     Waits.TASK: "in vTaskDelay()",
+    Waits.SLEEP: "asleep",
 }
 
 

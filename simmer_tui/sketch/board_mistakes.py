@@ -18,42 +18,32 @@ from simmer_tui.sketch.parts import SECOND
 from simmer_tui.sketch.sketch_scan import SketchFacts
 from simmer_tui.sketch.sketch_source import SketchCall
 from simmer_tui.sketch.task_check import TICKED
+from simmer_tui.sketch.task_waits import (
+    HAS_INTERRUPTS,
+    LOOP_GOES_ON,
+    LOOPS,
+    HopelessWait,
+    WaitingTask,
+    WaitsFor,
+    hopeless_waits,
+)
 
 _LONGEST = 40
 """Characters of an argument that are shown."""
 _NEVER_WAITS, _ON_CORE_0 = 1, 2
 """Flags of a task that others cannot pass."""
-_HAS_INTERRUPTS, _LOOP_GOES_ON = 1, 2
-"""Flags of what is left while all tasks wait."""
-_SERIAL_EVENTS = ("serialEvent", "serialEvent1", "serialEvent2", "serialEvent3")
-"""Functions that are called after each loop()."""
 _MOST_TASKS = 6
 """Tasks that a notice names: a robot has fewer, and a notice has two lines or three."""
 
 
-class _WaitsFor(IntEnum):
-    """Things that a task waits for (`arduino/board/tasks.h`); the last three are of a report alone."""
-
-    ITEM = 1
-    ROOM = 2
-    SEMAPHORE = 3
-    MUTEX = 4
-    NOTIFICATION = 5
-    BITS = 6
-    RESUME = 7
-    HOLDER = 8
-    OTHERS = 9
-    DELETED = 10
-
-
 _AWAITED = {
-    _WaitsFor.ITEM: "an item of a queue",
-    _WaitsFor.ROOM: "room in a queue",
-    _WaitsFor.SEMAPHORE: "a semaphore",
-    _WaitsFor.MUTEX: "a mutex",
-    _WaitsFor.NOTIFICATION: "a notification",
-    _WaitsFor.BITS: "bits of an event group",
-    _WaitsFor.RESUME: "vTaskResume",
+    WaitsFor.ITEM: "an item of a queue",
+    WaitsFor.ROOM: "room in a queue",
+    WaitsFor.SEMAPHORE: "a semaphore",
+    WaitsFor.MUTEX: "a mutex",
+    WaitsFor.NOTIFICATION: "a notification",
+    WaitsFor.BITS: "bits of an event group",
+    WaitsFor.RESUME: "vTaskResume",
 }
 
 
@@ -76,9 +66,7 @@ class _StuckTask(Struct):
     taken: str = ""
 
     def __str__(self) -> str:
-        where = f" at {self.line}" if self.line else ""
-        held = f", which {self.holder} took{at_line(self.taken)}" if self.holder else ""
-        return f"{self.name}{where} for {self.awaited}{held}"
+        return f"{self.name}{at_line(self.line)} for {self.awaited}{_held(self)}"
 
 
 class BoardMistakes:
@@ -93,6 +81,8 @@ class BoardMistakes:
         self._tell = tell
         self._facts = facts
         self._told: set[tuple[str, int, str, int]] = set()
+        self._waits_told: set[tuple[str, str, str]] = set()
+        """Waits for ever that are told: the board, the task and the line."""
 
     def add(self, board: Board, record: BoardRecord, details: Sequence[BoardRecord], time: int) -> None:
         """Tell a mistake of a board by its record and what belongs to it, at a time, nanoseconds."""
@@ -101,7 +91,7 @@ class BoardMistakes:
         # Two calls of one kind in a line are one mistake; of pins and of tasks, each has its own.
         number = record.task if kind in _OF_TASKS else details[-1].value
         key = (board.name, kind, line, number)
-        if line and key in self._told:
+        if line and key in self._told and kind is not Mistake.SOME_WAIT:
             return
         text = self._text(board, kind, record, details, line)
         if text:
@@ -139,9 +129,52 @@ class BoardMistakes:
                     f"{what} was never idle: the task watchdog restarts a real ESP32; give it a vTaskDelay(1)"
                 )
             case Mistake.CIRCLE:
+                self._note_waits(board, details)
                 return _circle(board, details)
             case Mistake.ALL_WAIT:
-                return _all_wait(board, facts, details)
+                text = _all_wait(board, facts, details)
+                if text:
+                    self._note_waits(board, details)
+                return text
+            case Mistake.NOT_FED:
+                within = details[-1]
+                what = (
+                    f"task {_name(board, record.task)}{at_line(line)} has not called esp_task_wdt_reset for"
+                )
+                does = "restarts" if within.pin else "prints a warning on"
+                return f"{what} {within.value / 1000:g} s: the task watchdog {does} a real ESP32"
+            case Mistake.SOME_WAIT:
+                return self._some_wait(board, facts, details)
+
+    def _note_waits(self, board: Board, details: Sequence[BoardRecord]) -> None:
+        """Keep that the waits of some tasks are told."""
+        self._waits_told |= {(board.name, each.name, each.line) for each in _stuck(board, details)}
+
+    def _some_wait(self, board: Board, facts: SketchFacts | None, details: Sequence[BoardRecord]) -> str:
+        """Tasks that wait for ever while others go on, each once; empty if something may end their waits."""
+        if facts is None:
+            return ""
+        *waits, left = details
+        others: list[str] = []
+        waiting: list[WaitingTask] = []
+        for each in waits:
+            name = board.process.task_name(each.task)
+            if each.pin == WaitsFor.HOLDER and waiting:
+                waiting[-1].holder, waiting[-1].has_holder = name, True
+            elif each.pin in (WaitsFor.TIME, WaitsFor.RESUME):
+                others.append(name)
+            elif each.pin in _AWAITED:
+                waiting.append(WaitingTask(name, board.line_of(each), WaitsFor(each.pin)))
+        stuck = {each.name: each for each in _stuck(board, waits)}
+        told = []
+        for wait in hopeless_waits(facts, waiting, others, left.value):
+            task = stuck[wait.task.name or "loop()"]
+            key = (board.name, task.name, task.line)
+            if key not in self._waits_told:
+                self._waits_told.add(key)
+                told.append(_hopeless(task, wait))
+        more = f"; and {len(told) - _MOST_TASKS} more" if len(told) > _MOST_TASKS else ""
+        return "; ".join(told[:_MOST_TASKS]) + more
 
     def _starved(self, board: Board, record: BoardRecord, details: Sequence[BoardRecord], line: str) -> str:
         *passed, about = details
@@ -167,7 +200,14 @@ class BoardMistakes:
         return text
 
 
-_OF_TASKS = (Mistake.STARVED, Mistake.WATCHDOG, Mistake.CIRCLE, Mistake.ALL_WAIT)
+_OF_TASKS = (
+    Mistake.STARVED,
+    Mistake.WATCHDOG,
+    Mistake.NOT_FED,
+    Mistake.CIRCLE,
+    Mistake.ALL_WAIT,
+    Mistake.SOME_WAIT,
+)
 
 
 def _name(board: Board, task: int) -> str:
@@ -216,13 +256,17 @@ def _in_interrupt(facts: SketchFacts | None, number: int, line: str) -> str:
     return f"{name}{at_line(line)} is in an interrupt's function: {why}"
 
 
+def _held(task: _StuckTask) -> str:
+    return f", which {task.holder} took{at_line(task.taken)}" if task.holder else ""
+
+
 def _stuck(board: Board, details: Sequence[BoardRecord]) -> list[_StuckTask]:
     found: list[_StuckTask] = []
     for each in details:
-        if each.pin == _WaitsFor.HOLDER and found:
+        if each.pin == WaitsFor.HOLDER and found:
             found[-1].holder, found[-1].taken = _name(board, each.task), board.line_of(each)
         elif each.pin in _AWAITED:
-            awaited = _AWAITED[_WaitsFor(each.pin)]
+            awaited = _AWAITED[WaitsFor(each.pin)]
             found.append(_StuckTask(_name(board, each.task), board.line_of(each), awaited))
     return found
 
@@ -235,15 +279,22 @@ def _shown(stuck: Sequence[_StuckTask]) -> str:
 def _all_wait(board: Board, facts: SketchFacts | None, details: Sequence[BoardRecord]) -> str:
     """Tasks that wait for ever; empty if loop() or the function of an interrupt can wake them."""
     *waits, others = details
-    loops = ("loop", *_SERIAL_EVENTS) if others.value & _LOOP_GOES_ON else ()
+    loops = LOOPS if others.value & LOOP_GOES_ON else ()
     if facts is None or any(may_wake_tasks(facts, each) for each in loops):
         return ""
-    if others.value & _HAS_INTERRUPTS and any(
+    if others.value & HAS_INTERRUPTS and any(
         may_wake_tasks(facts, each) for each in interrupt_functions(facts)
     ):
         return ""
     but = " but loop()" if any(facts.calls_in(each) for each in loops) else ""
     return f"all tasks{but} wait for ever: {_shown(_stuck(board, waits))}"
+
+
+def _hopeless(task: _StuckTask, wait: HopelessWait) -> str:
+    name = task.name if task.name == "loop()" else f"task {task.name}"
+    handle = f" ({wait.handle})" if wait.handle else ""
+    reason = f": {wait.reason}" if wait.reason else ""
+    return f"{name} waits for ever{at_line(task.line)} for {task.awaited}{handle}{_held(task)}{reason}"
 
 
 def _circle(board: Board, details: Sequence[BoardRecord]) -> str:

@@ -42,6 +42,8 @@ _CAUSES: dict[int, str] = {
     202: "it used a queue, semaphore, timer or event group that is not there (NULL): create it first",
     203: "it gave back a mutex that {task} holds; only the task that took it may give it back",
     204: "its period has 0 ticks, and FreeRTOS asserts that it has one at least",
+    205: "it called a function at address 0, which starts an AVR again, and no simulated board",
+    206: "it set the mode of a timer, and registers are not simulated; only its rate may be set",
 }
 """Causes of a board's death by its signal; 0 is none. `{task}` is another one that had a part in it."""
 if sys.platform != "win32" and platform_has.POSIX:
@@ -51,7 +53,8 @@ NEVER = 1 << 62
 STOP_WHEN_SENT = 0x100
 """Flag of a grant: the first byte sent at the pin in the low byte ends the slice when it has arrived."""
 ANSWER_HOLDS = 0x200
-"""Flag of a grant: the answer stays the same until its horizon, as long as the board changes no output."""
+"""Flag of a grant: the answers since the last one without it stay the same until its horizon, as long as the
+board changes no output."""
 
 
 class BoardSilence:
@@ -114,6 +117,7 @@ class Told(IntEnum):
     FINE_DUTY = 18
     MISTAKE = 19
     DETAIL = 20
+    BUSY = 21
 
 
 class Mistake(IntEnum):
@@ -130,6 +134,8 @@ class Mistake(IntEnum):
     CIRCLE = 9
     ALL_WAIT = 10
     LOST_ALARM = 11
+    SOME_WAIT = 12
+    NOT_FED = 13
 
 
 class Waits(IntEnum):
@@ -141,6 +147,7 @@ class Waits(IntEnum):
     READ = 3
     STEPS = 4
     TASK = 5
+    SLEEP = 6
 
 
 class BoardWait(NamedTuple):
@@ -184,7 +191,6 @@ class BoardProcess:
     Attributes:
         now: the board's clock, nanoseconds.
         reason, query, pin: why it has stopped, and its question.
-        waited: its time in delay() so far, milliseconds.
         place: the address of the basic block of its sketch.
         wait: the call in which it waits, if it does; its end is not known.
         task: the number of the task that runs; 0 is loop().
@@ -201,7 +207,7 @@ class BoardProcess:
         """Start the board. A failure is told when it is received from."""
         self.name = name
         self.now = 0
-        self.reason = self.query = self.pin = self.waited = self.place = self.task = 0
+        self.reason = self.query = self.pin = self.place = self.task = 0
         self._task_names: dict[int, list[bytes]] = {}
         self.wait: BoardWait | None = None
         self.line_of = (lines or SketchLines(program)).line_of
@@ -229,8 +235,8 @@ class BoardProcess:
         # The board sends one request with its records, mostly in one piece, and waits for a grant.
         data = self._read_more(b"", _REQUEST.size)
         self.now, self.reason, self.query, count, *rest = _REQUEST.unpack_from(data)
-        self.pin, self.waited, self.place, begin, place, waits = rest
-        kind, task, self.task = waits & 0xFF, waits >> 8 & 0xFF, waits >> 16
+        self.pin, self.place, place, begin, waits, self.task = rest
+        kind, task = waits & 0xFF, waits >> 8
         self.wait = BoardWait(kind, place, begin, NEVER, task) if kind else None
         self.exchanges += 1
         records: list[BoardRecord] = []

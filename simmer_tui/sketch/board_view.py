@@ -15,6 +15,13 @@ class PinView(Struct, frozen=True):
     text: str
 
 
+class PortView(Struct, frozen=True):
+    """A serial port that does not go to the laptop, such as `USB`, and the last line that was sent there."""
+
+    name: str
+    line: str
+
+
 class BoardView(Struct, frozen=True):
     """A board at one moment.
 
@@ -27,6 +34,7 @@ class BoardView(Struct, frozen=True):
         pins: the pins that its sketch has used.
         displays: the rows of text on each of its displays.
         led_pin: the pin of its own LED.
+        ports: its other ports that it has sent to.
         failed: why it has ended; empty while it runs.
     """
 
@@ -39,16 +47,27 @@ class BoardView(Struct, frozen=True):
     failed: str = ""
     displays: tuple[tuple[str, ...], ...] = ()
     led_pin: str = "13"
+    ports: tuple[PortView, ...] = ()
 
 
 # Judged: more are on no screen.
-_MOST_BOARDS, _LONGEST_NAME = 8, 40
+_MOST_BOARDS, _LONGEST_NAME, _MOST_PORTS, _LONGEST_LINE = 8, 40, 8, 200
 
 
 def logged_views(state: State, time: float) -> tuple[BoardView, ...]:
     """The boards of a logged run at a simulated time, by what they showed in the state then."""
-    shown = state.displays[:_MOST_BOARDS]
-    return tuple(structs.replace(logged_view(each), time=time) for each in shown)
+    views = []
+    for each in state.displays[:_MOST_BOARDS]:
+        lines = [line for line in state.lines if line.board == each.board]
+        said = next((line.text for line in lines if not line.port), "")
+        ports = [
+            PortView(printable(line.port[:_LONGEST_NAME]), printable(line.text[:_LONGEST_LINE]))
+            for line in lines[:_MOST_PORTS]
+            if line.port
+        ]
+        said = printable(said[:_LONGEST_LINE])
+        views.append(structs.replace(logged_view(each), time=time, line=said, ports=tuple(ports)))
+    return tuple(views)
 
 
 def logged_view(change: DisplayChanged) -> BoardView:
@@ -56,7 +75,7 @@ def logged_view(change: DisplayChanged) -> BoardView:
     return BoardView(
         name=printable(change.board[:_LONGEST_NAME]),
         time=change.time,
-        busy=None,
+        busy=change.busy,
         led=change.led,
         line="",
         displays=tuple(

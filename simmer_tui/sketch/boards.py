@@ -50,8 +50,10 @@ class BoardKind(Struct, frozen=True, kw_only=True):
     """Numbers that stand for the two directions of its Bluetooth line."""
     lacks: frozenset[str] = frozenset(
         (
-            *("BluetoothSerial.h", "ESP32Servo.h", "FunctionalInterrupt.h", "esp_log.h"),
+            *("BluetoothSerial.h", "ESP32Servo.h", "FunctionalInterrupt.h", "Preferences.h"),
+            "esp_log.h",
             *("soc/soc.h", "soc/rtc_cntl_reg.h"),
+            *("Ticker.h", "esp_err.h", "esp_task_wdt.h", "esp_timer.h"),
         )
     )
     """Libraries of the simulator that are for other boards."""
@@ -170,7 +172,12 @@ ESP32 = BoardKind(
     most_counts=4095,
     led=2,
     bluetooth=(40, 41),
-    lacks=frozenset(("Arduino_FreeRTOS.h", "EEPROM.h", "Servo.h", "SoftwareSerial.h")),
+    lacks=frozenset(
+        (
+            *("Arduino_FreeRTOS.h", "Servo.h", "SoftwareSerial.h", "avr/power.h", "avr/sleep.h"),
+            *("EnableInterrupt.h", "PinChangeInt.h", "PinChangeInterrupt.h"),
+        )
+    ),
     tick=1,
 )
 BOARDS = {board.name: board for board in (UNO, NANO, MEGA, ESP32)}

@@ -134,6 +134,9 @@ def _elements(facts: SketchFacts, expression: Sequence[Token], function: str) ->
     """The values of an expression for each turn of a loop: of `pins[i]` the array's elements, of `0x30 + i`
     numbers that go on, else its one value."""
     marks = [token.text for token in expression]
+    members = facts.each_member(expression, function)
+    if members:
+        return [min(each) if each is not None and len(each) == 1 else None for each in members]
     if len(marks) == 4 and marks[1] == "[" and marks[3] == "]" and facts.items(marks[0]):
         values = facts.items(marks[0])
         # Another index than a number is a loop's variable.

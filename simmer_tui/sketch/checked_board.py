@@ -50,6 +50,7 @@ _HIGHEST: dict[int, tuple[int, int]] = {
     Told.BYTE: (0, 255),
     Told.BAUD: (1, _FASTEST_BAUD),
     Told.MODE: (0, 2),
+    Told.BUSY: (0, SECOND // 1000),
     Told.TEXT: (0, (DisplayChange.ON << 24) + 0xFFFFFF),
 }
 """The least and greatest value of a record, by its kind. Those of other kinds are addresses or counts."""
@@ -57,8 +58,8 @@ _KINDS, _REASONS, _QUERIES, _WAITS = (frozenset(map(int, each)) for each in (Tol
 _MISTAKES = frozenset(map(int, Mistake))
 _CALLS = range(1, 5)
 """Calls in an interrupt's function."""
-_MOST_MISTAKES = 400
-"""Mistakes of a board: it tells 100, and one of each of 255 tasks."""
+_MOST_MISTAKES = 800
+"""Mistakes of a board: it tells 100, 100 of tasks that wait, and two of each of 255 tasks."""
 _SPANS = frozenset((Told.WAITED, Told.LATE_BYTE))
 """Records that begin in the past."""
 

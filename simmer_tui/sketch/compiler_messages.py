@@ -37,9 +37,10 @@ _OF_PORTS = re.compile(
 )
 """Calls and macros of the core that lead to registers."""
 _OTHER_BOARD = re.compile(
-    r"ledc\w+|xTaskCreatePinnedToCore|xPortGetCoreID|esp_\w+|analogWrite(?:Resolution|Frequency)|touchRead"
+    r"ledc\w+|xTaskCreatePinnedToCore|xPortGetCoreID|esp_\w+|analogWrite(?:Resolution|Frequency)|touch[A-Z]\w+"
     r"|dacWrite|hallRead|timer(?:Begin|Attach|Alarm|Write|Read|Start|Stop)\w*|hw_timer_t|ESP|portMUX_TYPE"
-    r"|analogReadResolution|analogSet\w+|ADC_\w+|WRITE_PERI_REG|attachInterruptArg"
+    r"|analogReadResolution|analogSet\w+|ADC_\w+|WRITE_PERI_REG|attachInterruptArg|Ticker|ESP_ERR\w*"
+    r"|(?:gpio|mcpwm|pcnt|rmt|nvs|i2s)_\w+"
 )
 """Calls of the ESP32 and of 32-bit boards."""
 _OF_TASKS = re.compile(
@@ -48,6 +49,17 @@ _OF_TASKS = re.compile(
     r"|(?:TickType|BaseType|UBaseType|EventBits)_t"
 )
 """Names of FreeRTOS."""
+_OWN_TYPES = {
+    "int16_t": "int",
+    "uint16_t": "unsigned int",
+    "int32_t": "long",
+    "uint32_t": "unsigned long",
+    "int64_t": "long long",
+    "uint64_t": "unsigned long long",
+}
+"""Number types of an AVR by those that stand for them."""
+_WIDE_TYPES = {"int32_t": "int", "uint32_t": "unsigned int"}
+"""Those that differ with an `int` of 32 bits."""
 _WARNINGS = {
     "-Woverflow": "this number does not fit",
     "-Wconstant-conversion": "this number does not fit",
@@ -85,14 +97,14 @@ def _no_header(
     place: str, name: str, files: Sequence[Path], board: BoardKind | None, *, listed: bool = True
 ) -> Problem:
     """The problem of a header that no library has; with `listed`, those that are there."""
-    if name.lower().startswith("wifi"):
-        return Problem(place, f"{name}: WiFi is not simulated; use Bluetooth or the USB port")
     lacks = frozenset[str]() if board is None else board.lacks
     what = f"there is no library with {name}"
     if name in CPP_STANDARD:
         what = f"{name} is a header of C++, which an AVR board has not"
     if board is not None and name in lacks:
         what = f"{name} is no library of the {board.title}"
+    if name.lower().startswith("wifi"):
+        what = f"{name}: WiFi is not simulated; use Bluetooth or the USB port"
     if not listed:
         return Problem(place, what)
     there = ", ".join(each for each in libraries() if each not in lacks)
@@ -183,6 +195,26 @@ def _of_no_board(text: str, line: str, kind: BoardKind | None) -> str:
     return _of_no_task(name) if _OF_TASKS.fullmatch(name) else ""
 
 
+def _of_no_port(text: str, kind: BoardKind | None) -> str:
+    """The sentence about a serial port that this board has not, and another one has; else empty."""
+    found = re.search(r"'(Serial\d)' was not declared|undeclared identifier '(Serial\d)'", text)
+    name = (found[1] or found[2]) if found else ""
+    others = [each.title for each in BOARDS.values() if name in each.serial]
+    if kind is None or not others or name in kind.serial:
+        return ""
+    what = f"{name} is a port of the {' or '.join(others)}, and the {kind.title} has none of this name"
+    return f"{what}: correct the board in wiring.toml"
+
+
+def _with_own_types(text: str, line: str, kind: BoardKind | None) -> str:
+    """A message with the number types as the author has them: they were replaced by those of the board."""
+    is_wide = kind is not None and kind.int_bits == 32
+    for made, own in (_OWN_TYPES | _WIDE_TYPES if is_wide else _OWN_TYPES).items():
+        if not re.search(rf"\b{made}\b", line):
+            text = re.sub(rf"\b{made}\b", own, text)
+    return text
+
+
 def _of_no_task(name: str) -> str:
     """The sentence about a name of FreeRTOS that a sketch has not."""
     for header in sorted((RUNTIME / "libraries" / "freertos").glob("*.h")):
@@ -217,6 +249,7 @@ def compiler_errors(
     """At most three errors, with the lines of the sketch."""
     texts = {each.name: sketch_text(each).split("\n") for each in files}
     seen = 0
+    shown: list[Problem] = []
     unclosed = _unclosed(output)
     if unclosed:
         yield Problem(unclosed, "this { has no }: the end of the sketch comes first")
@@ -228,8 +261,14 @@ def compiler_errors(
         name, _, number = place.rpartition(":")
         lines = texts.get(name, [])
         line = lines[int(number) - 1].strip() if 0 < int(number) <= len(lines) else ""
-        told = _of_no_board(text, line, board) or _of_no_library(text)
-        yield Problem(place, told or (f"{text}: {line}" if line else text))
+        text = _with_own_types(text, line, board)
+        told = _of_no_board(text, line, board) or _of_no_library(text) or _of_no_port(text, board)
+        problem = Problem(place, told or (f"{text}: {line}" if line else text))
+        # A macro has its mistake at each of its uses.
+        if problem in shown:
+            continue
+        shown.append(problem)
+        yield problem
         seen += 1
         if seen == MOST_ERRORS:
             return

@@ -104,6 +104,8 @@ def _written_angles(facts: SketchFacts, pin: int) -> dict[int, str]:
     names: dict[int, str] = {}
     for write in _writes(facts, pin):
         found = facts.pins(write) or Pins()
+        for angle, name in _chosen_angles(facts, write):
+            names[angle] = f"{names.get(angle, '')} {name}"
         calls = [write] if len(found) == 1 else list(facts.named(write.function))
         for call in calls:
             angles = facts.pins(call) or Pins()
@@ -111,6 +113,19 @@ def _written_angles(facts: SketchFacts, pin: int) -> dict[int, str]:
             if angle in found and angle <= _HALF_TURN:
                 names[angle] = f"{names.get(angle, '')} {call.function} {facts.spelled(call)}"
     return names
+
+
+def _chosen_angles(facts: SketchFacts, write: SketchCall) -> Iterator[tuple[int, str]]:
+    """The two angles of `claw.write(closing ? 100 : 20)`, the first one with its condition as its name."""
+    argument = write.arguments[0] if write.arguments else ()
+    marks = [token.text for token in argument]
+    if "?" not in marks or ":" not in marks:
+        return
+    half, end = marks.index("?"), marks.index(":")
+    for part, name in ((argument[half + 1 : end], "".join(marks[:half])), (argument[end + 1 :], "")):
+        angles = facts.values(part, write.function) or Pins()
+        if len(angles) == 1 and min(angles) <= _HALF_TURN:
+            yield min(angles), name
 
 
 def guess_lines(wiring: Wiring, text: str) -> Iterator[str]:

@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator
 
 from simmer_tui.errors import Problem
-from simmer_tui.sketch.sketch_scan import SketchFacts
+from simmer_tui.sketch.sketch_scan import PIN_CHANGES, SketchFacts
 from simmer_tui.sketch.sketch_source import SketchCall
 from simmer_tui.sketch.sketch_steps import PULSES
 
@@ -70,7 +70,7 @@ def interrupt_functions(facts: SketchFacts) -> Iterator[str]:
 def _attaching(facts: SketchFacts) -> Iterator[SketchCall]:
     """The calls that give an interrupt its function, the second argument."""
     names = ("attachInterrupt", "attachInterruptArg", "timerAttachInterrupt", "timerAttachInterruptArg")
-    return (call for call in facts.named(*names) if len(call.arguments) > 1)
+    return (call for call in facts.named(*names, *PIN_CHANGES) if len(call.arguments) > 1)
 
 
 def _function_of(facts: SketchFacts, attach: SketchCall) -> str:

@@ -44,8 +44,10 @@ REAL_SLICE = 0.02
 
 # Names of an enumeration take longer to read than its values, thousands of times a second.
 _QUERY = int(Reason.QUERY)
-_RATE = int(Query.RATE)
-_BYTE, _TEXT = int(Told.BYTE), int(Told.TEXT)
+HELD_QUERIES = frozenset(map(int, (Query.RATE, Query.DIGITAL)))
+"""Questions whose answers a board keeps as long as they hold."""
+_BYTE = int(Told.BYTE)
+_SHOWN = frozenset(map(int, (Told.TEXT, Told.BUSY)))
 _LEVEL, _DUTY, _FINE_DUTY, _SERVO, _STEP = map(
     int, (Told.LEVEL, Told.DUTY, Told.FINE_DUTY, Told.SERVO, Told.STEP)
 )
@@ -83,7 +85,9 @@ class Board(Struct, eq=False):
         records: what it has done, and what has not been done to the world yet.
         granted: its last horizon.
         answer: the answer to its question.
-        holds: the time until which that stays the same; 0 if it is not known.
+        holds: the time until which its answers stay the same; 0 if it is not known.
+        forgets: true if something has changed for which no answer holds any more.
+        is_alone: true if nothing but its own outputs drives the robot, and no stepper does.
     """
 
     name: str
@@ -104,6 +108,8 @@ class Board(Struct, eq=False):
     granted: int = 0
     answer: float = 0.0
     holds: int = 0
+    forgets: bool = False
+    is_alone: bool = False
     waits: bool = False
     """True while it has stopped, and what it did has not been done to the world yet."""
 
@@ -160,11 +166,14 @@ class LockstepWorld:
 
     @property
     def steady_until(self) -> int:
-        """Time until which the turning rate last asked for stays the same, if no motor changes."""
+        """Time until which the answer of `HELD_QUERIES` stays the same, if no motor changes; 0 if unknown."""
         return 0
 
     def sent(self, time: int, value: int, byte: int) -> None:
         """A byte arrives at the laptop at a time; `byte` is its duration."""
+
+    def printed(self, board: Board, pin: int, time: int, value: int, byte: int) -> None:
+        """A byte leaves a port that is not the laptop's; `byte` is its duration."""
 
     def shows(self, board: Board, record: BoardRecord) -> None:
         """A board may show something else."""
@@ -207,6 +216,8 @@ class Lockstep:
         self.laptop_listens = False
         """True if `run` returns before the first byte for the laptop arrives."""
         self._drivers = tuple(each for each in self.boards if each.driving or each.steppers)
+        for each in self.boards:
+            each.is_alone = not each.steppers and all(driver is each for driver in self._drivers)
         self._has_begun = False
         self._processor = processor
 
@@ -218,6 +229,8 @@ class Lockstep:
     def run(self, until: int, most_real: float = REAL_SLICE) -> int:
         """Let the boards run to a time, nanoseconds. Returns the time that all have reached: it is earlier if
         a byte arrives at the laptop, or if that takes too long. Raises BoardError."""
+        for each in self.boards:
+            each.forgets = True  # others may have moved the robot meanwhile
         with self._processor.turns(tuple([pid for each in self.boards for pid in each.process.pids])):
             until = self._run_steps(until, most_real)
         reached = min(self.reached, until)
@@ -252,7 +265,7 @@ class Lockstep:
         board.pins.clear()
         board.baud.clear()
         board.waited.clear()
-        board.granted, board.waits = board.process.now, False
+        board.granted, board.waits, board.holds = board.process.now, False, 0
         self._receive(board)
 
     def put(self, board: Board, event: BoardEvent) -> None:
@@ -314,9 +327,10 @@ class Lockstep:
         board.answer = 0.0
         if process.reason == _QUERY:
             board.answer = self._world.answer(board, process.query, process.pin)
-            # A sketch that sums up a gyro's rate asks for it thousands of times a second. Steps end no slice.
-            if process.query == _RATE and not board.steppers and all(each is board for each in self._drivers):
-                board.holds = self._world.steady_until
+            # A sketch that sums up a gyro's rate, or follows a line, asks thousands of times a second.
+            if process.query in HELD_QUERIES:
+                until = self._world.steady_until if board.is_alone else 0
+                board.holds = min(until, board.holds or NEVER) if until > now else 0
 
     def _horizon(self, board: Board, until: int) -> int:
         """The earliest time at which anything could reach a board, its slice at most."""
@@ -348,9 +362,10 @@ class Lockstep:
         flags = 0
         if self.laptop_listens and self._laptop is not None and self._laptop[0] is board and not self.sent:
             flags = STOP_WHEN_SENT | self._laptop[1]
-        if horizon <= board.holds:
+        if board.forgets or horizon > board.holds:
+            board.holds, board.forgets = 0, False
+        else:
             flags |= ANSWER_HOLDS
-        board.holds = 0
         board.granted = horizon
         board.process.grant(horizon, events, board.answer, flags)
         self._receive(board)
@@ -364,6 +379,8 @@ class Lockstep:
         while events and events[0].time <= now and events[0].time < board.granted:
             del events[0]
         board.waits = process.reason == _QUERY
+        if not board.waits:
+            board.holds = 0  # a motor may have changed, or their time is over
         for states in board.steppers.values():
             for stepper in states:
                 stepper.known_until = now
@@ -381,7 +398,7 @@ class Lockstep:
                         stepper.add(record)
                 board.records.append(record)
                 board.waits = True
-            elif kind == _TEXT:
+            elif kind in _SHOWN:
                 self._world.shows(board, record)
             elif kind in _FIRST_OF_TWO:
                 before = record
@@ -423,6 +440,8 @@ class Lockstep:
         if self._laptop is not None and self._laptop[0] is board and self._laptop[1] == pin:
             self.sent.append((arrives, value))
             self._world.sent(arrives, value, byte)
+        else:
+            self._world.printed(board, pin, time, value, byte)
 
 
 def _clock(board: Board) -> int:

@@ -267,7 +267,8 @@ def wrong_motions(
     wiring: Wiring, wheels: WheelsSpec | None, facts: Mapping[str, SketchFacts]
 ) -> Iterator[Problem]:
     """Problems of functions whose name promises another motion than they set."""
-    remedy = "swap a motor's pins in wiring.toml if its wires are swapped, else in the sketch"
+    # Not the pins: most drivers have no two that could be swapped.
+    remedy = "change reversed of a motor in wiring.toml if its wires are swapped, else correct the sketch"
     mirrored = (
         "exchange the two wheel values in wiring.toml if the motors are the other way round, else in the"
     )

@@ -13,8 +13,7 @@ from msgspec import Struct
 
 from simmer_tui.robot.engine import Engine
 from simmer_tui.robot.sessions import Session
-from simmer_tui.run.phrases import BOARD_SOURCE
-from simmer_tui.sim.command import parse_command
+from simmer_tui.sim.command import BOARD_SOURCE, parse_command
 from simmer_tui.sim.records import CommandResult, Status
 from simmer_tui.sim.specs import VelocityKind
 from simmer_tui.sim.wheels import WheelKinematics
@@ -251,13 +250,27 @@ class RobotWorld:
         result = self._act(code)
         if result.status is not Status.READING or result.reading is None:
             return math.nan
-        reading = result.reading
-        self._last[code] = _LastReading(self.time, result.reply, reading.true, reading.sensor.is_yes_or_no)
+        reading, is_opposite = result.reading, None
+        if reading.sensor.is_yes_or_no:
+            is_opposite = result.reply != self._simulator.plain_reading(code)
+        self._last[code] = _LastReading(self.time, result.reply, reading.true, is_opposite)
         return result.reply
+
+    def level(self, code: str) -> float:
+        """A reading of a yes-or-no sensor now, as `read` gives it. `steady_until` is set."""
+        value = self.read(code)
+        last = self._last.get(code)
+        self.steady_until = 0
+        if last is not None and not math.isnan(value):
+            until = min(self.next_change, last.time + READING_PERIOD)
+            seconds = min(self._simulator.steady_seconds(code), READING_PERIOD / SECOND)
+            self.steady_until = min(until, self.time + math.floor(seconds * SECOND))
+        return value
 
     def rate(self, code: str, filter_number: int = 0) -> float:
         """The turning rate that a gyro measures now behind one of its filters, deg/s. The angle that its
         sensor reads is told as with `read`, and the rate's error lasts as long."""
+        self.steady_until = 0
         if math.isnan(self.read(code)):
             return math.nan
         self._simulator.advance(self.time / SECOND)
@@ -277,17 +290,21 @@ class RobotWorld:
     def _held(self, code: str, last: _LastReading) -> float:
         """A reading of the present true value with the error of the last one."""
         self._simulator.advance(self.time / SECOND)
+        if math.isnan(last.value):
+            return last.value
+        if last.is_opposite is not None:
+            plain = self._simulator.plain_reading(code)
+            return 1.0 - plain if last.is_opposite else plain
         true = self._simulator.true_value(code)
-        if last.is_yes_or_no:
-            return true if last.value == last.true else 1.0 - true
         error = last.value - last.true
         return true + error if math.isfinite(error) else last.value
 
 
 class _LastReading(Struct, frozen=True):
-    """The last reading of a sensor that was told, its time, and the true value then."""
+    """The last reading of a sensor that was told, its time, and the true value then; of a yes or no, true if
+    its error has made it the opposite."""
 
     time: int
     value: float
     true: float
-    is_yes_or_no: bool
+    is_opposite: bool | None

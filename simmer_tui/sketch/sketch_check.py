@@ -14,7 +14,7 @@ from simmer_tui.sketch.interrupt_check import interrupt_problems
 from simmer_tui.sketch.line_check import line_problems
 from simmer_tui.sketch.motion_check import wrong_motions
 from simmer_tui.sketch.pin_check import pin_problems
-from simmer_tui.sketch.sketch_scan import SketchFacts
+from simmer_tui.sketch.sketch_scan import PIN_CHANGES, SketchFacts
 from simmer_tui.sketch.sketch_steps import PULSES, WRITES
 from simmer_tui.sketch.sketch_values import Pins
 from simmer_tui.sketch.task_check import task_problems
@@ -29,7 +29,12 @@ from simmer_tui.sketch.wiring import (
 )
 
 _READERS = ("digitalRead", "analogRead", *PULSES)
-_MODES = ("pinMode", "digitalPinToInterrupt", "attachInterrupt", "attachInterruptArg", "detachInterrupt")
+_OF_PIN_CHANGES = ("SoftwareSerial.h", "PinChangeInterrupt.h", "EnableInterrupt.h", "PinChangeInt.h")
+"""Libraries whose code has the functions of the pin-change interrupts."""
+_MODES = (
+    *("pinMode", "digitalPinToInterrupt", "attachInterrupt", "attachInterruptArg", "detachInterrupt"),
+    *("digitalPinToPCINT", "digitalPinToPinChangeInterrupt", *PIN_CHANGES),
+)
 """Calls that neither write nor read a pin; interrupts are found by their own list."""
 _NO_PIN = re.compile(
     r"(ledc(?!Attach)|delay|timer[A-Z]|pdMS|[xuv](Task|Queue|Semaphore|Timer|EventGroup))\w*"
@@ -70,6 +75,7 @@ def sketch_problems(
         problems += _no_outputs(found, uses)
         problems += _claimed_pins(found, uses)
         problems += _interrupts(found)
+        problems += _shared_changes(found)
         problems += _deaf_ports(found)
         problems += bus_problems(wiring, name, found)
         problems += task_problems(found)
@@ -205,9 +211,22 @@ def _interrupts(facts: SketchFacts) -> Iterator[Problem]:
             )
             yield Problem(each.spot, what)
         for pin in sorted(each.pins or ()):
-            if each.number is None and pin not in kind.interrupts:
+            if each.is_pin_change and pin not in kind.software_rx:
+                those = ", ".join(kind.pin_name(one) for one in sorted(kind.software_rx))
+                what = f"pin {kind.pin_name(pin)} of the {kind.title} has no pin-change interrupt"
+                yield Problem(each.spot, f"{what}; there are those of {those}")
+            elif not each.is_pin_change and each.number is None and pin not in kind.interrupts:
                 what = f"attachInterrupt on pin {kind.pin_name(pin)}, which has no interrupt; {there}"
                 yield Problem(each.spot, what)
+
+
+def _shared_changes(facts: SketchFacts) -> Iterator[Problem]:
+    """Two libraries that both define the pin-change interrupts: the sketch of a real board is not linked."""
+    found = {name: spot for name, spot in facts.includes if name in _OF_PIN_CHANGES}
+    (first, *others) = found or ("",)
+    for name in others:
+        what = f"{name} and {first} ({found[first]}) both define the pin-change interrupts"
+        yield Problem(found[name], f"{what}: Arduino links no sketch with both; use one of them")
 
 
 def _deaf_ports(facts: SketchFacts) -> Iterator[Problem]:

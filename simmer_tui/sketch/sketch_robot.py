@@ -50,7 +50,7 @@ from simmer_tui.sketch.board_process import (
     Told,
     Watchdog,
 )
-from simmer_tui.sketch.board_view import BoardView, PinView
+from simmer_tui.sketch.board_view import BoardView, PinView, PortView
 from simmer_tui.sketch.build import BuiltSketch, build_sketch, fastest_baud
 from simmer_tui.sketch.display_changes import DisplayChanges
 from simmer_tui.sketch.line_check import dead_wires
@@ -256,9 +256,11 @@ class SketchRobot(LockstepWorld):
         self._wrong = list(wrong_functions(self._set.wiring, wheels, self._set.facts))
         """Functions that move the robot otherwise than they are named, until that is told."""
         self._messages = SentMessages()
-        self._busy: dict[str, tuple[int, int, float]] = {}
-        """Each board's clock and time in delay() at the last look, and its busy share until then."""
-        self.last_line = ""
+        self._prints: dict[tuple[str, int], SentMessages] = {}
+        """Messages of boards on other ports than the laptop's, by board and pin."""
+        self._prints_due = NEVER
+        self._last_lines: dict[str, dict[str, str]] = {}
+        """The last line of each board's ports, by board and port; that to the laptop has no name."""
         self._sonar_until: dict[str, int] = {}
         self._options: dict[str, list[str]] = {}
         self._pulses: dict[tuple[str, int], int] = {}
@@ -351,7 +353,6 @@ class SketchRobot(LockstepWorld):
         self._watchdog.replace(board.process, process)
         process.now = now
         board.process = process
-        self._busy[board.name] = now, 0, 0.0
         self._pulses = {key: width for key, width in self._pulses.items() if key[0] != board.name}
         self._displays[board.name].restart(now)
         self._plan_told()
@@ -458,7 +459,7 @@ class SketchRobot(LockstepWorld):
     def advance(self, time: int) -> None:
         if time <= self._world.time:
             return
-        if time >= self._messages.next_due or time >= self._told_due:
+        if time >= self._messages.next_due or time >= self._prints_due or time >= self._told_due:
             self._tell_told(time)
         self._world.advance(time)
 
@@ -466,8 +467,13 @@ class SketchRobot(LockstepWorld):
         """Tell the messages that are over by a time, the facts by then, and what boards show; at the end of
         the run those messages too that are still on their way."""
         told: list[tuple[int, Callable[[int], None]]] = []
-        for at, text in self._messages.due(NEVER if at_end else until):
+        last = NEVER if at_end else until
+        for at, text in self._messages.due(last):
             told.append((min(at, until), partial(self._tell_message, text)))
+        # Boards first print in another order if slices are longer.
+        for (name, pin), messages in sorted(self._prints.items(), key=itemgetter(0)):
+            for at, text in messages.due(last):
+                told.append((min(at, until), partial(self._tell_print, name, pin, text)))
         for each in self._displays.values():
             told += [
                 (at, partial(self._tell_change, change)) for at, change in each.due(until, at_end=at_end)
@@ -481,8 +487,19 @@ class SketchRobot(LockstepWorld):
             tell(at)
 
     def _tell_message(self, text: str, time: int) -> None:
-        self.last_line = text
-        self.engine.tell(WireMessage(time / SECOND, text, reply=True))
+        line = self._set.wiring.laptop
+        self._tell_text("" if line is None else line.board, "", text, time)
+
+    def _tell_print(self, name: str, pin: int, text: str, time: int) -> None:
+        kind = self._set.wiring.boards[name].kind
+        named = kind.pin_name(pin)
+        port = "USB" if pin == kind.usb[1] else named if pin in (kind.bluetooth or ()) else f"pin {named}"
+        self._tell_text(name, port, text, time)
+
+    def _tell_text(self, name: str, port: str, text: str, time: int) -> None:
+        if text.strip():
+            self._last_lines.setdefault(name, {})[port] = text.strip()
+        self.engine.tell(WireMessage(time / SECOND, text, reply=True, board=name, port=port))
 
     def _tell_change(self, change: DisplayChanged, time: int) -> None:
         self.engine.tell(change)
@@ -496,6 +513,10 @@ class SketchRobot(LockstepWorld):
     def _plan_told(self) -> None:
         due = [each.next_due for each in self._displays.values()]
         self._told_due = min(due) if not self._known else min(*due, self._known[0][0])
+        self._plan_prints()
+
+    def _plan_prints(self) -> None:
+        self._prints_due = min([each.next_due for each in self._prints.values()], default=NEVER)
 
     def shows(self, board: Board, record: BoardRecord) -> None:
         display = self._displays[board.name]
@@ -504,6 +525,14 @@ class SketchRobot(LockstepWorld):
 
     def sent(self, time: int, value: int, byte: int) -> None:
         self._messages.add(time, value, byte)
+
+    def printed(self, board: Board, pin: int, time: int, value: int, byte: int) -> None:
+        key = (board.name, pin)
+        messages = self._prints.get(key)
+        if messages is None:
+            messages = self._prints[key] = SentMessages()
+        messages.add(time, value, byte)
+        self._plan_prints()
 
     def settle(self) -> None:
         self._world.settle()
@@ -604,7 +633,7 @@ class SketchRobot(LockstepWorld):
                 is_rate = query == Query.RATE
                 made = self._world.rate(each.code, filter_number) if is_rate else self._world.read(each.code)
             else:
-                seen = self._world.read(each.code) == 1.0
+                seen = self._world.level(each.code) == 1.0
                 made = float(seen == each.active_high)
         return made
 
@@ -672,14 +701,9 @@ class SketchRobot(LockstepWorld):
         return tuple(self._view(each) for each in self.boards.values())
 
     def _view(self, board: Board) -> BoardView:
-        process, name = board.process, board.name
+        name = board.name
         kind = self._set.wiring.boards[name].kind
-        begin, waited, busy = self._busy.get(name, (0, 0, 0.0))
-        if board.now - begin >= SECOND:
-            busy = 1.0 - (process.waited - waited) * 1_000_000 / (board.now - begin)
-            self._busy[name] = board.now, process.waited, busy
-        line = self._set.wiring.laptop
-        said = self.last_line if line is not None and line.board == name else ""
+        said = self._last_lines.get(name, {})
         pins = tuple(
             PinView(kind.pin_name(number), _pin_text(state)) for number, state in sorted(board.pins.items())
         )
@@ -687,13 +711,14 @@ class SketchRobot(LockstepWorld):
         return BoardView(
             name,
             board.now / SECOND,
-            max(busy, 0.0),
+            shown.busy,
             shown.led,
-            said.strip(),
+            said.get("", ""),
             pins,
             self.failed,
             shown.displays,
             shown.led_pin,
+            tuple(PortView(port, text) for port, text in said.items() if port),
         )
 
     # -- commands of others ----------------------------------------------------------------------------

@@ -12,6 +12,18 @@ from simmer_tui.sketch.pwm_channels import follow_channels
 from simmer_tui.sketch.sketch_source import SketchCall
 from simmer_tui.sketch.sketch_values import DEEPEST, MOST_LOOKUPS, Bindings, Pins, SketchValues
 
+PIN_CHANGES = ("attachPCINT", "attachPinChangeInterrupt", "enableInterrupt", "PCattachInterrupt")
+"""Calls of libraries that attach a function to a pin change."""
+_PIN_CHANGE_CLASS = "PCintPort"
+"""Class of an old library whose attachInterrupt does so."""
+_PORTS = frozenset(("Serial", "Serial1", "Serial2", "Serial3"))
+"""Ports in hardware of any board."""
+_TAKING = (
+    *("available", "peek", "read", "readString", "readStringUntil", "readBytes", "readBytesUntil"),
+    *("parseInt", "parseFloat", "find", "findUntil"),
+)
+"""Calls that take bytes from a port, or ask for them."""
+
 
 class SketchPort(Struct, frozen=True):
     """A serial port of a sketch: its pins, and the rates that it is begun with (none: it is not begun)."""
@@ -25,7 +37,11 @@ class SketchPort(Struct, frozen=True):
 
 
 class SketchInterrupt(Struct, frozen=True):
-    """An attachInterrupt. `pins` is None if unknown; `number` is the interrupt's number, if that is given."""
+    """An attachInterrupt, or a call of a library for pin changes.
+
+    `pins` is None if unknown; `number` is the interrupt's number, if that is given. `is_pin_change` is true
+    for one that comes by a pin-change interrupt.
+    """
 
     pins: Pins | None
     number: int | None
@@ -34,6 +50,7 @@ class SketchInterrupt(Struct, frozen=True):
     spot: str
     reads: Pins
     """The pins that its function reads with digitalRead."""
+    is_pin_change: bool = False
 
 
 class SketchFacts(SketchValues):
@@ -51,8 +68,18 @@ class SketchFacts(SketchValues):
 
     def is_port(self, name: str) -> bool:
         """True if an object is a serial port."""
-        port = self._port_named(name)
+        port = self.port_named(name)
         return port in self.kind.serial or any(each.name == port for each in self.ports())
+
+    def takes_from(self, port: str) -> bool:
+        """True if the sketch takes bytes from a port, or passes it on to something that may."""
+        for call in self.calls:
+            if call.name in _TAKING and self.port_named(call.object) == port:
+                return True
+            names = (each[-1].text for each in call.arguments if len(each) in (1, 2))
+            if any(self.port_named(name) == port for name in names):
+                return True
+        return False
 
     def methods(self, name: str, *called: str) -> Iterator[tuple[SketchCall, Bindings | None]]:
         """The calls of methods of an object by its name; those of a function that it is passed to with the
@@ -106,7 +133,7 @@ class SketchFacts(SketchValues):
         """The serial ports in hardware that it begins, those of its own objects, and Bluetooth."""
         begun: dict[str, list[SketchCall]] = defaultdict(list)
         for call in self.named("begin"):
-            begun[self._port_named(call.object)].append(call)
+            begun[self.port_named(call.object)].append(call)
         found = []
         for name, usual in self.kind.serial.items():
             if begun[name]:
@@ -134,12 +161,12 @@ class SketchFacts(SketchValues):
                     found.append(SketchPort(each.name, rx, tx, (), each.spot, spot))
         return found
 
-    def _port_named(self, name: str) -> str:
+    def port_named(self, name: str) -> str:
         """The port that a name stands for: `#define BT Serial1`, or a reference to it."""
         found = {
             "".join(token.text for token in each).lstrip("&") for each, _ in self.expressions.get(name, ())
         }
-        return next(iter(found)) if len(found) == 1 and found <= self.kind.serial.keys() else name
+        return next(iter(found)) if len(found) == 1 and found <= _PORTS else name
 
     def _begun_pins(
         self, begins: Sequence[SketchCall], usual: tuple[int, int] | None
@@ -162,24 +189,34 @@ class SketchFacts(SketchValues):
                 yield call
 
     def interrupts(self) -> list[SketchInterrupt]:
-        """Its calls of attachInterrupt."""
+        """Its calls of attachInterrupt, and those of libraries for pin changes."""
         found = []
-        for call in self.named("attachInterrupt", "attachInterruptArg"):
-            if len(call.arguments) < 2:
+        for call in self.named("attachInterrupt", "attachInterruptArg", *PIN_CHANGES):
+            is_change = call.name in PIN_CHANGES or call.object == _PIN_CHANGE_CLASS
+            if len(call.arguments) < 2 or (call.object and not is_change):
                 continue
             first = call.arguments[0]
-            is_pin = first[0].text == "digitalPinToInterrupt" if first else False
+            is_pin = is_change or (bool(first) and first[0].text == "digitalPinToInterrupt")
+            if first and first[0].text.startswith("digitalPinTo"):
+                first = first[2:-1]
             mode = self.spelled(call, len(call.arguments) - 1)
             for bound in self.rounds(call, {}):
-                values = self.values(first[2:-1] if is_pin else first, call.function, 0, bound)
+                values = self.values(first, call.function, 0, bound)
                 pins, number = values, None
                 if not is_pin and values is not None and len(values) == 1:
                     number = next(iter(values))
                     by_number = {each: pin for pin, each in self.kind.interrupts.items()}
                     pins = Pins({by_number[number]}) if number in by_number else Pins()
+                known = pins or Pins({-1})
+                # This one takes the interrupt of attachInterrupt where a pin has one.
+                is_free = call.name == "enableInterrupt" and known <= self.kind.interrupts.keys()
                 function = self._function_named(call, 1, bound)
                 reads = self._read_by(call, function)
-                found.append(SketchInterrupt(pins, number, function, mode, call.token.spot, reads))
+                found.append(
+                    SketchInterrupt(
+                        pins, number, function, mode, call.token.spot, reads, is_change and not is_free
+                    )
+                )
         return found
 
     def _read_by(self, attach: SketchCall, function: str) -> Pins:

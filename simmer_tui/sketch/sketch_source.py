@@ -3,7 +3,7 @@ it does not know it leaves out."""
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterator, KeysView, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -14,6 +14,7 @@ from msgspec.structs import replace
 
 from simmer_tui.config.set_sketches import library_paths, source_paths
 from simmer_tui.sketch.boards import BoardKind
+from simmer_tui.sketch.container_arrays import with_plain_arrays
 from simmer_tui.sketch.cpp_tokens import LARGEST_SOURCE, SourceDirective, Token, TokenKind, tokens_of
 from simmer_tui.sketch.known_headers import is_provided
 from simmer_tui.sketch.sketch_classes import SketchClass, classes_of, functions_of
@@ -39,6 +40,8 @@ _KEYWORDS = frozenset(
 )
 """Names before `(` that are no calls, or before a name that are no types."""
 _CHANGED = ("++", "--", "+=", "-=", "*=", "/=")
+_BEFORE_A_LAMBDA = ("=", "(", "{", ",", "+", "?", ":", "return")
+"""Tokens before the bracket that begins a lambda; elsewhere it is an index."""
 # More than the pins of a Mega.
 MOST_VALUES = 100
 """Values of a name, or rows of an array, that are looked at."""
@@ -114,6 +117,10 @@ class SketchSource:
         self.arrays: dict[str, tuple[Row, ...]] = {}
         self.changed: set[str] = set()
         """Names that `++` and its kind change."""
+        self.mentions: Counter[str] = Counter()
+        """Numbers of the places where a name stands that are no calls and no heads of functions."""
+        self.in_macros: set[str] = set()
+        """Names in what `#define` stands for."""
         self.parameters: dict[str, list[str]] = {}
         self.returned: dict[str, list[tuple[Token, ...]]] = defaultdict(list)
         """The expressions that a function returns."""
@@ -135,6 +142,9 @@ class SketchSource:
         """The end of the last definition of an object, and its class."""
         self._loops: list[tuple[int, SketchLoop]] = []
         """The loops around the token that is read, with their ends."""
+        self.in_lambdas: set[int] = set()
+        """The numbers of calls in lambdas, which are of no function that the text names."""
+        self._lambda_end = -1
         self._blocks: list[int] = []
         """The braces around the token that is read."""
         self.calls: list[SketchCall] = []
@@ -146,6 +156,7 @@ class SketchSource:
             tokens += found
             macros += directives
             self._read_directives(directives, name)
+        tokens = with_plain_arrays(tokens, partners_of(tokens))
         self._read([*functions_of_macros(macros, tokens), *tokens])
 
     @classmethod
@@ -167,8 +178,10 @@ class SketchSource:
             if each.name == "include" and rest:
                 name = "".join(token.text for token in rest).strip('<>"')
                 self.includes.append((name, f"{file}:{each.line}"))
-            elif each.name == "define" and len(rest) > 1 and not each.has_parameters:
-                self.expressions[rest[0].text].append((rest[1:], ""))
+            elif each.name == "define":
+                self.in_macros |= {token.text for token in rest[1:] if token.is_name}
+                if len(rest) > 1 and not each.has_parameters:
+                    self.expressions[rest[0].text].append((rest[1:], ""))
 
     def _read(self, tokens: Sequence[Token]) -> None:
         partners = partners_of(tokens)
@@ -186,7 +199,11 @@ class SketchSource:
             elif token.text == "}" and self._blocks and partners.get(at) == self._blocks[-1]:
                 self._blocks.pop()
             if not token.is_name:
+                if token.text == "[" and before in _BEFORE_A_LAMBDA:
+                    self._lambda_end = max(self._lambda_end, _end_of_lambda(tokens, at, partners))
                 continue
+            if after != "(":
+                self.mentions[token.text] += 1
             while self._loops and at > self._loops[-1][0]:
                 self._loops.pop()
             if token.text == "enum":
@@ -382,6 +399,13 @@ class SketchSource:
         if has_members and arguments and all(_is_parameter(each) for each in arguments):
             return  # the head of a constructor with values of members
         owner = () if is_definition else _owner_before(tokens, at, partners)
+        if (
+            before.text == "::"
+            and at > 2
+            and tokens[at - 2].is_name
+            and tokens[at - 2].text not in self.classes
+        ):
+            owner = (tokens[at - 2],)  # of a library's class: `PCintPort::attachInterrupt(`
         call = SketchCall(
             name=name.text,
             object=owner[0].text if owner else "",
@@ -394,11 +418,23 @@ class SketchSource:
             owner=owner,
             block=self._blocks[-1] if self._blocks else -1,
         )
+        if at < self._lambda_end:
+            self.in_lambdas.add(call.order)
         self.calls.append(call)
         if is_definition:
             self._defined = (close, before)
             if before.text in self.classes:
                 self.types[name.text] = before.text
+
+
+def _end_of_lambda(tokens: Sequence[Token], at: int, partners: Mapping[int, int]) -> int:
+    """The place of the end of a lambda's body, by that of its first bracket."""
+    body = partners.get(at, at) + 1
+    if body < len(tokens) and tokens[body].text == "(":
+        body = partners.get(body, body) + 1
+    while body < len(tokens) and tokens[body].text not in ("{", ";", ")"):
+        body += 1
+    return partners.get(body, body)
 
 
 def texts_of(sketch: Path) -> dict[str, str]:

@@ -112,6 +112,7 @@ def _owners(sketch: SketchValues, call: SketchCall, bound: Bindings | None) -> l
 def pulses(sketch: SketchValues) -> Iterator[tuple[int, int]]:
     """The pins of pulses, each after that of the write before it, in loops over arrays as well."""
     by_function = sketch.by_function()
+    turned = _turned(sketch)
     left = [MOST_CALLS]
     written: list[int] = []
 
@@ -127,7 +128,7 @@ def pulses(sketch: SketchValues) -> Iterator[tuple[int, int]]:
                     pins = sketch.values(call.arguments[0], function, 0, given) or Pins()
                     if call.name == "digitalWrite":
                         written[:] = pins
-                    elif len(pins) == len(written) == 1 and not pins.issuperset(written):
+                    elif len(pins) == len(written) == 1 and (pins <= turned or not pins.issuperset(written)):
                         yield written[0], next(iter(pins))
                 elif call.name in sketch.functions and not call.type and depth < DEEPEST:
                     for each in sketch.rounds(call, given):
@@ -137,6 +138,14 @@ def pulses(sketch: SketchValues) -> Iterator[tuple[int, int]]:
     for function in by_function:
         written.clear()
         yield from walk(function, {}, 0)
+
+
+def _turned(sketch: SketchValues) -> Pins:
+    """Pins that are an output and an input by turns: trigger and echo of a sonar with one pin."""
+    modes: dict[str, set[int]] = {}
+    for call in sketch.named("pinMode"):
+        modes.setdefault(sketch.spelled(call, 1), set()).update(sketch.pins(call) or ())
+    return Pins(modes.get("OUTPUT", set()) & (modes.get("INPUT", set()) | modes.get("INPUT_PULLUP", set())))
 
 
 def _rows_of_motors(sketch: SketchValues) -> dict[str, tuple[str, int]]:

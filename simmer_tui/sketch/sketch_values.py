@@ -80,6 +80,13 @@ class SketchValues(SketchSource):
         for call in self.calls:
             # The definition of an object calls its class's constructor.
             self.callers[call.type or call.name].append(call)
+        self._ranges = {
+            (call.function, loop.name): loop.array
+            for call in self.calls
+            for loop in call.loops
+            if loop.array and self.types.get(loop.array, "") in self.classes
+        }
+        """The arrays of objects that loops go through, by function and the loop's name."""
         self.bases: dict[str, list[tuple[str, list[tuple[Token, ...]]]]] = {}
         """The values that a constructor gives to those of its base classes, by class."""
         for constructor, base, value in self.values_of_members:
@@ -253,6 +260,8 @@ class SketchValues(SketchSource):
         given = bound.get(name) if bound is not None else None
         if isinstance(given, SketchObject):
             return [given]
+        if (function, name) in self._ranges:
+            return self.objects_in(self._ranges[function, name])
         names = self.parameters.get(function, ())
         if name in names:
             at = names.index(name)
@@ -270,8 +279,17 @@ class SketchValues(SketchSource):
         return [
             made
             for value, inside in self.expressions.get(name, ())
-            for made in self.objects_of(value, inside, None, depth + 1)
+            # A reference in the same function: `const Eye &eye = eyes[i];`
+            for made in self.objects_of(value, inside, bound if inside == function else None, depth + 1)
         ]
+
+    def each_member(self, expression: Sequence[Token], function: str) -> list[Pins | None]:
+        """The values of `eyes[i].pin` for each object that it can mean, in their order; none for another
+        expression."""
+        tokens = without_casts(expression)
+        if len(tokens) < _NAMED_VALUE or tokens[-2].text not in (".", "->"):
+            return []
+        return [self.member(each, tokens[-1], 0) for each in self.objects_of(tokens[:-2], function, None)]
 
     def _made(
         self, kind: str, given: Sequence[tuple[Token, ...]], function: str, bound: Bindings | None
@@ -371,6 +389,8 @@ class SketchValues(SketchSource):
 
     def _looped(self, loop: SketchLoop, function: str, bound: Bindings | None = None) -> list[int]:
         """The values of a loop's name, in their order; none if they are unknown, or too many."""
+        if (function, loop.name) in self._ranges:
+            return []  # objects
         if loop.array:
             items = [each for each in self.items(loop.array) if each is not None and len(each) == 1]
             is_whole = len(items) == len(self.items(loop.array))

@@ -69,7 +69,7 @@ def draft(
         boards.append(BoardDraft(name, _path_from(directory, sketch), facts_for_draft(sketch)))
     text = [_HEAD]
     for board in boards:
-        sure = "" if board.facts.kind.name != "uno" else "  # ? or nano"
+        sure = {"uno": f"{_MARK} or nano", "nano": f"{_MARK} or mega"}.get(board.facts.kind.name, "")
         # Strings of JSON are strings of TOML.
         path = json.dumps(board.sketch, ensure_ascii=False)
         text.append(f'[boards.{board.name}]\nsketch = {path}\nboard = "{board.facts.kind.name}"{sure}\n')
@@ -152,10 +152,10 @@ def _line_tables(boards: Sequence[BoardDraft]) -> Iterator[str]:
     links = _links(boards, ports)
     linked = {(board.name, port.name) for pair in links for board, port in pair}
     free = [(board, port) for board, port in ports if (board.name, port.name) not in linked]
-    # A Bluetooth module on SoftwareSerial is the laptop's line before the USB port, which prints notes.
-    # One that is not begun sends nothing.
+    # A program sends commands, so its line is one that the sketch reads. A Bluetooth module on
+    # SoftwareSerial is it before the USB port, which prints notes. One that is not begun sends nothing.
     free = [each for each in free if each[1].begin_spot] or free
-    free.sort(key=lambda each: each[1].name in each[0].facts.kind.serial)
+    free.sort(key=_is_for_notes)
     if free:
         board, port = free[0]
         sure = "" if len(free) == 1 else _MARK
@@ -170,6 +170,12 @@ def _line_tables(boards: Sequence[BoardDraft]) -> Iterator[str]:
             start = f"{sender.name}.{sender.facts.kind.pin_name(min(sends or (0,)))}"
             end = f"{receiver.name}.{receiver.facts.kind.pin_name(min(receives or (0,)))}"
             yield f'[[wires]]{_MARK}\nfrom = "{start}"\nto = "{end}"\n'
+
+
+def _is_for_notes(port: _Port) -> tuple[bool, bool]:
+    """The order of ports by how unlikely they are the laptop's line."""
+    board, each = port
+    return not board.facts.takes_from(each.name), each.name in board.facts.kind.serial
 
 
 def _port_keys(board: BoardDraft, port: SketchPort) -> list[str]:

@@ -242,8 +242,10 @@ def verdict_so_far(snapshot: Snapshot) -> Sequence[str]:
 
 
 def pins_answer(board: BoardView) -> AnswerCard:
-    """The pins of a board that its sketch has used, as they are now, and the text on its displays."""
+    """The pins of a board that its sketch has used, the last line on its other ports, and the text on its
+    displays."""
     lines: list[StyledLine] = [((f"{pin.name:>4}  ", "dim"), (pin.text, "value")) for pin in board.pins]
+    lines += [((f"{port.name:>4}  ", "dim"), (port.line, "value")) for port in board.ports]
     lines += [(("     |", "dim"), (row, "value"), ("|", "dim")) for each in board.displays for row in each]
     shown = lines or [(("the sketch has used no pin yet", "dim"),)]
     return AnswerCard(f"pins of {board.name}", f"at {board.time:.3f} s; Esc closes", tuple(shown))

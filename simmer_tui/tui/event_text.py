@@ -216,6 +216,9 @@ class _Wording(EventHandler[EventWords]):
 
     def on_wire(self, event: events.WireMessage) -> EventWords:
         shown = utf8_text(event.data)
+        if event.port:
+            by = f"{event.board} {event.port}: "
+            return EventWords("robot", "<", lambda: ((by, "dim"), (shown, "value")))
         if event.reply:
             return EventWords("robot", "<", lambda: ((shown, "value"),))
         return EventWords("client", ">", lambda: ((f"{shown}  ", "plain"), (event.meaning, "dim")))
@@ -279,8 +282,8 @@ def kept_lines(entry: LogEntry) -> list[StyledLine]:
 
 
 def folded_text(entry: LogEntry) -> str:
-    """Counts of readings and beliefs that are folded into an entry."""
-    parts = ((entry.readings, "reading"), (entry.beliefs, "belief"))
+    """Counts of readings, beliefs, velocities and prints that are folded into an entry."""
+    parts = ((entry.readings, "reading"), (entry.beliefs, "belief"), (entry.prints, "print"))
     shown = [counted(count, noun) for count, noun in parts if count]
     if entry.velocities:
         shown.append("one velocity" if entry.velocities == 1 else f"{entry.velocities} velocities")
@@ -323,7 +326,7 @@ def refusal_of(entries: Sequence[LogEntry], since: int = 0) -> str | None:
         if entry.number <= since:
             break
         # A program's readings come by the thousand; wording each would cost a tenth of the screen's time.
-        if entry.readings or entry.beliefs or entry.velocities:
+        if entry.folds:
             found = refusal_of(entry.kept, since)
             if found is not None:
                 return found

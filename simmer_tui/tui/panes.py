@@ -308,7 +308,9 @@ class Panes:
         """Give row 0 and the maze's frame the colour of the run's phase."""
         phase = phase_of(snapshot, self._source.ports)
         self.has_mission = snapshot.mission is not None
-        self.board_rows = sum(2 + sum(map(len, board.displays)) for board in snapshot.boards)
+        self.board_rows = sum(
+            2 + len(board.ports) + sum(map(len, board.displays)) for board in snapshot.boards
+        )
         if phase is not self.phase:
             self.phase = phase
             self._panels["header"].set_classes([phase.value])

@@ -271,6 +271,7 @@ def board_lines(snapshot: Snapshot, room: Room) -> list[StyledLine]:
             lines.append(((f"  {board.failed}", "danger"),))
         elif board.line:
             lines.append((("  last line  ", "dim"), (board.line, "value")))
+        lines += [((f"  {port.name}  ", "dim"), (port.line, "value")) for port in board.ports]
         lines += [
             (("  |", "dim"), (row, "value"), ("|", "dim")) for display in board.displays for row in display
         ]

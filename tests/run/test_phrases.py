@@ -29,6 +29,7 @@ from simmer_tui.run.phrases import (
 )
 from simmer_tui.sim import DriveKind, Pose, SimulationSpec, Simulator
 from simmer_tui.sim.angles import side_name
+from simmer_tui.sim.command import Command
 from simmer_tui.sim.records import Grip, LidarScan
 
 
@@ -146,3 +147,9 @@ def test_boards_set_speeds_and_programs_send_commands() -> None:
     assert sent_by_text("console", "d1-3") == "d1-3 was sent"
     assert sent_by_text("boards", "ww-3;0") == "a board set ww-3;0"
     assert sent_by_text("boards, main at a.ino:4", "ww-3;0") == "board main at a.ino:4 set ww-3;0"
+
+
+def test_speeds_that_a_board_makes_are_shown_with_two_decimals() -> None:
+    text = "ww--5.30718954248;12"
+    assert Command(text, "ww", source="boards, board rover at rover.ino:7").shown == "ww--5.31;12"
+    assert Command(text, "ww").shown == text

@@ -101,8 +101,8 @@ def other_log(path: Path, configuration: Any, motion: str) -> None:
         said = (OutputLine(1.0, "x"),)
         log(ProgramEnded(2.0, 139, "SIGSEGV", True, "segmentation fault", "robot.c:3", said, said))
         log(WireMessage(simulator.time, "w 1", meaning="w {n}"))
-        log(WireMessage(simulator.time, "ok", reply=True))
-        log(DisplayChanged(simulator.time, "rover", True, "2", (("a row",),)))
+        log(WireMessage(simulator.time, "ok", reply=True, board="rover", port="USB"))
+        log(DisplayChanged(simulator.time, "rover", True, "2", (("a row",),), 0.5))
         log(MissionEvent(simulator.time, Goal.TAKEN, "block taken"))
         log(MissionEvent(simulator.time, Result.FAILED, "failed", "no time"))
         for _ in range(CHECKPOINT_EVERY):

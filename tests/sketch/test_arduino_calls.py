@@ -50,6 +50,10 @@ long taken() {
 }
 void setup() {
   Serial.begin(9600);
+  if (MCUSR & (1 << WDRF)) Serial.println("bitten");
+  MCUSR = 0;
+  MCUSR &= ~_BV(WDRF);
+  wdt_disable();
   wdt_enable(WDTO_2S);
   Serial.println(taken());
   Serial.println(on());

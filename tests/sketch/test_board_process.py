@@ -77,6 +77,99 @@ def test_boards_end_with_their_last_words_and_their_cause(tmp_path: Path) -> Non
     assert re.fullmatch(r"got u-?\d+got !", run(tmp_path / "u", "u!").text)
 
 
+COUNTS = """
+volatile int left, right, pins;
+void leftChanged() { left++; }
+void rightRose() { right++; pins = PIN; }
+void setup() {
+  Serial.begin(9600);
+  ATTACH
+  pinMode(5, OUTPUT); pinMode(6, OUTPUT);
+  digitalWrite(5, HIGH);
+  delay(500);
+  digitalWrite(5, LOW);
+  int before = left; delay(50);
+  Serial.print(left == before); Serial.print(' '); Serial.print(left); Serial.print(' '); Serial.print(right);
+  Serial.print(' '); Serial.print(pins);
+}
+void loop() {}
+"""
+PIN_CHANGES = {
+    "PinChangeInterrupt": (
+        "attachPCINT(digitalPinToPCINT(A1), leftChanged, CHANGE);"
+        "attachPinChangeInterrupt(digitalPinToPinChangeInterrupt(7), rightRose, RISING);",
+        "7",
+    ),
+    "PinChangeInt": (
+        "PCintPort::attachInterrupt(A1, leftChanged, CHANGE);"
+        "PCintPort::attachInterrupt(7, &rightRose, RISING);",
+        "PCintPort::arduinoPin",
+    ),
+    "EnableInterrupt": (
+        "enableInterrupt(A1, leftChanged, CHANGE); enableInterrupt(7, rightRose, RISING);",
+        "arduinoInterruptedPin",
+    ),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(find_compiler() is None, reason="there is no C++ compiler")
+@pytest.mark.parametrize("library", PIN_CHANGES)
+def test_encoders_count_by_pin_changes_on_any_pin(library: str, tmp_path: Path) -> None:
+    attach, pin = PIN_CHANGES[library]
+    text = f"#include <{library}.h>\n{COUNTS.replace('ATTACH', attach).replace('PIN;', f'{pin};')}"
+    encoders = "".join(
+        f'[[sensors]]\nboard = "rover"\npart = "encoder"\nwheel = "left"\na = {at}\nedges_per_inch = 40\n'
+        for at in ('"A1"', "7")
+    )
+    made = run_boards(made_set(tmp_path / "set", ROVER + MOTORS + encoders, {"rover.ino": text}), 1.0)
+    stands, left, right, last = map(int, made.text.split())
+    assert (stands, last, made.failed) == (1, 7, "")
+    assert left > 100
+    assert abs(left - 2 * right) <= 1
+
+
+RATES = """
+void setup() {
+  Serial.begin(9600);
+  TCCR1B = TCCR1B & 0b11111000 | 0x05;
+  TCCR2B = (TCCR2B & B11111000) | _BV(CS20);
+  Serial.print(TCCR1B); Serial.print(TCCR2B);
+  TCCR1B &= ~(1 << CS12); TCCR1B |= 1 << CS11;
+  Serial.print(TCCR1B);
+  delay(300);
+}
+void loop() { TCCR1B |= 1 << 3; }
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(find_compiler() is None, reason="there is no C++ compiler")
+def test_a_sketch_sets_the_frequency_of_pwm_and_no_mode_of_a_timer(tmp_path: Path) -> None:
+    made = run_boards(made_set(tmp_path / "set", ROVER, {"rover.ino": RATES}), 1.0)
+    assert made.text == "513"
+    assert "rover.ino:11 after 0.3" in made.failed
+    assert "it set the mode of a timer, and registers are not simulated" in made.failed
+
+
+RESTARTS = """
+void (*restart)(void) = 0;
+void setup() { delay(300); }
+void loop() { restart(); }
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(find_compiler() is None, reason="there is no C++ compiler")
+@pytest.mark.skipif(sys.platform != "linux", reason="the address of a fault is known on Linux")
+def test_a_jump_to_the_start_of_the_memory_is_told_as_one(tmp_path: Path) -> None:
+    made = run_boards(made_set(tmp_path / "set", ROVER, {"rover.ino": RESTARTS}), 1.0)
+    assert "rover.ino:4 after 0.3" in made.failed
+    assert made.failed.endswith(
+        "it called a function at address 0, which starts an AVR again, and no simulated board"
+    )
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(find_compiler() is None, reason="there is no C++ compiler")
 def test_calls_do_what_the_core_and_its_libraries_do(tmp_path: Path) -> None:

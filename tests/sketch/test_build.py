@@ -137,7 +137,8 @@ REFUSED = {
     "void f() { Serial.onReceive(0); }": "the simulator's HardwareSerial has no onReceive; .* those that are",
     "String s; void f() { s.shuffle(); }": "the simulator's String has no shuffle",
     "void f() { if (n) { }": "this { has no }",
-    "void f() { TCCR1B = 0; }": "TCCR1B is a register of the chip",
+    "void f() { TCCR1A = 0; }": "TCCR1A is a register of the chip",
+    "void f() { TCCR0B = 1; }": "TCCR0B is a register of the chip",
     "void f() { ledcWrite(1, 2); }": "ledcWrite is a call of another board; give it in wiring.toml",
     "void f() { vTaskDelay(1); }": "vTaskDelay is of FreeRTOS, .*: add #include <Arduino_FreeRTOS.h>",
     "int a() { return ADC_11db; }": "ADC_11db is a call of another board; give it in wiring.toml",
@@ -148,6 +149,8 @@ REFUSED = {
     "#include <Arduino_FreeRTOS.h>\nvoid f() { vTaskList(0); }": "the simulator's FreeRTOS has no vTaskList",
     "#include <Servo.h>\nServo s; void f() { s.sweep(1); }": "the simulator's Servo has no sweep; its",
     "#include <Stepper.h>\nint f() { return Stepper::FAST; }": "the simulator's Stepper has no FAST",
+    "void f() { Serial1.begin(9600); }": "Serial1 is a port of the Mega or ESP32, and the Uno has none",
+    "int echo = 9\nint motor = 5;": "before 'int'|expected ';' after",
     "struct Own {} own; void f() { own.go(); }": "'go'",
     "void f() { goo(1); }": "'?goo'? was not declared|undeclared identifier 'goo'",
 }
@@ -173,3 +176,15 @@ def test_what_no_board_has_is_refused_with_what_is_there(tmp_path: Path, line: s
     place = 2 + line.count("\n")
     with pytest.raises(ConfigurationError, match=rf"rover\.ino:{place}: .*(?:{REFUSED[line]})"):
         build_sketch(sketch, UNO)
+
+
+@no_compiler
+@pytest.mark.slow
+def test_the_mistake_of_a_macro_is_told_once_in_a_line(tmp_path: Path) -> None:
+    uses = "#define BT Serial1\nvoid f() { BT.print(1); BT.print(2); }\nvoid g() { BT.print(3); }\n"
+    sketch = files(tmp_path, {"rover/rover.ino": uses + EMPTY})
+    with pytest.raises(ConfigurationError) as told:
+        build_sketch(sketch, UNO)
+    places = [str(each).split(": ")[0] for each in told.value.problems]
+    assert len(places) == len({*map(str, told.value.problems)})
+    assert all("Serial1 is a port of the Mega" in str(each) for each in told.value.problems)

@@ -167,6 +167,13 @@ DRAFTED = {
         " eyes[i].init(); eyes[i].setAddress(addresses[i]); } }",
         [("vl53l0x", 9, 0x31), ("vl53l0x", 8, 0x32), ("vl53l0x", 7, 0x33)],
     ),
+    "objects": (
+        "#include <VL53L0X.h>\nstruct Eye { byte off; byte address; } eyes[] = {{9, 0x31}, {8, 0x32}};\n"
+        "VL53L0X tof[2];\nvoid setup() { for (auto &each : eyes) digitalWrite(each.off, LOW);"
+        " for (int i = 0; i < 2; i++) { digitalWrite(eyes[i].off, HIGH);"
+        " tof[i].init(); tof[i].setAddress(eyes[i].address); } }",
+        [("vl53l0x", 9, 0x31), ("vl53l0x", 8, 0x32)],
+    ),
     "all at once, by their names": (
         "#include <Adafruit_VL53L0X.h>\n#define SHT_LOX1 7\n#define SHT_LOX2 6\n"
         "Adafruit_VL53L0X lox1 = Adafruit_VL53L0X();\nAdafruit_VL53L0X lox2 = Adafruit_VL53L0X();\n"

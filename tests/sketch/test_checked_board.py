@@ -68,7 +68,7 @@ def request(
     wait: tuple[int, int] = (0, 0),
 ) -> bytes:
     begin, kind = wait
-    head = _REQUEST.pack(now, reason, query, len(records), pin, 0, 0, begin, 0, kind)
+    head = _REQUEST.pack(now, reason, query, len(records), pin, 0, 0, begin, kind, 0)
     return head + b"".join(_RECORD.pack(*each) for each in records)
 
 
@@ -106,6 +106,7 @@ def begun(pipes: Pipes) -> Begun:
         request(100, record(Told.TEXT, 4 << 24 | 1)),
         request(100, record(Told.FIFO_OVERFLOW, 0x400123, pin=31), reason=Reason.QUERY, query=Query.RATE),
         request(100, record(Told.BUS_STUCK, 0x400123, pin=0)),
+        request(100, record(Told.BUSY, 250_000, pin=0)),
         request(100, record(Told.DETAIL, 34), record(Told.MISTAKE, 0x400123, pin=3), reason=Reason.OUTPUT),
         request(100, record(Told.MISTAKE, 0x400123, pin=Mistake.WATCHDOG), reason=Reason.OUTPUT),
     ],
@@ -145,14 +146,15 @@ def test_what_boards_tell_is_taken(begun: Begun, pipes: Pipes, fine: bytes) -> N
         (request(100, record(Told.TEXT, 5 << 24)), "it told 83886080 as TEXT"),
         (request(100, record(Told.TEXT, -1)), "it told -1 as TEXT"),
         (request(100, record(Told.TEXT, 0, pin=8)), "it told of display 8"),
-        (request(100, wait=(0, 6)), "it waits as no board does"),
-        (request(100, record(Told.DETAIL), record(Told.MISTAKE, pin=12)), "it told of mistake 12"),
+        (request(100, wait=(0, 7)), "it waits as no board does"),
+        (request(100, record(Told.DETAIL), record(Told.MISTAKE, pin=14)), "it told of mistake 14"),
+        (request(100, record(Told.BUSY, 1_000_001)), "it told 1000001 as BUSY"),
         (request(100, record(Told.MISTAKE, pin=Mistake.INPUT_PIN)), "it told half of a mistake"),
         (
             request(100, record(Told.DETAIL, 5), record(Told.MISTAKE, pin=Mistake.IN_INTERRUPT)),
             "it told half of a mistake",
         ),
-        (request(100, *[record(Told.DETAIL, 3), record(Told.MISTAKE, pin=3)] * 500), "more mistakes than"),
+        (request(100, *[record(Told.DETAIL, 3), record(Told.MISTAKE, pin=3)] * 900), "more mistakes than"),
         (request(100, record(Told.BYTE, 65, 1 << 62)), "faster than a line carries them"),
         (request(100, record(Told.BYTE, 65, 9000), record(Told.BYTE, 65, 9001)), "faster than a line"),
     ],

@@ -45,6 +45,8 @@ def cost(name: str) -> float:
         ("`Serial` receives: its interrupt | {} us |", ("SERIAL_RECEIVE",)),
         ("`attached` | {} us a `write` |", ("SERVO_WRITE",)),
         ("`EEPROM[i]` | {} us to read", ("EEPROM_READ",)),
+        ("| {} us more than one of `attachInterrupt` |", ("PIN_CHANGE",)),
+        ("| {} us to read a value, {} us to write one |", ("FLASH_READ", "FLASH_WRITE")),
         ("| {} us and `micros` a look; {} us to plan a step", ("STEPPER_LOOK", "STEPPER_PLAN")),
         ("| {} us for a sample of `Compute` |", ("PID_COMPUTE",)),
         ("| {} us a transfer: 1.2 ms a character", ("DISPLAY_TRANSFER",)),

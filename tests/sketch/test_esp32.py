@@ -285,6 +285,53 @@ void setup() {
     )
 
 
+KEPT_VALUES = """
+#include <Preferences.h>
+#include <EEPROM.h>
+struct Gains { byte magic; float kp; } gains;
+Preferences prefs, other;
+void setup() {
+  Serial.begin(115200);
+  Serial.println(prefs.begin("none", true));
+  Serial.println(prefs.begin("gains"));
+  Serial.println(prefs.getFloat("kp", 1.5));
+  Serial.println(prefs.putFloat("kp", 2.25));
+  prefs.putInt("trim", -7); prefs.putString("name", "rover"); prefs.putBool("on", true);
+  prefs.putBytes("all", &gains, sizeof gains);
+  Serial.println(prefs.putInt("a_name_of_16_let", 1));
+  prefs.end();
+  Serial.println(prefs.getInt("trim", 5));
+  Serial.println(other.begin("gains", true));
+  Serial.println(other.getFloat("kp") + other.getInt("trim"));
+  Serial.println(other.getString("name") + other.getBool("on"));
+  Serial.println(other.getBytesLength("all"));
+  Serial.println(other.putInt("trim", 1) + other.getUInt("trim", 9));
+  Serial.println(other.isKey("kp") && !other.isKey("kq"));
+  EEPROM.write(0, 5);
+  Serial.println(EEPROM.read(0));
+  EEPROM.begin(64);
+  Serial.println(EEPROM.read(63));
+  gains = {66, 0.5};
+  EEPROM.put(8, gains); EEPROM.writeInt(0, -3); EEPROM.writeString(20, "eyes");
+  unsigned long begun = micros();
+  Serial.println(EEPROM.commit());
+  Serial.println(micros() - begun >= 500);
+  EEPROM.end(); EEPROM.begin(64);
+  gains.kp = 0; EEPROM.get(8, gains);
+  Serial.println(EEPROM.readInt(0) + gains.kp);
+  Serial.println(EEPROM.readString(20));
+}
+"""
+
+
+@pytest.mark.slow
+@no_compiler
+def test_values_are_kept_by_name_and_by_place(tmp_path: Path) -> None:
+    done = run_boards(made_set(tmp_path / "set", BOARD, {"rover.ino": KEPT_VALUES + LOOP}), 1.0)
+    lines = "0 1 1.50 4 0 5 1 -4.75 rover1 8 9 1 0 255 1 1 -2.50 eyes"
+    assert (done.text.split(), done.failed) == (lines.split(), "")
+
+
 REFUSED = {
     "#include <WiFi.h>": "WiFi.h: WiFi is not simulated; use Bluetooth or the USB port",
     "#include <Servo.h>": "Servo.h is no library of the ESP32; there are .*ESP32Servo.h",

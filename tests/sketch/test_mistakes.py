@@ -160,9 +160,14 @@ def test_all_tasks_of_an_esp32_wait_though_loop_goes_on(loop: str, tmp_path: Pat
 
 def test_tasks_of_an_esp32_that_wait_for_setup_are_not_told(tmp_path: Path) -> None:
     sketch = all_wait(more="delay(1500); xSemaphoreGive(ready);").replace(AVR, "\n\n\n\n")
-    assert notices(tmp_path, sketch, 2.0, ESP) == []
-    (told,) = notices(tmp_path / "then", sketch, 3.0, ESP)
-    assert told.startswith("all tasks wait for ever: ")
+    # What setup() gives is not told; nothing gives what two others wait for.
+    (first,) = notices(tmp_path, sketch, 2.0, ESP)
+    assert "Eyes" not in first
+    assert "task Drive" in first
+    assert "task Ears" in first
+    told = notices(tmp_path / "then", sketch, 3.0, ESP)
+    assert told[0] == first
+    assert told[1].startswith("all tasks wait for ever: ")
 
 
 @pytest.mark.parametrize(
@@ -177,7 +182,10 @@ def test_tasks_of_an_esp32_that_wait_for_setup_are_not_told(tmp_path: Path) -> N
     ],
 )
 def test_tasks_that_something_can_wake_are_not_told(sketch: str, tmp_path: Path) -> None:
-    assert notices(tmp_path, sketch) == []
+    """All tasks together; Ears is told, for which there is no notification."""
+    for told in notices(tmp_path, sketch):
+        assert told.startswith("task Drive waits")
+        assert "Park" not in told
 
 
 def test_a_task_that_never_waits_is_told_with_those_that_never_run(tmp_path: Path) -> None:
@@ -451,3 +459,146 @@ def test_a_wire_that_carries_nothing_is_told(tmp_path: Path) -> None:
     assert done.notices == [
         "eyes.4 and rover.2 are no serial ports: wires carry bytes of serial ports alone, and no levels"
     ]
+
+
+# One task drives by orders, one ends, one goes on; %s are what they do.
+SOME = """QueueHandle_t orders;
+SemaphoreHandle_t bus;
+EventGroupHandle_t marks;
+TaskHandle_t driver, looker;
+void drives(void*) { int order; for (;;) {
+  DRIVES
+} }
+void looks(void*) { for (int i = 0; i < 20; i++) {
+  LOOKS
+  vTaskDelay(3); }
+  ENDS
+}
+void shows(void*) { for (;;) { vTaskDelay(2); SHOWS } }
+void setup() {
+  Serial.begin(9600);
+  orders = xQueueCreate(4, sizeof(int));
+  bus = xSemaphoreCreateBinary();
+  marks = xEventGroupCreate();
+  MORE
+  xTaskCreate(drives, "Drive", 2000, NULL, 2, &driver);
+  xTaskCreate(looks, "Eyes", 2000, NULL, 1, &looker);
+  xTaskCreate(shows, "Show", 2000, NULL, 1, NULL);
+}
+"""
+GETS = "xQueueReceive(orders, &order, portMAX_DELAY);"
+SENDS = "xQueueSend(orders, &i, portMAX_DELAY);"
+NOTED = "ulTaskNotifyTake(pdTRUE, portMAX_DELAY);"
+LOCKS = "xSemaphoreTake(bus, portMAX_DELAY); vTaskDelay(1); xSemaphoreGive(bus);"
+
+
+def some_wait(
+    drives: str, looks: str = "", more: str = "", shows: str = "", ends: str = "vTaskDelete(NULL);"
+) -> str:
+    made = {"DRIVES": drives, "LOOKS": looks, "MORE": more, "SHOWS": shows, "ENDS": ends}
+    sketch = SOME
+    for name, text in made.items():
+        sketch = sketch.replace(name, text)
+    return AVR + "#include <event_groups.h>\n" + sketch + LOOP
+
+
+@pytest.mark.parametrize(
+    ("sketch", "told"),
+    [
+        (
+            some_wait(GETS, SENDS),
+            "task Drive waits for ever at rover.ino:11 for an item of a queue (orders): no task that is left "
+            "sends to it; that is at rover.ino:14",
+        ),
+        (
+            some_wait(GETS),
+            "task Drive waits for ever at rover.ino:11 for an item of a queue (orders): nothing in the "
+            "sketch sends to it",
+        ),
+        (
+            some_wait("vTaskDelay(9);", SENDS, ends="for (;;) vTaskDelay(9);"),
+            "task Eyes waits for ever at rover.ino:14 for room in a queue (orders): nothing in the sketch "
+            "receives from it",
+        ),
+        (
+            some_wait(LOCKS, LOCKS),
+            "task Drive waits for ever at rover.ino:11 for a semaphore (bus): only Drive and Eyes could end "
+            "it, at rover.ino:11, rover.ino:14, and they wait too; task Eyes waits for ever at rover.ino:14 "
+            "for a semaphore",
+        ),
+        (
+            some_wait(NOTED, "xTaskNotifyGive(looker);"),
+            "task Drive waits for ever at rover.ino:11 for a notification: nothing in the sketch notifies "
+            "that task",
+        ),
+        (
+            some_wait("xEventGroupWaitBits(marks, 1, pdTRUE, pdTRUE, portMAX_DELAY);"),
+            "task Drive waits for ever at rover.ino:11 for bits of an event group (marks): nothing in the "
+            "sketch sets its bits",
+        ),
+    ],
+)  # fmt: skip
+def test_a_task_that_nothing_can_wake_is_told_while_others_go_on(
+    sketch: str, told: str, tmp_path: Path
+) -> None:
+    found = notices(tmp_path / "avr", sketch, 4.0)
+    assert len(found) == 1, found
+    assert found[0].startswith(told)
+    esp32 = sketch.replace(AVR + "#include <event_groups.h>\n", "\n" * 5)
+    assert notices(tmp_path / "esp32", esp32, 4.0, ESP) == found
+
+
+def test_a_task_behind_the_mutex_of_one_that_waits_is_told_with_it(tmp_path: Path) -> None:
+    looks = "xSemaphoreTake(bus, portMAX_DELAY); xQueueReceive(orders, &i, portMAX_DELAY);"
+    sketch = some_wait("vTaskDelay(9); xSemaphoreTake(bus, portMAX_DELAY);", looks)
+    assert notices(tmp_path, sketch.replace("CreateBinary", "CreateMutex"), 4.0) == [
+        "task Eyes waits for ever at rover.ino:14 for an item of a queue (orders): nothing in the sketch "
+        "sends to it",
+        "task Drive waits for ever at rover.ino:11 for a mutex, which Eyes took at rover.ino:14",
+    ]
+
+
+STOPS = "void stops() { int i = 1; xQueueSend(orders, &i, 0); }\n"
+
+
+@pytest.mark.parametrize(
+    "sketch",
+    [
+        # A task that waits for bytes of the program, or for a button.
+        some_wait(GETS, shows="int i; if (Serial.available()) xQueueSend(orders, &i, 0);"),
+        some_wait(GETS, more="attachInterrupt(0, stops, RISING);").replace("void sh", STOPS + "void sh"),
+        some_wait(GETS).replace(LOOP, "void loop() { int i; if (analogRead(0)) xQueueSend(orders, &i, 0); }"),
+        # A table of functions, a macro, a pointer to the queue, and a parameter.
+        some_wait(GETS, shows="if (digitalRead(8)) todo[0]();").replace(
+            "void shows", STOPS + "void (*todo[])() = {stops};\nvoid shows"
+        ),
+        some_wait(LOCKS, more="xSemaphoreTake(bus, 0);", shows="if (digitalRead(8)) FREE(bus);").replace(
+            "void drives", "#define FREE(it) xSemaphoreGive(it)\nvoid drives"
+        ),
+        some_wait(
+            GETS, shows="int i; if (digitalRead(8)) xQueueSend(other, &i, 0);", more="other = orders;"
+        ).replace("void drives", "QueueHandle_t other;\nvoid drives"),
+        some_wait(GETS, shows="if (digitalRead(8)) puts_(orders);").replace(
+            "void drives", "void puts_(QueueHandle_t to) { int i; xQueueSend(to, &i, 0); }\nvoid drives"
+        ),
+        some_wait(NOTED, shows="if (digitalRead(8)) xTaskNotifyGive(driver);"),
+        # A function in a macro, and a parameter with the name of another queue.
+        some_wait(GETS, shows="if (digitalRead(8)) STOP").replace(
+            "void shows", STOPS + "#define STOP stops();\nvoid shows"
+        ),
+        some_wait("gets(other);", more="other = xQueueCreate(4, 2);", shows="GIVES").replace(
+            "void drives",
+            "QueueHandle_t other;\n"
+            "void gets(QueueHandle_t orders) { int i; xQueueReceive(orders, &i, portMAX_DELAY); }\n"
+            "void drives",
+        ).replace("GIVES", "int i; if (digitalRead(8)) xQueueSend(other, &i, 0);"),
+        # A lock of a class, whose end gives it back.
+        some_wait(LOCKS, shows="if (digitalRead(8)) { Lock lock; }").replace(
+            "void drives", "struct Lock { Lock() {} ~Lock() { xSemaphoreGive(bus); } };\nvoid drives"
+        ),
+        # It is given at last.
+        some_wait(GETS, shows="static int n = 0; if (n++ == 60) xQueueSend(orders, &n, 0);"),
+    ],
+)  # fmt: skip
+def test_a_task_that_something_may_wake_is_not_told(sketch: str, tmp_path: Path) -> None:
+    assert notices(tmp_path, sketch, 4.0) == []

@@ -72,7 +72,7 @@ def test_a_wrong_polarity_is_told_with_its_motor() -> None:
     facts = SketchFacts({"s.ino": SKETCH}, UNO)
     swapped = read(WIRING.replace("in1 = 9\nin2 = 10", "in1 = 10\nin2 = 9"))
     found = [str(each) for each in wrong_motions(swapped, WHEELS, {"main": facts})]
-    assert found[0].startswith("s.ino:2: goForward() turns the robot right: motors[2] turns backward; swap")
+    assert found[0].startswith("s.ino:2: goForward() turns the robot right: motors[2] turns backward; change")
     assert "turnLeft() drives the robot back: motors[1] and motors[2] turn backward" in found[1]
     reverse = read(WIRING.replace('wheel = "left"\n', 'wheel = "left"\nreversed = true\n'))
     assert len(list(wrong_motions(reverse, WHEELS, {"main": facts}))) == 2
@@ -113,7 +113,9 @@ def test_servos_as_wheels_are_told_by_their_pulses() -> None:
     assert found == {"goForward": "drives ahead", "turnLeft": "turns left"}
     turned = read(SERVO_WIRING.replace("reversed = true\n", ""))
     (first, *_) = wrong_motions(turned, WHEELS, {"main": facts})
-    assert str(first).startswith("s.ino:3: goForward() turns the robot right: motors[2] turns backward; swap")
+    assert str(first).startswith(
+        "s.ino:3: goForward() turns the robot right: motors[2] turns backward; change"
+    )
     assert list(motor_lines(read(SERVO_WIRING), WHEELS)) == [
         "motors[1] left: forward turns the robot right (pin 2000 us; 11.5 deg in 0.2 s)",
         "motors[2] right: forward turns the robot right (pin 1700 us; 11.5 deg in 0.2 s)",

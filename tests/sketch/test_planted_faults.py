@@ -34,8 +34,8 @@ def test_check_names_the_line_of_a_wrong_polarity(tmp_path: Path) -> None:
     facts = facts_of(wiring, configuration.directory, [])
     (problem,) = sketch_problems(wiring, facts, configuration.simulation.wheels)
     assert str(problem) == (
-        "polarity.ino:16: goForward() turns the robot right: motors[2] turns backward; swap a motor's pins "
-        "in wiring.toml if its wires are swapped, else in the sketch"
+        "polarity.ino:16: goForward() turns the robot right: motors[2] turns backward; change reversed "
+        "of a motor in wiring.toml if its wires are swapped, else correct the sketch"
     )
 
 

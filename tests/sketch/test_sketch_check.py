@@ -322,6 +322,44 @@ def test_a_stepper_is_compared_with_its_sketch(
     assert len(problems) == (1 if problem else 0)
 
 
+def test_an_interrupt_of_a_librarys_class_is_none_of_the_boards() -> None:
+    text = (
+        "void tick() {}\nvoid setup() { Port::attachInterrupt(A0, tick, CHANGE);"
+        " eyes.attachInterrupt(9, tick, 1); }"
+    )
+    assert SketchFacts({"s.ino": text}, UNO).interrupts() == []
+    assert len(SketchFacts({"s.ino": text.replace("Port", "")}, UNO).interrupts()) == 1
+
+
+PIN_CHANGES = (
+    "attachPCINT(digitalPinToPCINT(9), tick, CHANGE);",
+    "attachPinChangeInterrupt(digitalPinToPinChangeInterrupt(8), tick, RISING);",
+    "PCintPort::attachInterrupt(9, &tick, CHANGE);",
+    "enableInterrupt(9, tick, CHANGE);",
+)
+
+
+@pytest.mark.parametrize("call", PIN_CHANGES)
+def test_a_pin_change_is_an_interrupt_of_any_pin(call: str) -> None:
+    text = f"#include <X.h>\nvoid tick() {{ Serial.print(1); }}\nvoid setup() {{ {call} }}\nvoid loop() {{}}"
+    wiring = read_wiring('[boards.b]\nsketch = "s.ino"\nboard = "uno"\n', WiringParts((), None), [])
+    facts = SketchFacts({"s.ino": text}, UNO)
+    (each,) = facts.interrupts()
+    assert (each.is_pin_change, each.function.lstrip("&")) == (True, "tick")
+    (told,) = map(str, sketch_problems(wiring, {"b": facts}, None))
+    assert "Serial.print in tick(), the function of an interrupt" in told
+    problems = sketch_problems(wiring, {"b": SketchFacts({"s.ino": text}, MEGA)}, None)
+    assert any(" has no pin-change interrupt; there are those of 10, 11, " in str(each) for each in problems)
+
+
+def test_two_libraries_with_the_functions_of_pin_changes_are_told() -> None:
+    text = "#include <SoftwareSerial.h>\n#include <PinChangeInterrupt.h>\nvoid setup() {}\nvoid loop() {}"
+    wiring = read_wiring('[boards.b]\nsketch = "s.ino"\nboard = "uno"\n', WiringParts((), None), [])
+    (told,) = map(str, sketch_problems(wiring, {"b": SketchFacts({"s.ino": text}, UNO)}, None))
+    assert told.startswith("s.ino:2: PinChangeInterrupt.h and SoftwareSerial.h (s.ino:1) both define")
+    assert sketch_problems(wiring, {"b": SketchFacts({"s.ino": text[28:]}, UNO)}, None) == []
+
+
 def test_pins_that_cannot_be_known_are_no_problem(tmp_path: Path, parts: WiringParts) -> None:
     unknown = ROVER.replace("pins[side][0]", "first + side").replace("pins[side][1]", "this->second")
     assert found(tmp_path, parts, WIRING, unknown, EYES) == []

@@ -420,7 +420,9 @@ def test_what_a_board_shows_is_told_the_same_for_any_slices(tmp_path: Path) -> N
     first = told(100_000)
     assert first == told(1_000_000) == told(5_000_000) == told(20_000_000)
     changes = [each for each in first if each.startswith("DisplayChanged")]
-    assert re.match(r"DisplayChanged\(time=0.0, board='rover', led=False, .*displays=\(\)\)", changes[0])
+    assert re.match(
+        r"DisplayChanged\(time=0.0, board='rover', led=False, .*displays=\(\), busy=None\)", changes[0]
+    )
     # Its first look, then every 0.1 s up to 1.2 s, and the end.
     assert len(changes) == 14
     texts = [

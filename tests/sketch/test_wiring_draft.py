@@ -490,6 +490,34 @@ def test_the_board_and_the_line_are_those_that_the_sketch_uses(tmp_path: Path) -
     assert drafted(tmp_path, duties)["boards"]["sketch1"]["board"] == "mega"
     unused = "SoftwareSerial eyes(10, 11);\nvoid setup() { Serial.begin(9600); }"
     assert drafted(tmp_path, unused)["laptop"] == {"board": "sketch1", "rx": 0, "tx": 1}
+    notes = "#define BT Serial1\nvoid setup() { Serial.begin(9600); BT.begin(9600); Serial.print(1); }\n"
+    other = {"board": "sketch1", "rx": 19, "tx": 18}
+    assert drafted(tmp_path, f"{notes}void loop() {{ BT.read(); }}")["laptop"] == other
+    passed = "Robot robot(&BT);\nvoid loop() { robot.run(); }"
+    assert drafted(tmp_path, notes + passed)["laptop"] == other
+    begin = "Serial.begin(9600); lcd.begin(9600);"
+    usb = f"SoftwareSerial lcd(10, 11);\nvoid setup() {{ {begin} lcd.print(Serial.read()); }}"
+    assert drafted(tmp_path, usb)["laptop"] == {"board": "sketch1", "rx": 0, "tx": 1}
+
+
+@pytest.mark.parametrize(
+    "text", ["#define EYE A7\nvoid f() { analogRead(EYE); }", "void f() { analogRead(A6); }"]
+)
+def test_inputs_that_an_uno_lacks_are_those_of_a_nano(tmp_path: Path, text: str) -> None:
+    found = drafted(tmp_path, text)
+    assert found["boards"]["sketch1"]["board"] == "nano"
+    assert [row["pin"] for row in found["sensors"]] in (["A6"], ["A7"])
+    ports = "void setup() { Serial1.begin(9600); }"
+    assert drafted(tmp_path, text + ports)["boards"]["sketch1"]["board"] == "mega"
+
+
+def test_each_board_may_have_an_option_of_its_own(tmp_path: Path) -> None:
+    for name, text in (("eyes", EYES), ("rover", ROVER)):
+        (tmp_path / f"{name}.ino").write_text(text, "utf-8")
+    eyes, rover = str(tmp_path / "eyes.ino"), str(tmp_path / "rover.ino")
+    assert main(["init", str(tmp_path / "set"), "--sketch", eyes, "--sketch", rover]) == 0
+    found = tomllib.loads((tmp_path / "set" / "wiring.toml").read_text("utf-8"))
+    assert [*found["boards"]] == ["eyes", "rover"]
 
 
 def test_a_set_for_encoders_alone_has_wheels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -512,6 +540,8 @@ def test_a_set_for_encoders_alone_has_wheels(tmp_path: Path, monkeypatch: pytest
         ("void f() { jaw.write(1500); jaw.write(30); }", (120, 30)),
         ("void letGo() { jaw.write(120); }\nvoid release() { jaw.write(120); }", (120, 30)),
         ("void f() { jaw.write(analogRead(0)); }", (0, 90)),
+        ("void f(char c) { jaw.write(c == 'o' ? 20 : 100); }", (20, 100)),
+        ("void f(bool closing) { jaw.write(closing ? 100 : 20); }", (20, 100)),
     ],
 )
 def test_a_gripper_has_the_angles_that_the_sketch_writes(
@@ -957,6 +987,41 @@ def test_sonars_whose_pins_are_in_arrays(case: str, tmp_path: Path) -> None:
     made = draft([sketch], tmp_path, [], [])
     assert [pins(row) for row in tomllib.loads(made)["sensors"]] == [(5, 8), (4, 9), (7, 10)]
     assert "pulseIn" not in made
+
+
+_EYES = "struct Eye { byte trig; byte echo; float last; };\nEye eyes[] = {{5, 8, 0}, {4, 9, 0}};\n"
+_PING_EYE = "digitalWrite(e.trig, HIGH); digitalWrite(e.trig, LOW); e.last = pulseIn(e.echo, HIGH);"
+OBJECTS_OF_SONARS = {
+    "a loop over them, passed by reference": f"void look(Eye &e) {{ {_PING_EYE} }}\n"
+    "void loop() { for (auto &each : eyes) { look(each); } }",
+    "a loop over them": f"void loop() {{ for (Eye &e : eyes) {{ {_PING_EYE} }} }}",
+    "a reference to one": f"float look(int i) {{ const Eye &e = eyes[i]; {_PING_EYE} return e.last; }}\n"
+    "void loop() { for (int i = 0; i < 2; ++i) print(look(i)); }",
+}
+
+
+_CONTAINERS = (_EYES, _EYES.replace("Eye eyes[] =", "std::vector<Eye> eyes"))
+_CONTAINERS += (
+    _EYES.replace("Eye eyes[]", "std::array<Eye, 2> eyes").replace("{{", "{{{").replace("}}", "}}}"),
+)
+
+
+@pytest.mark.parametrize("eyes", _CONTAINERS)
+@pytest.mark.parametrize("case", OBJECTS_OF_SONARS)
+def test_sonars_whose_pins_are_in_objects(case: str, eyes: str, tmp_path: Path) -> None:
+    sketch = tmp_path / "rover.ino"
+    sketch.write_text(eyes + OBJECTS_OF_SONARS[case], "utf-8")
+    made = draft([sketch], tmp_path, [], [])
+    assert [pins(row) for row in tomllib.loads(made)["sensors"]] == [(5, 8), (4, 9)]
+    assert "pulseIn" not in made
+
+
+def test_a_pin_that_is_output_and_input_by_turns_is_a_sonar_of_one_pin(tmp_path: Path) -> None:
+    ping = "pinMode(P, OUTPUT); digitalWrite(P, HIGH); digitalWrite(P, LOW); {} pulseIn(P, HIGH);"
+    text = f"const int P = 7;\nvoid loop() {{ {ping} }}"
+    found = drafted(tmp_path, text.replace("{}", "pinMode(P, INPUT);"))
+    assert [pins(row) for row in found["sensors"]] == [(7, 7)]
+    assert "sensors" not in drafted(tmp_path, text.replace("{}", ""))
 
 
 def test_sonars_that_are_not_found_are_told(tmp_path: Path) -> None:

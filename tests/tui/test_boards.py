@@ -15,13 +15,13 @@ from simmer_tui.robot.engine import Engine
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import checkpoint_of
 from simmer_tui.sim import Simulator
-from simmer_tui.sketch.board_view import BoardView, PinView
+from simmer_tui.sketch.board_view import BoardView, PinView, PortView
 from simmer_tui.tui.answers import pins_answer
 from simmer_tui.tui.line_panel import text_of
 from simmer_tui.tui.readouts import Room, board_lines
 
 PINS = (PinView("5", "output, 71%"), PinView("A0", "input"))
-ROVER = BoardView("rover", 12.5, 0.25, True, "d=12.5", PINS)
+ROVER = BoardView("rover", 12.5, 0.25, True, "d=12.5", PINS, ports=(PortView("USB", "debug 7"),))
 DEAD = BoardView("sensor", 3.0, 1.0, False, "", failed="board sensor died at sensor.ino:7 after 3 s")
 
 
@@ -37,6 +37,7 @@ def test_the_panel_has_clock_busy_share_led_and_last_line() -> None:
     assert lines[1:] == [
         "rover  12.50 s  busy  25%  LED 13 on",
         "  last line  d=12.5",
+        "  USB  debug 7",
         "sensor  3.00 s  busy 100%  LED 13 off",
         "  board sensor died at sensor.ino:7 after 3 s",
     ]
@@ -68,7 +69,9 @@ def test_the_panel_fits_its_width(width: int) -> None:
 
 def test_pins_are_listed_with_their_use() -> None:
     card = pins_answer(ROVER)
-    assert [text_of(line).split(maxsplit=1) for line in card.lines] == [["5", "output, 71%"], ["A0", "input"]]
+    assert [text_of(line).split(maxsplit=1) for line in card.lines] == [
+        *(["5", "output, 71%"], ["A0", "input"], ["USB", "debug 7"])
+    ]
 
 
 @pytest.mark.parametrize(

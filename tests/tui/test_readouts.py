@@ -29,6 +29,7 @@ from simmer_tui.run.events import (
     ProgramEnded,
     Result,
     TwinReading,
+    WireMessage,
 )
 from simmer_tui.run.mission import MissionState, Referee, plan_run
 from simmer_tui.run.reducer import Reducer
@@ -43,6 +44,7 @@ from simmer_tui.tui.event_text import (
     clock_text,
     entry_line,
     event_words,
+    folded_text,
     kept_lines,
     last_event_line,
     refusal_of,
@@ -525,6 +527,17 @@ def test_readings_in_between_fold_and_are_all_counted(run: Run) -> None:
     assert len(kept) < 100
     assert kept[-1].split()[1] == "u3"
     assert run.snapshot().total == 3
+
+
+def test_prints_of_boards_are_counted_and_unfold_with_their_port(run: Run) -> None:
+    before = len(run.snapshot().entries)
+    for number in range(3):
+        run.engine.tell(WireMessage(1.0, f"d={number}\n", reply=True, board="rover", port="USB"))
+    run.engine.tell(WireMessage(1.0, "done", reply=True, board="rover"))
+    prints, reply = run.snapshot().entries[before:]
+    assert folded_text(prints) == "3 prints"
+    assert [text_of(line).split()[-3:] for line in kept_lines(prints)][-1] == ["rover", "USB:", "d=2\\n"]
+    assert not reply.folds
 
 
 def test_what_a_person_types_is_not_folded(run: Run) -> None:

@@ -285,6 +285,11 @@ class ObservingSensor(Sensor, ABC):
         """The reading of a perfect sensor in `world` with the robot at `pose`, and the geometry of that
         reading, if there is any."""
 
+    def steady_distance(self, pose: Pose) -> float:
+        """Inches that the sensor may move from its place at `pose` without another true value; 0 if that is
+        not known."""
+        return 0.0
+
     def true_values(self, world: World, poses: FloatArray) -> FloatArray:
         """True values, (n,), at (n, 3) poses of x, y and heading."""
         with faults_of(self):

@@ -12,12 +12,14 @@ from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import FloorPatch
 from simmer_tui.sim.rules import NumberRule
 from simmer_tui.sim.sensors.base import ObservingSensor, World
-from simmer_tui.sim.specs import SensorSpec
+from simmer_tui.sim.specs import TILE_SIZE, SensorSpec
 
 TEST_POINTS = np.array(
     [(i, j) for i in range(-6, 7) for j in range(-6, 7) if i * i + j * j <= 36], dtype=np.float64
 )
 """Test points on the disc of a line sensor, (113, 2), in sixths of the radius."""
+# Inches: places are below 1e3 in, and their rounding is 1e-13 of that.
+_ROUNDING = 1e-9
 
 
 class LineSpec(SensorSpec, frozen=True, kw_only=True):
@@ -95,6 +97,12 @@ class LineSensor(ObservingSensor):
         if spec.detects_white:
             fraction = 1.0 - fraction
         return fraction, FloorPatch(centre, self.radius, points, black)
+
+    def steady_distance(self, pose: Pose) -> float:
+        """Inches that the sensor may move before a test point can come to another tile."""
+        tiles = (self._offsets + pose.place(self.spec.x, self.spec.y)) / TILE_SIZE
+        nearest = float(np.abs(tiles - np.rint(tiles)).min()) * TILE_SIZE
+        return max(nearest - _ROUNDING, 0.0)
 
     def reported(self, value: float) -> float:
         """1 from the threshold on, else 0; of an analog sensor the fraction itself, 0 to 1."""

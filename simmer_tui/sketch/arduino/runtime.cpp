@@ -2,6 +2,7 @@
 #include "board/clock.cpp"
 #include "board/exchange.cpp"
 #include "board/interrupts.cpp"
+#include "board/hardware_timers.cpp"
 #include "board/mistakes.cpp"
 #include "board/context.cpp"
 #include "board/tasks.cpp"
@@ -28,8 +29,14 @@
 #include "libraries/freertos/tasks.cpp"
 #include "libraries/freertos/queues.cpp"
 #include "libraries/freertos/timers.cpp"
+#include "libraries/NewPing.cpp"
 #if defined(SIMMER_ESP32)
-#include "board/hardware_timers.cpp"
+#include "core/hardware_timers.cpp"
+#include "libraries/esp_timer.cpp"
+#include "libraries/esp_task_wdt.cpp"
+#else
+#include "board/pin_change.cpp"
+#include "libraries/avr/sleep.cpp"
 #endif
 #include "libraries/Wire.cpp"
 #include "libraries/MPU6050.cpp"

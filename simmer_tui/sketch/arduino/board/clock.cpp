@@ -10,6 +10,8 @@ namespace board {
 
 Nanoseconds now = 0;
 Nanoseconds boot = 0;
+Nanoseconds stopped = 0;
+bool is_stopped = false;
 Nanoseconds waited = 0;
 Nanoseconds next_stop = NEVER;  // before main() nothing is due: constructors of globals take no time
 
@@ -35,6 +37,29 @@ WaitScope::~WaitScope() {
 
 namespace {
 Nanoseconds taken = 0;
+
+// The busy share of each second is told at its end.
+Nanoseconds second_end = NEVER, waited_before = 0;
+
+// A wait that goes on counts too. That of a task is one in which others may work.
+Nanoseconds waited_until_now() {
+  const bool waits = CORES == 1 && !uses_tasks() && (waiting.kind == Waits::InDelay || waiting.kind == Waits::InSleep);
+  return waits ? waited + now - waiting.begin : waited;
+}
+
+void tell_busy() {
+  const Nanoseconds present = waited_until_now();
+  // A wait of a task is counted at its end.
+  const Nanoseconds in_second = present - waited_before < SECOND ? present - waited_before : SECOND;
+  tell(Told::Busy, 0, static_cast<int>(in_second / MICROSECOND), second_end);
+  waited_before = present;
+  second_end += SECOND;
+}
+}  // namespace
+
+void begin_clock() {
+  now = boot;
+  second_end = boot + SECOND;
 }
 
 void take_time(Nanoseconds duration) { taken += duration; }
@@ -45,12 +70,14 @@ void plan_stop() {
   if (next_part() < next_stop) next_stop = next_part();
   if (next_alarm() < next_stop) next_stop = next_alarm();
   if (next_task_stop() < next_stop) next_stop = next_task_stop();
+  if (second_end < next_stop) next_stop = second_end;
 }
 
 void service() {
   for (;;) {
     // First everything that is known outside up to now. So it does not matter how far the last grant went.
     if (now >= horizon) exchange(Reason::Horizon);
+    if (now >= second_end) tell_busy();
     apply_events();
     run_parts();
     run_alarms();

@@ -42,6 +42,8 @@ constexpr Cost PRINT_NUMBER = 10000, PRINT_DIGIT = 37000;
 constexpr Cost PRINT_FLOAT = 40000, PRINT_DECIMAL = 55000;
 constexpr Cost INTERRUPT_ENTRY = 5000;
 constexpr Cost INTERRUPT_EXIT = 2500;
+// A pin-change interrupt beyond one of a single pin: it reads its port, and looks which of eight pins have changed.
+constexpr Cost PIN_CHANGE = 5000;
 constexpr Cost LOOP = 500;
 constexpr Cost SERVO_WRITE = 8000;
 constexpr Cost TONE = 10000;
@@ -54,6 +56,8 @@ constexpr Cost PID_COMPUTE = 150000;
 constexpr Nanoseconds DISPLAY_TRANSFER = 190000;
 // A byte of EEPROM takes 3.3 ms to write (ATmega328P, table 8-1).
 constexpr Nanoseconds EEPROM_READ = 1000, EEPROM_WRITE = 3300000;
+// A value of an ESP32's flash memory: judged by its pages, which take 0.4 ms to write (GD25Q32, tPP).
+constexpr Nanoseconds FLASH_READ = 30000, FLASH_WRITE = 500000;
 // A byte on the bus of Wire, with its acknowledge, at 100 and at 400 kHz.
 constexpr Nanoseconds I2C_BYTE = 95000, I2C_FAST_BYTE = 22500;
 // FreeRTOS. A switch saves 34 registers and loads 34 others, of two cycles each: 9 us, and looks for the next task. The
@@ -65,12 +69,15 @@ constexpr Cost TASK_CALL = 20000, TASK_CREATE = 100000;
 
 extern Nanoseconds now;
 extern Nanoseconds boot;       // the time of the last reset: millis() counts from there
-extern Nanoseconds waited;     // time spent in delay()
+extern Nanoseconds stopped;    // time in which a sleep has stopped the clock of millis()
+extern bool is_stopped;
+extern Nanoseconds waited;     // time spent in delay(), or asleep
+void begin_clock();            // the board is reset at the present time
 extern Nanoseconds next_stop;  // the earliest time at which something is due
 
-// A call in which the sketch waits: delay(), pulseIn(), a read with a timeout, a stepper's movement, or vTaskDelay().
+// A call in which the sketch waits: delay(), pulseIn(), a read with a timeout, a stepper's movement, vTaskDelay(), or a sleep.
 // Calls within it do not count.
-enum class Waits : uint8_t { Not = 0, InDelay = 1, InPulse = 2, InRead = 3, InSteps = 4, InTask = 5 };
+enum class Waits : uint8_t { Not = 0, InDelay = 1, InPulse = 2, InRead = 3, InSteps = 4, InTask = 5, InSleep = 6 };
 struct Wait {
   Waits kind = Waits::Not;
   uint32_t place = 0;  // address of the call, or of the basic block that has it

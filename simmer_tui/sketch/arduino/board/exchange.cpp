@@ -37,9 +37,9 @@ struct Request {
   uint8_t reason, query;
   uint16_t count;
   int32_t pin;
-  uint32_t waited, place;
+  uint32_t place, wait_place;
   uint64_t wait_begin;
-  uint32_t wait_place, waits;
+  uint32_t waits, task;
 };
 struct Grant {
   uint64_t horizon;
@@ -96,7 +96,7 @@ Nanoseconds horizon = 0;
 uint64_t events_applied = 0;
 uint32_t place = 0;
 uint32_t grant_flags = 0;
-uint64_t grants = 0;
+uint64_t answers_since = 0;
 
 void open_channel() {
   channel_in = duplicate(0);
@@ -115,17 +115,16 @@ void open_channel() {
 void send_told(Reason reason, Query query, int pin) {
   const size_t count = told_count;
   const Wait& wait = shown_wait();
-  const uint32_t tasks = static_cast<uint32_t>(running_task().number << 16 | waiting_task() << 8);
   told.request = {now,
                   static_cast<uint8_t>(reason),
                   static_cast<uint8_t>(query),
                   static_cast<uint16_t>(count),
                   pin,
-                  static_cast<uint32_t>(waited / MILLISECOND),
                   place,
-                  wait.begin,
                   wait.place,
-                  static_cast<uint32_t>(wait.kind) | tasks};
+                  wait.begin,
+                  static_cast<uint32_t>(wait.kind) | static_cast<uint32_t>(waiting_task()) << 8,
+                  running_task().number};
   told_count = 0;
   send(&told, sizeof(Request) + count * sizeof(Record));
 }
@@ -153,7 +152,7 @@ double exchange(Reason reason, Query query, int pin) {
   }
   horizon = grant.horizon;
   grant_flags = grant.flags;
-  ++grants;
+  if (!(grant.flags & ANSWER_HOLDS)) ++answers_since;
   plan_stop();
   return grant.answer;
 }

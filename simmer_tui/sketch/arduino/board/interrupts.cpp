@@ -34,6 +34,8 @@ void set(Vector& vector) {
 }  // namespace
 
 Nanoseconds off_since = NEVER, last_off = NEVER, last_on = 0;
+uint64_t wakes = 0, pin_interrupts = 0;
+Nanoseconds waited_for_sei = NEVER;
 
 bool interrupts_on() { return enabled; }
 bool in_interrupt() { return is_inside; }
@@ -68,6 +70,7 @@ namespace {
 // The function of an interrupt, with the interrupts off.
 template <class Call>
 void run_function(Call call) {
+  ++wakes;
   set_interrupts(false);
   pass(cost::INTERRUPT_ENTRY);
   const bool was_inside = is_inside;  // one that lets others in
@@ -93,6 +96,7 @@ void run_interrupt() {
       continue;
     }
     if (!by_level) clear(vector);
+    ++pin_interrupts;
     run_function([&] { vector.function.call(); });
     if (by_level) instruction_end = now + INSTRUCTION;
     set_interrupts(true);

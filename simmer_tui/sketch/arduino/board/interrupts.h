@@ -25,6 +25,9 @@ class InterruptFunction {
 extern Nanoseconds off_since;             // since when interrupts are off; NEVER while they are on
 extern Nanoseconds last_off, last_on;     // the interval before
 
+extern uint64_t wakes, pin_interrupts;    // interrupts so far: all that end a sleep, and those of pins
+extern Nanoseconds waited_for_sei;        // the end of the last one that interrupts() let in; NEVER before
+
 bool interrupts_on();
 void set_interrupts(bool on);
 bool interrupt_waits();                   // true if an interrupt may run now

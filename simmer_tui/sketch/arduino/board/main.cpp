@@ -49,23 +49,23 @@ extern "C" void __sanitizer_cov_trace_pc() {
 
 namespace {
 // The address at which it died, where that can be had.
-#if defined(__linux__)
+#if defined(__linux__) && (defined(__x86_64__) || defined(__aarch64__))
+constexpr bool KNOWS_ADDRESS = true;
 uint32_t fault_address(const void* context) {
   const mcontext_t& machine = static_cast<const ucontext_t*>(context)->uc_mcontext;
 #if defined(__x86_64__)
   return static_cast<uint32_t>(machine.gregs[REG_RIP]);
-#elif defined(__aarch64__)
-  return static_cast<uint32_t>(machine.pc);
 #else
-  (void)machine;
-  return 0;
+  return static_cast<uint32_t>(machine.pc);
 #endif
 }
 #else
+constexpr bool KNOWS_ADDRESS = false;
 uint32_t fault_address(const void*) { return 0; }
 #endif
 
 constexpr int NO_TASK = -1;
+constexpr int TASK_RETURNED = 200, RESTARTED = 201, ABSENT = 202, FOREIGN = 203, NO_TICKS = 204, JUMPED_TO_START = 205, TIMER_MODE = 206;  // beyond the signals of all systems
 
 // `task` is the number of another one that had a part in it.
 void report_death(int number, uint32_t address, int task = NO_TASK) {
@@ -82,7 +82,12 @@ void report_death(int number, uint32_t address, int task = NO_TASK) {
 #ifndef _WIN32
 // A stack of its own: a sketch that calls itself without end has filled the other.
 char handler_stack[1 << 16];
-void died(int number, siginfo_t*, void* context) { report_death(number, fault_address(context)); }
+void died(int number, siginfo_t*, void* context) {
+  const uint32_t address = fault_address(context);
+  // `void (*restart)() = 0; restart();`
+  const bool is_jump = KNOWS_ADDRESS && number == SIGSEGV && address == 0;
+  report_death(is_jump ? JUMPED_TO_START : number, address);
+}
 void listen_for_death(int number) {
   stack_t stack = {};
   stack.ss_sp = handler_stack;
@@ -100,8 +105,6 @@ void listen_for_death(int number) { std::signal(number, died); }
 
 // A sketch that calls exit(): the board has no system to go back to.
 void left() { report_death(0, 0); }
-
-constexpr int TASK_RETURNED = 200, RESTARTED = 201, ABSENT = 202, FOREIGN = 203, NO_TICKS = 204;  // beyond the signals of all systems
 
 void run_loop() {
   if (sketch_start.loop) sketch_start.loop();
@@ -134,6 +137,13 @@ void EspClass::restart() {
   for (;;) {}
 }
 #endif
+#if !defined(SIMMER_ESP32)
+TimerRateRegister& TimerRateRegister::operator=(int value) {
+  if (value & ~7) report_death(TIMER_MODE, CALLED_AT - 1);
+  value_ = static_cast<uint8_t>(value);
+  return *this;
+}
+#endif
 void board::report_return() { report_death(TASK_RETURNED, 0); }
 void board::report_absent(uint32_t at) { report_death(ABSENT, at); }
 void board::report_foreign(uint32_t at, const Task& holder) { report_death(FOREIGN, at, holder.number); }
@@ -156,7 +166,7 @@ int main(int count, char** arguments) {
   }
   std::atexit(left);
   std::signal(SIGINT, SIG_IGN);  // Ctrl-C is for the simulator, which ends its boards
-  board::now = board::boot;
+  board::begin_clock();
   board::open_channel();
   board::exchange(board::Reason::Horizon);
   if (sketch_start.main) {

@@ -91,7 +91,7 @@ class Mpu6050 : public I2cPart {
     const bool was_on = period() != NEVER;
     const Nanoseconds before = period();
     registers_[reg] = value;
-    if (reg == CONFIG) rate_grant_ = 0;  // another filter has another rate
+    if (reg == CONFIG) rate_since_ = 0;  // another filter has another rate
     if (period() == NEVER)
       next_sample_ = NEVER;
     else if (!was_on || period() != before)
@@ -110,9 +110,9 @@ class Mpu6050 : public I2cPart {
   }
 
   double rate() {
-    if (rate_grant_ != grants) {
+    if (rate_since_ != answers_since) {
       rate_ = ask(Query::Rate);
-      rate_grant_ = grant_flags & ANSWER_HOLDS ? grants : 0;
+      rate_since_ = grant_flags & ANSWER_HOLDS ? answers_since : 0;
     }
     return rate_;
   }
@@ -241,7 +241,7 @@ class Mpu6050 : public I2cPart {
   unsigned int fifo_first_ = 0, fifo_count_ = 0;
   bool overflowed_ = false;
   double first_angle_ = 0, turned_by_offset_ = 0, rate_ = 0;
-  uint64_t rate_grant_ = 0;  // the grant in which `rate_` is known; 0 for none
+  uint64_t rate_since_ = 0;  // `answers_since` for which `rate_` is known; 0 for none
   Nanoseconds next_sample_ = NEVER, pulse_end_ = NEVER, status_seen_ = 0;
 };
 }  // namespace

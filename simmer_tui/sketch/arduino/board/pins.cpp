@@ -15,6 +15,8 @@ struct Pin {
   int32_t duty;         // 1 up to the most, or 0 without PWM
   int8_t outside;       // the world's level; -1 where nothing is connected
   bool drives, triggers, asked, steps;
+  bool answer;             // of one that is asked, and `answers_since` for which it is known; 0 for none
+  uint64_t answer_since;
 };
 #if defined(SIMMER_ESP32)
 constexpr Told DUTY = Told::FineDuty;
@@ -122,9 +124,15 @@ void digitalWrite(int number, int value) {
 
 int digitalRead(int number) {
   pass(cost::DIGITAL);
-  const Pin* pin = pin_of(number);
+  Pin* pin = pin_of(number);
   if (!pin) return LOW;
-  if (pin->asked && pin->mode != OUTPUT) return exchange(Reason::Query, Query::Digital, number) != 0.0;
+  if (pin->asked && pin->mode != OUTPUT) {
+    if (pin->answer_since != answers_since) {
+      pin->answer = exchange(Reason::Query, Query::Digital, number) != 0.0;
+      pin->answer_since = grant_flags & ANSWER_HOLDS ? answers_since : 0;
+    }
+    return pin->answer;
+  }
   return pin->mode == OUTPUT ? pin->level : input_level(number);
 }
 
@@ -316,7 +324,10 @@ void attachInterruptArg(int number, void (*function)(void*), void* argument, int
 void detachInterrupt(int number) { attach(interrupt_pin(number), InterruptFunction(), 0); }
 void interrupts() {
   set_interrupts(true);
-  if (interrupt_waits() || next_task_stop() <= now) service();
+  if (!interrupt_waits() && next_task_stop() > now) return;
+  const uint64_t before = wakes;
+  service();
+  if (wakes != before) waited_for_sei = now;
 }
 void noInterrupts() { set_interrupts(false); }
 void sei() { interrupts(); }

@@ -2,6 +2,7 @@
 
 #include "../core/HardwareSerial.h"
 #include "exchange.h"
+#include "interrupts.h"
 #include "mistakes.h"
 
 namespace board {
@@ -83,8 +84,9 @@ int Port::peek() {
 void Port::arrived(uint8_t value, unsigned int baud, Nanoseconds time) {
   const Nanoseconds took = BITS * SECOND / (baud ? baud : 9600);
   if (!open_) return;
-  take_time(receiving());
-  if (!receives(time > took ? time - took : 0) || head_ - tail_ >= QUEUE - 1) {
+  ++wakes;
+  if (!is_stopped) take_time(receiving());
+  if (is_stopped || !receives(time > took ? time - took : 0) || head_ - tail_ >= QUEUE - 1) {
     overflow_ = true;
     tell(Told::LostByte, rx_, static_cast<int>(place));
     return;

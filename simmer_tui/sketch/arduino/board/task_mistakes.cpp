@@ -1,5 +1,8 @@
 #include "task_mistakes.h"
 
+#include <algorithm>
+#include <vector>
+
 #include "exchange.h"
 #include "interrupts.h"
 #include "mistakes.h"
@@ -14,12 +17,17 @@ constexpr Nanoseconds WATCHDOG = 5 * SECOND;
 // Judged: no run of a maze lasts as long. vTaskDelay(portMAX_DELAY) of an AVR lasts 17 minutes.
 constexpr uint64_t FOR_EVER = 600 * SECOND / TICK;
 constexpr int NEVER_WAITS = 1, ON_CORE_0 = 2;  // flags of a task that others cannot pass
-constexpr int HAS_INTERRUPTS = 1, LOOP_GOES_ON = 2;  // flags of what is left while all wait
+constexpr int HAS_INTERRUPTS = 1, LOOP_GOES_ON = 2, SETUP_GOES_ON = 4;  // flags of what is left while others wait
 
 // Tasks that wait for ever: one notice a board. A circle says more than that all wait.
 bool circle_is_told = false, all_are_told = false;
 Nanoseconds all_wait_since = NEVER;
+// Sums over the tasks that waited for ever whenever that was told, and what for.
+std::vector<uint64_t> told_waits;
+constexpr size_t MOST_TOLD_WAITS = 100;  // more than anybody reads
 bool has_watchdog = CORES > 1;
+Nanoseconds fed_within = WATCHDOG;
+bool watchdog_restarts = true;
 
 bool waits_for_ever(const Task& task) {
   if (task.state == TaskState::Suspended) return true;
@@ -72,6 +80,44 @@ void look_for_waits() {
   tell_mistake(Mistake::AllWait, running_task(), place);
 }
 
+// One that waits for what others give, for so long that a report may ask who they are.
+bool is_left_waiting(const Task& task) {
+  return task.state == TaskState::Blocked && task.awaited.kind != WaitsFor::Time && waits_for_ever(task) &&
+         now - task.left >= TOO_LONG;
+}
+
+// The simulator reads off the sketch whether a task that is left can end such a wait: it is told all tasks again when
+// others wait than before.
+void look_for_lone_waits() {
+  if (all_wait_since != NEVER && !all_are_told) return;  // that all wait says more
+  if (told_waits.size() >= MOST_TOLD_WAITS) return;
+  const std::deque<Task>& tasks = all_tasks();
+  if (std::none_of(tasks.begin(), tasks.end(), is_left_waiting)) return;
+  uint64_t waits = 0;
+  bool loop_goes_on = idle_loop() != nullptr, setup_goes_on = false;
+  for (const Task& each : tasks) {
+    const bool is_left = is_left_waiting(each), is_deleted = each.state == TaskState::Deleted;
+    if (!idle_loop() && &each == &tasks.front() && !is_left && !is_deleted)
+      (is_loop(each) ? loop_goes_on : setup_goes_on) = true;
+    // Numbers of FNV-1a.
+    waits = (waits ^ (is_left ? each.awaited.at : is_deleted)) * 1099511628211u;
+  }
+  for (uint64_t each : told_waits)
+    if (each == waits) return;
+  told_waits.push_back(waits);
+  make_room(3 * task_total() + 2);
+  for (const Task& each : tasks) {
+    if (each.state == TaskState::Deleted) continue;
+    if (is_left_waiting(each))
+      tell_wait(each, each.awaited);
+    else
+      tell(Told::Detail, static_cast<int>(WaitsFor::Time), 0, now, each.number);
+  }
+  tell(Told::Detail, static_cast<int>(WaitsFor::Others),
+       (has_interrupts() ? HAS_INTERRUPTS : 0) | (loop_goes_on ? LOOP_GOES_ON : 0) | (setup_goes_on ? SETUP_GOES_ON : 0));
+  tell_mistake(Mistake::SomeWait, running_task(), place);
+}
+
 uint32_t place_of(const Task& task) { return &task == &running_task() ? place : task.place; }
 
 bool is_passed_over(const Task& task) {
@@ -110,6 +156,18 @@ void look_at_watchdog() {
   make_room(1);
   tell_mistake(Mistake::Watchdog, *runs, place_of(*runs));
 }
+
+void look_for_hungry() {
+  for (Task& each : all_tasks()) {
+    if (each.fed_at == NEVER || each.state == TaskState::Deleted || now - each.fed_at < fed_within) continue;
+    each.fed_at = NEVER;
+    if (each.is_told_hungry) continue;
+    each.is_told_hungry = true;
+    make_room(2);
+    tell(Told::Detail, watchdog_restarts, static_cast<int>(fed_within / MILLISECOND), now, each.number);
+    tell_mistake(Mistake::NotFed, each, place_of(each));
+  }
+}
 }  // namespace
 
 void look_for_circle(const Awaited& awaited) {
@@ -136,12 +194,18 @@ void look_for_circle(const Awaited& awaited) {
 }
 
 void watch_core_0(bool on) { has_watchdog = on; }
+void watch_tasks(uint32_t milliseconds, bool restarts) {
+  fed_within = milliseconds * MILLISECOND;
+  watchdog_restarts = restarts;
+}
 
 void look_at_tasks() {
   if (!circle_is_told && !all_are_told) look_for_waits();
+  look_for_lone_waits();
   for (int core = 0; core < CORES; ++core)
     if (Task* runs = task_on(core)) look_for_starved(*runs, core);
   look_at_watchdog();
+  look_for_hungry();
 }
 
 }  // namespace board

@@ -134,6 +134,7 @@ void count_ticks(uint64_t count) {
 // The interrupt of the tick. Ticks that come while interrupts are off merge, as the flags of pins do.
 void run_tick() {
   while (next_tick <= now) next_tick += TICK;
+  ++wakes;
   set_interrupts(false);
   pass(cost::TICK);
   if (held) {
@@ -233,7 +234,8 @@ Task* create_task(void (*function)(void*), const char* name, void* argument, uns
   task->wake = NEVER;
   task->awaited = Awaited();
   task->ready_since = task->works_since = now;
-  task->is_told = task->is_told_passed = false;
+  task->is_told = task->is_told_passed = task->is_told_hungry = false;
+  task->fed_at = NEVER;
   task->notification = 0;
   task->is_notified = false;
   task->waiting = task->last_wait = Wait();

@@ -62,6 +62,8 @@ struct Task {
   Nanoseconds works_since = 0;    // it has not waited since
   bool is_told = false;           // that others cannot pass it
   bool is_told_passed = false;    // that it has not run
+  bool is_told_hungry = false;    // that its watchdog ends the board
+  Nanoseconds fed_at = NEVER;     // the last time at which it told its watchdog that it goes on; NEVER if it has none
   uint32_t notification = 0;
   bool is_notified = false;
   // State of the board, while other tasks run.

@@ -27,6 +27,21 @@ enum : unsigned char { A0 = FIRST_ANALOG, A1, A2, A3, A4, A5, A6, A7 };
 #if defined(SIMMER_MEGA)
 enum : unsigned char { A8 = A7 + 1, A9, A10, A11, A12, A13, A14, A15 };
 #endif
+#define PIN_A0 A0
+#define PIN_A1 A1
+#define PIN_A2 A2
+#define PIN_A3 A3
+#define PIN_A4 A4
+#define PIN_A5 A5
+#define PIN_A6 A6
+#define PIN_A7 A7
+#define PIN_WIRE_SDA SDA
+#define PIN_WIRE_SCL SCL
+// The cause of a reset, which the boot loader has cleared before the sketch begins.
+enum : unsigned char { PORF, EXTRF, BORF, WDRF };
+inline volatile unsigned char MCUSR = 0;
+
+#include "timer_rates.h"
 #define LED_BUILTIN 13
 #define NUM_DIGITAL_PINS DIGITAL_PINS
 #define NUM_ANALOG_INPUTS ANALOG_PINS

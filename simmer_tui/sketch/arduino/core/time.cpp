@@ -10,7 +10,7 @@ using namespace board;
 
 unsigned int millis() {
   pass(cost::MILLIS);
-  return static_cast<unsigned int>((now - boot) / MILLISECOND);
+  return static_cast<unsigned int>((now - boot - stopped) / MILLISECOND);
 }
 
 unsigned int micros() {
@@ -18,7 +18,7 @@ unsigned int micros() {
 #if defined(SIMMER_ESP32)
   return static_cast<unsigned int>((now - boot) / MICROSECOND);
 #else
-  return static_cast<unsigned int>((now - boot) / (4 * MICROSECOND) * 4);  // timer 0 counts every 4 us
+  return static_cast<unsigned int>((now - boot - stopped) / (4 * MICROSECOND) * 4);  // timer 0 counts every 4 us
 #endif
 }
 

@@ -18,11 +18,15 @@ class NewPing {
   unsigned int ping_cm(unsigned int max_cm = 0);
   unsigned int ping_in(unsigned int max_cm = 0);
   unsigned int ping_median(unsigned char count = 5, unsigned int max_cm = 0);
-  // The function is called once, as an interrupt, when the echo is over; the library calls it every 24 us until then.
+#if !defined(SIMMER_ESP32)
+  // Timer 2 calls a function as an interrupt, that of ping_timer() every 24 us until check_timer() has ended it.
   void ping_timer(void (*function)(), unsigned int max_cm = 0);
   bool check_timer();
+  static void timer_us(unsigned int period, void (*function)());
+  static void timer_ms(unsigned int period, void (*function)());
   static void timer_stop();
   unsigned int ping_result = 0;  // the echo's time, microseconds, once check_timer() is true
+#endif
   static unsigned int convert_cm(unsigned int echo);
   static unsigned int convert_in(unsigned int echo);
 
@@ -31,5 +35,5 @@ class NewPing {
   void set_limit(unsigned int max_cm);
   int trigger_, echo_;
   unsigned int limit_;  // longest echo, microseconds
-  board::Nanoseconds begun_ = 0;  // of the echo that ping_timer() waits for
+  unsigned int end_ = 0;  // of the echo that ping_timer() waits for, by micros()
 };

@@ -1,6 +1,5 @@
 // The libraries that have more than a header.
 #include "EEPROM.h"
-#include "NewPing.h"
 #include "Servo.h"
 #include "SoftwareSerial.h"
 #include "util/atomic.h"
@@ -117,105 +116,13 @@ void Servo::send() const {
 }
 int Servo::read() const { return map(width_ + 1, shortest_, longest_, 0, 180); }
 
-// -- NewPing -----------------------------------------------------------------------------------------
-
-NewPing::NewPing(int trigger, int echo, unsigned int max_cm) : trigger_(trigger), echo_(echo) { set_limit(max_cm); }
-
-void NewPing::set_limit(unsigned int max_cm) {
-  limit_ = (max_cm + 1 < MAX_SENSOR_DISTANCE + 1 ? max_cm + 1 : MAX_SENSOR_DISTANCE + 1) * US_ROUNDTRIP_CM;
-}
-
-bool NewPing::trigger() {
-  pinMode(trigger_, OUTPUT);
-  digitalWrite(trigger_, LOW);
-  delayMicroseconds(4);
-  digitalWrite(trigger_, HIGH);
-  delayMicroseconds(10);
-  digitalWrite(trigger_, LOW);
-  if (trigger_ == echo_) pinMode(echo_, INPUT);
-  if (digitalRead(echo_)) return false;  // the last ping has not ended
-  const Nanoseconds limit = now + (limit_ + MAX_SENSOR_DELAY) * MICROSECOND;
-  while (!digitalRead(echo_)) {
-    if (now >= limit) return false;
-    pass_until_event(limit);
-  }
-  return true;
-}
-
-unsigned int NewPing::ping(unsigned int max_cm) {
-  if (max_cm > 0) set_limit(max_cm);
-  if (!trigger()) return NO_ECHO;
-  const Nanoseconds begin = now, limit = now + limit_ * MICROSECOND;
-  while (digitalRead(echo_)) {
-    if (now >= limit) return NO_ECHO;
-    pass_until_event(limit);
-  }
-  const unsigned int echo = static_cast<unsigned int>((now - begin) / MICROSECOND);
-  return echo > limit_ ? NO_ECHO : echo;
-}
-
-unsigned int NewPing::ping_cm(unsigned int max_cm) { return convert_cm(ping(max_cm)); }
-unsigned int NewPing::ping_in(unsigned int max_cm) { return convert_in(ping(max_cm)); }
-unsigned int NewPing::convert_cm(unsigned int echo) { return NewPingConvert(echo, US_ROUNDTRIP_CM); }
-unsigned int NewPing::convert_in(unsigned int echo) { return NewPingConvert(echo, US_ROUNDTRIP_IN); }
-
-unsigned int NewPing::ping_median(unsigned char count, unsigned int max_cm) {
-  unsigned int echoes[256];
-  unsigned int found = 0, rounds = count;
-  while (rounds > 0) {
-    const Nanoseconds begin = now;
-    const unsigned int echo = ping(max_cm);
-    --rounds;
-    if (echo != NO_ECHO) {
-      unsigned int place = found++;
-      for (; place > 0 && echoes[place - 1] < echo; --place) echoes[place] = echoes[place - 1];
-      echoes[place] = echo;
-    }
-    if (rounds > 0 && now - begin < PING_MEDIAN_DELAY * MICROSECOND)
-      delay(static_cast<unsigned int>((PING_MEDIAN_DELAY * MICROSECOND - (now - begin)) / MILLISECOND));
-  }
-  return found ? echoes[found >> 1] : NO_ECHO;
-}
-
-namespace {
-NewPing* pinged = nullptr;  // one at a time, as the library has one timer
-void (*on_echo)() = nullptr;
-void echo_ended() {
-  if (pinged && on_echo) on_echo();
-}
-// `attach` takes a function, or what is made of one.
-template <class Function>
-void set_on_fall(void (*attach)(int, Function, int), int pin, void (*function)()) {
-  attach(pin, std::decay_t<Function>(function), FALLING);
-}
-}  // namespace
-
-void NewPing::ping_timer(void (*function)(), unsigned int max_cm) {
-  if (max_cm > 0) set_limit(max_cm);
-  timer_stop();
-  if (!trigger()) return;
-  begun_ = now;
-  pinged = this;
-  on_echo = function;
-  set_on_fall(attach, echo_, echo_ended);
-}
-bool NewPing::check_timer() {
-  if (pinged != this) return false;
-  const unsigned int echo = static_cast<unsigned int>((now - begun_) / MICROSECOND);
-  if (digitalRead(echo_) && echo <= limit_) return false;
-  timer_stop();
-  if (echo > limit_) return false;
-  ping_result = echo;
-  return true;
-}
-void NewPing::timer_stop() {
-  if (pinged) set_on_fall(attach, pinged->echo_, nullptr);
-  pinged = nullptr;
-}
-
 // -- EEPROM ------------------------------------------------------------------------------------------
 
 EEPROMClass EEPROM;
+#if defined(SIMMER_ESP32)
+void flash_read() { pass(cost::FLASH_READ); }
+void flash_write() { pass(cost::FLASH_WRITE); }
+#else
 namespace {
 uint8_t cells[EEPROM_SIZE];
 bool erased = false;
@@ -235,3 +142,4 @@ void eeprom_write(int address, uint8_t value) {
   cell(address) = value;
 }
 unsigned int EEPROMClass::length() const { return EEPROM_SIZE; }
+#endif
