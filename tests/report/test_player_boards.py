@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from simmer_tui.cli.log_commands import build_report
+from simmer_tui.cli.log_reports import build_report
 from simmer_tui.report.page import report_page
 from simmer_tui.run.events import Action, ActionName, DisplayChanged
 from simmer_tui.runlog.index import RunLogIndex

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from simmer_tui.cli.log_commands import build_report
+from simmer_tui.cli.log_reports import build_report
 from simmer_tui.report.page import report_page
 from simmer_tui.run.belief_grid import Probabilities, grid_belief, small_map
 from simmer_tui.run.events import Belief

@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from simmer_tui.cli.log_commands import build_report, run_export
+from simmer_tui.cli.export_command import run_export
+from simmer_tui.cli.log_reports import build_report
 from simmer_tui.config import load_default
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.sets import bundled_folder, init_set
