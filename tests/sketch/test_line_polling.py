@@ -71,9 +71,9 @@ def polled(folder: Path, slice_length: int = 20_000_000) -> tuple[list[str], int
     configuration = made_set(folder, ROVER + MOTORS + LINES, {"rover.ino": FOLLOWS})
     boards = Boards(configuration, slice_length=slice_length)
     try:
-        boards.run_to(1.2)
+        boards.run_to(0.6)
         boards.robot.engine.perform(Action(ActionName.TELEPORT, (30.0, 42.0, 20.0)))
-        boards.run_to(2.0)
+        boards.run_to(0.9)
         exchanges = boards.robot.boards["rover"].process.exchanges
         assert boards.robot.failed == ""
     finally:
@@ -85,7 +85,7 @@ def test_answers_that_hold_change_nothing_but_the_number_of_exchanges(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     events, exchanges = polled(tmp_path / "one")
-    for slice_length in (100_000, 3_000_000):
+    for slice_length in (300_000, 3_000_000):
         assert polled(tmp_path / str(slice_length), slice_length)[0] == events
     monkeypatch.setattr(RobotWorld, "level", RobotWorld.read)
     each_asked, more = polled(tmp_path / "all")
