@@ -33,7 +33,7 @@ from simmer_tui.report.ending_causes import (
     slow_fact,
 )
 from simmer_tui.report.run_evidence import RunEvidence
-from simmer_tui.report.set_errors import set_differences
+from simmer_tui.report.set_differences import set_differences
 from simmer_tui.report.typical_runs import most_different
 
 
