@@ -289,6 +289,8 @@ class _Readings:
                 mine, other = (np.full(len(mine), max(each.tick, each.spec.resolution)) for each in made)
             with np.errstate(invalid="ignore"):
                 off = np.where(mine == other, 0.0, np.abs(mine - other))
+            if self._sensor.period and name != "wrap":
+                off = np.minimum(off, np.abs(self._sensor.period - off))
             apart = off >= (self._least if not own.kind.is_yes_or_no else np.finfo(float).tiny)
             sign, kind, what = _LIMITS.get(name, (0, FindingKind.OTHER, ""))
             if sign * self._more(name) <= 0.0:
