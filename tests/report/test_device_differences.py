@@ -172,6 +172,9 @@ CHANGED: dict[str, Any] = {
     "threshold": 0.95,
     "detects_white": True,
     "analog": True,
+    "scan_rate": 10.0,
+    "clockwise": False,
+    "missed_as_zero": True,
 }
 """A value of each field with an effect on the readings of each kind, unless `FIELDS` has another."""
 FIELDS: dict[tuple[str, str], Any] = {
@@ -192,13 +195,18 @@ FIELDS: dict[tuple[str, str], Any] = {
     ("odom", "x"): -3.0,
     ("odom", "error"): 0.9,
     ("ultra", "cross_talk"): None,
+    ("lidar", "rays"): None,
+    ("lidar", "scan_rate"): None,
+    ("lidar", "clockwise"): None,
+    ("lidar", "missed_as_zero"): None,
 }
 """Values for one kind. None: a field without an effect; a heading has whole turns, a program uses differences
-of counts, and sensors that are read one after another hear no sound of each other."""
+of counts, sensors that are read one after another hear no sound of each other, and a reading of a lidar is
+the ray ahead."""
 CASES = [
     (kind, column.field)
     for kind in KINDS.values()
-    if not (kind.is_scan or kind.is_opaque)
+    if not kind.is_opaque
     for column in kind.columns
     if column.field != "read_time"
 ]
@@ -208,7 +216,8 @@ CASES = [
 def test_every_field_with_an_effect_names_the_device(
     mission: SimulationSpec, kind: type[Any], field: str
 ) -> None:
-    usual: SensorSpec = next(each for each in mission.sensors if each.kind is kind)
+    rows = (*mission.sensors, *load(find_set("lidar")).simulation.sensors)
+    usual: SensorSpec = next(each for each in rows if each.kind is kind)
     value = FIELDS.get((kind.name, field), CHANGED[field])
     row = replace(usual, rays=5) if field == "vertical_field_of_view" else usual
     # Another sensor before it sends the sound that it may hear.
