@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
 from msgspec.structs import replace
 
 from simmer_tui.report.drive_differences import drive_differences
@@ -28,6 +29,11 @@ _SLOW = 1.0
 """Seconds by which a reading takes longer than in another set, from which that is told. Judged."""
 _REACH = 0.25
 """Inches by which a gripper reaches less far than in another set, from which that is told. Judged."""
+_DECLARED = (
+    *(FindingKind.OFFSET, FindingKind.DRIFT, FindingKind.GAIN, FindingKind.BIAS),
+    *(FindingKind.NOISE, FindingKind.STUCK, FindingKind.MOUNTING),
+)
+"""Kinds that are told with few readings, or of another robot: not what needs many, nor another convention."""
 _BY_ROW = (FindingKind.SWAPPED, FindingKind.SIGN, FindingKind.STUCK, FindingKind.MOUNTING)
 """Kinds that one reading shows as well as many."""
 
@@ -68,10 +74,10 @@ def _differences(seen: Attempt, name: str, reference: SimulationSpec, basis: Bas
         if is_another_robot(seen.spec, reference):
             told = [each for each in told if each.kind is not FindingKind.MOUNTING]
         found.append((len(readings), told))
-    moves = seen.within(history.movements)
+    moves, names = seen.within(history.movements), history.code_names
     for drive in seen.spec.drives:
         usual = drives.get(drive.code)
-        mine = moves[[history.code_names[number] == drive.code for number in moves["code"]]]
+        mine = moves[np.isin(moves["code"], [names.index(drive.code)] if drive.code in names else [])]
         if usual is not None and len(mine):
             device = Device(drive.code, "movement", name, basis)
             found.append((len(mine), list(drive_differences(history, drive, usual, mine, reference, device))))
@@ -82,9 +88,10 @@ def _of_few(seen: Attempt) -> Iterator[tuple[str, str]]:
     """Differences with few readings or movements; without a nominal set all large ones."""
     name, reference = reference_set(seen.history)
     for each in _differences(seen, name, reference, Basis.SET):
-        size = abs(each.value - 1.0) / _GAIN if each.kind is FindingKind.GAIN else abs(each.value)
-        is_large = seen.history.nominal is not None or size >= _LARGE.get(each.unit, 1.0)
-        if is_large and each.kind is not FindingKind.MISSED:
+        size, least = abs(each.value), _LARGE.get(each.unit, 0.0)
+        if each.kind is FindingKind.GAIN:
+            size, least = abs(each.value - 1.0), _GAIN
+        if each.kind in _DECLARED and (size >= least or seen.history.nominal is not None):
             yield each.of, each.what
 
 

@@ -54,9 +54,9 @@ _TOLD = ("x", "y", "z", "rotation", "read_time", "dropout", "outlier", "cross_ta
 _STEPS = ("resolution", "ticks_per_inch")
 """Fields that round a count."""
 _LIMITS = {
-    "min_range": (1, FindingKind.MISSED, "reads {own:g} {unit} where anything is nearer"),
-    "max_range": (-1, FindingKind.MISSED, "reads nothing beyond {own:g} {unit}"),
-    "resolution": (1, FindingKind.NOISE, "reads in steps of {own:g} {unit}"),
+    "min_range": (1, FindingKind.MISSED, "reads {own} {unit} where anything is nearer"),
+    "max_range": (-1, FindingKind.MISSED, "reads nothing beyond {own} {unit}"),
+    "resolution": (1, FindingKind.NOISE, "reads in steps of {own} {unit}"),
 }
 """Sentences on fields that are larger (1) or smaller (-1) than in the other row."""
 
@@ -182,8 +182,11 @@ class _Readings:
         yield from self._otherwise()
 
     def _more(self, name: str) -> float:
-        """A field's value less that of the other row; 0 for kinds without it."""
-        return float(getattr(self._own, name, 0.0)) - float(getattr(self._row, name, 0.0))
+        """A number of the row less that of the other row; 0 for kinds without it, 1 for other words."""
+        own, row = getattr(self._own, name, 0.0), getattr(self._row, name, 0.0)
+        if own == row:
+            return 0.0
+        return 1.0 if isinstance(own, str) else float(own) - float(row)
 
     def _read(self, sensor: Sensor, true: FloatArray) -> FloatArray:
         """A sensor's readings of true values without random errors, (n,)."""
@@ -264,14 +267,14 @@ class _Readings:
         names = (*_ELECTRONICS, "error", "absolute_error", "dropout", "outlier")
         if not any(map(self._more, names)) or share - row.error - row.dropout - row.outlier < _WRONG:
             return
-        kind, what, due = FindingKind.NOISE, "was wrong", right[wrong]
+        kind, value, what, due = FindingKind.NOISE, share, "was wrong", right[wrong]
         if 2 * count > len(wrong):
-            kind = FindingKind.SIGN
+            kind, value = FindingKind.SIGN, -1.0
         if kind is FindingKind.SIGN and (due == due[0]).all():
             held = " while the block was held" if self._own.kind.detects_block and due[0] else ""
             what = f"read {1.0 - due[0]:g}{held}, in place of {due[0]:g}"
         rests_on = f"{count} of {counted(len(wrong), 'reading')}"
-        yield self._device.finding(kind, share, what, len(wrong), rests_on=rests_on)
+        yield self._device.finding(kind, value, what, len(wrong), rests_on=rests_on)
 
     def _otherwise(self) -> Iterator[Finding]:
         """Fields by which readings without random errors differ, those of its own kind too."""
@@ -294,9 +297,11 @@ class _Readings:
             apart = off >= (self._least if not own.kind.is_yes_or_no else np.finfo(float).tiny)
             sign, kind, what = _LIMITS.get(name, (0, FindingKind.OTHER, ""))
             if sign * self._more(name) <= 0.0:
-                kind, what = FindingKind.OTHER, f"has {column.name} {{own:g}}, not {{row:g}}"
-            value, count = float(getattr(own, name)), int(apart.sum())
-            what = what.format(own=value, row=float(getattr(row, name)), unit=own.unit)
+                kind, what = FindingKind.OTHER, f"has {column.name} {{own}}, not {{row}}"
+            value, count = getattr(own, name), int(apart.sum())
+            shown = (each if isinstance(each, str) else f"{each:g}" for each in (value, getattr(row, name)))
+            what = what.format(**dict(zip(("own", "row"), shown, strict=True)), unit=own.unit)
+            value = 1.0 if isinstance(value, str) else float(value)
             if count >= LEAST_SHARE * len(apart) > 0.0:
                 size = median_of(off[apart])
                 by = f" by {size:.1f} {own.unit}, the median" if own.unit and math.isfinite(size) else ""

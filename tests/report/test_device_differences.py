@@ -22,7 +22,9 @@ from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.state import checkpoint_of
-from simmer_tui.sim import SensorSpec, SimulationSpec, Simulator, parse_command
+from simmer_tui.sim import ObservingSensor, Pose, SensorSpec, SimulationSpec, Simulator, World, parse_command
+from simmer_tui.sim.columns import CsvColumn
+from simmer_tui.sim.rules import WordRule
 from simmer_tui.sim.sensors import KINDS
 from simmer_tui.sim.specs import Axes
 from tests.report.wandering import wandered
@@ -241,6 +243,33 @@ def test_every_field_with_an_effect_names_the_device(
     assert [each.of for each in told if each.of != row.code] == []
     assert bool(told) is (value is not None), (field, value)
     assert device_findings(asked(nominal, nominal, *around * 10)[1]) == ()
+
+
+class ScaleSpec(SensorSpec, frozen=True, kw_only=True):
+    model: str = "long"
+
+
+class Scale(ObservingSensor):
+    """A kind of its own, with a column of words."""
+
+    name = "scale"
+    meaning = "distance from the left wall"
+    unit = "m"
+    spec_type = ScaleSpec
+    columns = (CsvColumn(WordRule(("long", "short"), ("long", "short")), name="Model", field="model"),)
+
+    def observe(self, world: World, pose: Pose) -> tuple[float, None]:
+        assert isinstance(self.spec, ScaleSpec)
+        return pose.x / (100.0 if self.spec.model == "long" else 4.0), None
+
+
+def test_a_column_of_words_is_told_as_it_stands(mission: SimulationSpec) -> None:
+    row = ScaleSpec(kind=Scale, number=1, code="b1")
+    own, nominal = (replace(mission, sensors=(replace(row, model=word),)) for word in ("short", "long"))
+    (one,) = device_findings(asked(own, nominal, *["b1"] * 5)[1])
+    said = "b1 has Model short, not long (5 of 5 readings differ by"
+    assert one.text.startswith(said)
+    assert device_findings(asked(nominal, nominal, *["b1"] * 5)[1]) == ()
 
 
 # -- what is no difference ------------------------------------------------------------------------------
