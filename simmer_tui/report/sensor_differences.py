@@ -310,7 +310,7 @@ class _Readings:
 
     def _seen(self, sensor: Sensor) -> FloatArray:
         """True values of a sensor in place of this one, (n,); NaN where a held block may be seen."""
-        if not isinstance(sensor, ObservingSensor):
+        if not isinstance(sensor, ObservingSensor) or sensor.is_heading:
             return self._true
         rows, blocks = self._rows, list(self._history.blocks.items)
         maze, poses, true = Maze(self._history.spec.maze), poses_of(rows), np.full(len(rows), np.nan)
