@@ -82,13 +82,15 @@ def _on_axes(
 ) -> Iterator[Finding]:
     """The gain on a drive's own axis, biases on the others, then the scatter on all."""
     spec, unit, direction = history.spec, own.kind.unit, own.kind.direction
-    states = list(history.biases.items)
-    since = np.searchsorted([each.order for each in states], moves["order"], "right") - 1
     # A bias that a set declares is fixed, not drawn.
     usual, spread, as_nominal = row.bias, (0.0, 0.0, 0.0), own.bias == row.bias
     if spec.randbias:
         usual, as_nominal = Axes(), not reference.randbias or spec.strength == reference.strength
         spread = spread if as_nominal else bias_spread(row.kind, reference.strength)
+    if as_nominal and (own.gain, own.error) == (row.gain, row.error):
+        return
+    states = list(history.biases.items)
+    since = np.searchsorted([each.order for each in states], moves["order"], "right") - 1
     allowed = dict(zip("xyr", (_UNUSUAL * each for each in spread), strict=True))
     driven = moves["asked"].astype(np.float64) * sum(astuple(direction)) * own.gain
     scattered = []
@@ -98,14 +100,15 @@ def _on_axes(
         expected = drawn if as_nominal else np.full(len(drawn), getattr(usual, axis))
         done, least = moves[f"total_{axis}"].astype(np.float64), _LEAST_BIAS[unit, other]
         noise = np.abs(driven * (1.0 + drawn)) * getattr(own.error, axis) + _LEAST_NOISE
-        if sign:
-            due = (1.0 + expected) * row.gain / own.gain
+        # A bias of -1 takes a motion away: that has no gain.
+        due = (1.0 + expected) * row.gain / own.gain
+        if sign and due.all():
             known = median_of((1.0 + drawn) / due)
             if abs(known - 1.0) >= max(LEAST_SHARE, allowed[axis] if own.gain == row.gain else 0.0):
                 value, interval = measured(known, driven * due, done, noise)
                 what = f"{own.kind.verb} {value:.2f} times what is asked"
                 yield device.finding(FindingKind.GAIN, value, what, len(done), interval=interval)
-        elif abs(known := median_of(drawn - expected)) >= max(least, allowed[axis]):
+        elif not sign and abs(known := median_of(drawn - expected)) >= max(least, allowed[axis]):
             value, interval = measured(known, driven, done - driven * expected, noise)
             verb = "turns" if axis == "r" else "drifts"
             what = f"{verb} {abs(value):.3f} {other} to the {_SIDES[axis][value < 0]} for each {_one(unit)}"
