@@ -278,35 +278,46 @@ class _Readings:
 
     def _otherwise(self) -> Iterator[Finding]:
         """Fields by which readings without random errors differ, those of its own kind too."""
-        own, row = self._own, self._row
+        own, least = self._own, 0.0 if self._own.kind.is_yes_or_no else self._least
         # Whole turns are one heading.
         told = {*_TOLD, *_ELECTRONICS, "error", "absolute_error", *(("wrap",) if own.kind.is_heading else ())}
         for column in own.kind.columns:
             name = column.field
             if name in told or not self._more(name):
                 continue
-            made = self._sensor, modelled_sensor(replace(own, **{name: getattr(row, name)}))
-            mine, other = (self._read(each, self._seen(each)) for each in made)
-            if own.kind.counts and name in _STEPS:
-                # The count between two steps is not known: half of a step is the largest error.
-                mine, other = (np.full(len(mine), max(each.tick, each.spec.resolution)) for each in made)
-            with np.errstate(invalid="ignore"):
-                off = np.where(mine == other, 0.0, np.abs(mine - other))
-            if self._sensor.period and name != "wrap":
-                off = np.minimum(off, np.abs(self._sensor.period - off))
-            apart = off >= (self._least if not own.kind.is_yes_or_no else np.finfo(float).tiny)
+            off = self._effect(name)
+            apart = off[(off > 0.0) & (off >= least)]
+            if len(apart) < max(LEAST_SHARE * len(off), 1.0):
+                continue
+            values = [getattr(each, name) for each in (own, self._row)]
+            mine, other = (each if isinstance(each, str) else f"{each:g}" for each in values)
             sign, kind, what = _LIMITS.get(name, (0, FindingKind.OTHER, ""))
+            what = what.format(own=mine, unit=own.unit)
             if sign * self._more(name) <= 0.0:
-                kind, what = FindingKind.OTHER, f"has {column.name} {{own}}, not {{row}}"
-            value, count = getattr(own, name), int(apart.sum())
-            shown = (each if isinstance(each, str) else f"{each:g}" for each in (value, getattr(row, name)))
-            what = what.format(**dict(zip(("own", "row"), shown, strict=True)), unit=own.unit)
-            value = 1.0 if isinstance(value, str) else float(value)
-            if count >= LEAST_SHARE * len(apart) > 0.0:
-                size = median_of(off[apart])
-                by = f" by {size:.1f} {own.unit}, the median" if own.unit and math.isfinite(size) else ""
-                rests_on = f"{count} of {len(apart)} readings differ{by}"
-                yield self._device.finding(kind, value, what, count, rests_on=rests_on, unit=own.unit)
+                kind, what = FindingKind.OTHER, f"has {column.name} {mine}, not {other}"
+            size = median_of(apart)
+            by = f" by {size:.1f} {own.unit}, the median" if own.unit and math.isfinite(size) else ""
+            yield self._device.finding(
+                kind,
+                1.0 if isinstance(values[0], str) else float(values[0]),
+                what,
+                len(apart),
+                rests_on=f"{len(apart)} of {len(off)} readings differ{by}",
+                unit=own.unit,
+            )
+
+    def _effect(self, name: str) -> FloatArray:
+        """Sizes of a field's effect on readings without random errors, (n,); NaN where it is not known."""
+        made = self._sensor, modelled_sensor(replace(self._own, **{name: getattr(self._row, name)}))
+        mine, other = (self._read(each, self._seen(each)) for each in made)
+        if self._own.kind.counts and name in _STEPS:
+            # The count between two steps is not known: a step is the largest error.
+            mine, other = (np.full(len(mine), max(each.tick, each.spec.resolution)) for each in made)
+        with np.errstate(invalid="ignore"):
+            off = np.where(mine == other, 0.0, np.abs(mine - other))
+        if self._sensor.period and name != "wrap":
+            off = np.minimum(off, np.abs(self._sensor.period - off))
+        return off
 
     def _seen(self, sensor: Sensor) -> FloatArray:
         """True values of a sensor in place of this one, (n,); NaN where a held block may be seen."""
