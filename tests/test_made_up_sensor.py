@@ -9,7 +9,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 from msgspec.structs import replace
 
@@ -22,7 +21,7 @@ from simmer_tui.errors import ConfigurationError
 from simmer_tui.links.protocol.packets import RequestStyle, encode
 from simmer_tui.report.content import report_tables
 from simmer_tui.report.run_statistics import RunStatistics
-from simmer_tui.report.sensor_sample import SensorSample
+from simmer_tui.report.sensor_differences import least_error
 from simmer_tui.robot.engine import Engine
 from simmer_tui.runlog.reader import LogReader
 from simmer_tui.runlog.writer import RunLog
@@ -170,10 +169,8 @@ class Photocell(ObservingSensor):
 
 
 def test_the_least_error_that_matters_of_a_unit_of_its_own_follows_from_its_readings() -> None:
-    none = np.empty(0)
-
     def least(kind: type[Sensor]) -> float:
-        return SensorSample(sensor_of(kind.spec_type(kind=kind, number=1, code="x1")), none, none, none).least
+        return least_error(sensor_of(kind.spec_type(kind=kind, number=1, code="x1")))
 
     assert least(Photocell) == pytest.approx(0.05)
     assert [least(kind) for kind in (Ultrasonic, Compass)] == [1.0, 2.0]

@@ -10,23 +10,24 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from msgspec.structs import replace
 
 from simmer_tui.calibrate.find_path import is_known_to
 from simmer_tui.calibrate.fit import Fit
 from simmer_tui.calibrate.geometry import totals_between
 from simmer_tui.calibrate.measured_run import MeasuredRun, Readings
 from simmer_tui.calibrate.parameters import observed_sensors
-from simmer_tui.report.drive_audit import other_direction
-from simmer_tui.report.finding import FEWEST, Basis, Claim, DeviceUnderTest, Finding, FindingKind, kept
-from simmer_tui.report.sensor_audit import other_quantity
-from simmer_tui.report.sensor_sample import (
-    LEAST_ERRORS,
+from simmer_tui.calibrate.part_tests import (
     Alternative,
+    Claim,
     SensorSample,
     inverted_compass,
+    kept,
+    other_direction,
+    other_quantity,
     stuck,
 )
+from simmer_tui.report.finding import FEWEST, Device, Finding, FindingKind
+from simmer_tui.report.sensor_differences import least_error
 from simmer_tui.sim.arrays import BoolArray, FloatArray
 from simmer_tui.sim.sensors import CountingSensor, ObservingSensor, ParameterKind, Sensor
 
@@ -37,9 +38,6 @@ prior of the kind's bias, else what a report says matters."""
 # A movement in the opposite direction has a probability of 0.01 by chance: four have one in a hundred
 # million.
 _FEWEST_MOVEMENTS = 4
-# A person looks at a suspicion once, before the calibration is used: one missed costs more than in a report.
-_ERROR = 0.01
-"""Probability that a robot without a fault has any suspicion."""
 # A movement that a wall blocked shows nothing about its drive.
 _MOVED = 0.5
 """Share of the commanded distance from which a movement counts as made."""
@@ -51,14 +49,14 @@ def suspicions(found: Fit) -> tuple[Finding, ...]:
     totals = np.zeros((len(found.poses), 3))
     totals[before + 1] = totals_between(found.poses[before], found.poses[before + 1], *law)
 
-    return kept([*_claims(found.run, totals, found), *_drives(found, totals[before + 1])], _ERROR)
+    return kept([*_claims(found.run, totals, found), *_drives(found, totals[before + 1])])
 
 
 def suspicions_without_path(run: MeasuredRun) -> tuple[Finding, ...]:
     """The same if no path was found: counting sensors, compared with the commanded movements."""
     totals = np.zeros((run.stops, 3))
     totals[run.stops_before_movements() + 1] = [each.asked(run.spec.drives) for each in run.movements]
-    return kept([*_claims(run, totals)], _ERROR)
+    return kept([*_claims(run, totals)])
 
 
 def _claims(run: MeasuredRun, totals: FloatArray, found: Fit | None = None) -> Iterator[Claim]:
@@ -77,8 +75,8 @@ def _claims(run: MeasuredRun, totals: FloatArray, found: Fit | None = None) -> I
                 sample = _observed(found, sensor, readings, alike)
             case _:
                 continue
-        if len(sample.values) >= FEWEST[Basis.SET]:
-            yield other_quantity(DeviceUnderTest(sensor.spec.code, "reading"), sample)
+        if len(sample.values) >= FEWEST["set"]:
+            yield other_quantity(Device(sensor.spec.code, "reading"), sample)
 
 
 def _observed(
@@ -104,7 +102,7 @@ def _observed(
 def _unknown(sensor: Sensor) -> float:
     """Standard deviation of readings against the set's own figures, in the sensor's unit."""
     biases = (prior.spread for prior in sensor.parameters if prior.kind is ParameterKind.BIAS)
-    return _UNKNOWN.get(sensor.spec.unit) or max(biases, default=LEAST_ERRORS * sensor.least_error)
+    return _UNKNOWN.get(sensor.spec.unit) or max(biases, default=least_error(sensor))
 
 
 def _counted(
@@ -134,7 +132,7 @@ def _counted(
         for each in alike
         if isinstance(each, CountingSensor)
     ]
-    still = Alternative(FindingKind.STUCK, np.zeros(len(values)))
+    still = Alternative(FindingKind.STUCK, np.zeros(len(values)), 0.0)
     mirrored = Alternative(FindingKind.SIGN, 2 * drift - expected, -1.0)
     return sample.against([still, mirrored, *others])
 
@@ -146,10 +144,9 @@ def _drives(found: Fit, done: FloatArray) -> Iterator[Claim]:
     # A stretch of continuous motion does not belong to a single drive.
     number = np.array([-1 if each.is_continuous else each.drive for each in run.movements])
     # Values are times Gain already.
-    rows = [replace(each, gain=1.0) for each in run.spec.drives]
-    for index, row in enumerate(rows):
+    for index, row in enumerate(run.spec.drives):
         travelled = np.abs(done[:, 2]) if row.kind.turns else np.hypot(done[:, 0], done[:, 1])
         made = (number == index) & (asked != 0.0) & (travelled > _MOVED * np.abs(asked))
         if int(made.sum()) >= _FEWEST_MOVEMENTS:
-            device = DeviceUnderTest(row.code, "movement")
-            yield other_direction(device, row, asked[made], done[made], rows)
+            device = Device(row.code, "movement")
+            yield other_direction(device, row, asked[made], done[made], run.spec.drives)

@@ -14,7 +14,7 @@ from msgspec import Struct
 
 from simmer_tui.report.finding import FEWEST, LEAST_DEGREES, Disagreement, moment
 from simmer_tui.report.robust_fit import binomial_tail, mad_scale, robust_fit
-from simmer_tui.report.sensor_sample import by_sensor
+from simmer_tui.report.run_readings import by_sensor
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.episodes import SAME_POSE
 from simmer_tui.run.facts import DEFAULT_ALLOWED_TURN

@@ -14,7 +14,7 @@ from msgspec.structs import astuple
 from simmer_tui.report.belief_audit import SURE, BeliefMotion
 from simmer_tui.report.finding import FEWEST, Disagreement, kept_disagreements
 from simmer_tui.report.robust_fit import median_of
-from simmer_tui.report.sensor_sample import by_sensor, poses_of, world_without_block
+from simmer_tui.report.run_readings import by_sensor, poses_of, world_without_block
 from simmer_tui.report.why import shown_range
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.belief_grid import SURELY_ELSEWHERE

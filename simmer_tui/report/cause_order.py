@@ -33,7 +33,7 @@ from simmer_tui.report.ending_causes import (
     slow_fact,
 )
 from simmer_tui.report.run_evidence import RunEvidence
-from simmer_tui.report.set_errors import set_differences
+from simmer_tui.report.set_differences import set_differences
 from simmer_tui.report.typical_runs import most_different
 
 
@@ -180,7 +180,7 @@ ORDER: tuple[CauseRule, ...] = (
         Kind.SENSOR_WRONG,
         sensor_wrong_fact,
         MomentKind.DEVICE,
-        "a sensor differs from its set; or its last reading of the wall was too long",
+        "a sensor differs from the nominal set; or its last reading of the wall was too long",
         "what followed",
         "Calibrate the sensor, or give the program the numbers of this set.",
     ),
@@ -188,7 +188,7 @@ ORDER: tuple[CauseRule, ...] = (
         Kind.DRIVE_WRONG,
         drive_wrong_fact,
         MomentKind.DEVICE,
-        "a drive differs from its set; or without its large errors nothing would have been touched",
+        "a drive differs from the nominal set; or without its large errors nothing would have been touched",
         "what followed",
         CORRECT,
     ),

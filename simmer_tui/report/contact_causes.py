@@ -37,7 +37,7 @@ _OUTLIER_ADVICE = "Read {code} three times and take the middle value, before eac
 _NO_ECHO_ADVICE = "Take a reading of {code} with nothing in range for no proof of a free way."
 _BY_FAULT = {
     FindingKind.STUCK: "Check the cable, the pin and the power of {code}.",
-    FindingKind.SIGN: "Exchange the wires of {code}, or change its sign in your program.",
+    FindingKind.SIGN: "Exchange the wires of {code}, or take the opposite in your program.",
     FindingKind.MOUNTING: "Give your program the place at which {code} is mounted.",
 }
 """Advice by the fault of a sensor or drive, where it is not to calibrate."""

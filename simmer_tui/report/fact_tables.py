@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from simmer_tui.document.formats import COUNT, PASSAGE, number
 from simmer_tui.document.model import DataColumn, DataTable, data_table
-from simmer_tui.report.finding import FEWEST, Finding
+from simmer_tui.report.finding import Finding
 from simmer_tui.report.robust_fit import median_of
 from simmer_tui.report.run_evidence import RunEvidence
 from simmer_tui.run.table import Columns
@@ -142,8 +142,6 @@ def _told(run: RunEvidence, code: str, count: int, noun: str) -> str:
         return "never read" if noun == "reading" else "never used"
     if code in run.declared:
         return f"as its set says: {run.declared[code]}"
-    if count < FEWEST["set"]:
-        return f"{counted(count, noun)}: too few to compare"
     nominal = run.seen.history.nominal
     usual = {} if nominal is None else {each.code: each for each in nominal.spec.sensors}
     own = next((each for each in run.seen.spec.sensors if each.code == code), None)

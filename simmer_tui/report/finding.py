@@ -1,7 +1,7 @@
-"""A finding: one difference of a sensor or a drive from its set, or its nominal set.
+"""A finding: one difference of a sensor or a drive from its nominal set, or of a real one from its set.
 
-A finding has its figure with an interval, the number of readings or movements behind it, and a sentence. The
-findings of a run have a familywise error of 0.1 %: a test gives a `Claim`, and `kept` decides.
+A finding has its figure with an interval, the number of readings or movements behind it, and a sentence.
+Explanations of beliefs are tests: those of a run have a familywise error of 0.1 %.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from msgspec.structs import replace
 
 from simmer_tui.document.formats import COUNT, number
 from simmer_tui.document.model import DataColumn, DataTable, data_table
-from simmer_tui.report.robust_fit import MAD_ERROR, Z_95, RobustFit
+from simmer_tui.report.robust_fit import MAD_ERROR, Z_95
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.command import counted
 
@@ -38,7 +38,6 @@ class FindingKind(StrEnum):
     OFFSET = "offset"
     GAIN = "gain"
     STUCK = "stuck"
-    LATE = "late"
     SWAPPED = "swapped"
     SIGN = "sign"
     NOISE = "noise"
@@ -46,6 +45,7 @@ class FindingKind(StrEnum):
     DRIFT = "drift"
     BIAS = "bias"
     MOUNTING = "mounting"
+    OTHER = "other"
 
 
 class Basis(StrEnum):
@@ -69,27 +69,21 @@ class Finding(Struct, frozen=True):
     basis: Basis
     text: str
     other: str | None = None
+    what: str = ""
+    """Its sentence without the device, the evidence and the set."""
 
 
-class Claim(Struct, frozen=True):
-    """One test: its p-value, and its finding if the effect is large enough to matter."""
-
-    probability: float
-    finding: Finding | None = None
-
-
-class DeviceUnderTest(Struct, frozen=True):
-    """A sensor or drive under test: its code, and the set that it is compared with. `rows` is the noun for
-    the evidence, `against` ends its sentences where they name that set."""
+class Device(Struct, frozen=True):
+    """A sensor or drive, by its code, and the set that it is compared with. `rows` is the noun for the
+    evidence; sentences name the set `against`."""
 
     code: str
     rows: str
-    basis: Basis = Basis.SET
     against: str = ""
+    basis: Basis = Basis.SET
 
-    def claim(
+    def finding(
         self,
-        probability: float,
         kind: FindingKind,
         value: float,
         what: str,
@@ -100,37 +94,24 @@ class DeviceUnderTest(Struct, frozen=True):
         rests_on: str = "",
         unit: str = "",
         other: str | None = None,
-    ) -> Claim:
-        """A claim with a finding, whose sentence says `what` the device does.
+        names_set: bool = False,
+    ) -> Finding:
+        """A finding, whose sentence says `what` the device does.
 
         Args:
             interval: Bounds of the value; by default it is exact.
             bounds: The interval in words; by default as `interval_text` says it.
             rests_on: The evidence in words; by default its number of rows.
+            names_set: True if `what` names the set.
         """
         low, high = (value, value) if interval is None else interval
         rests_on = rests_on or counted(count, self.rows)
-        if interval is not None:
+        # Of one or two rows there is no interval.
+        if interval is not None and count >= FEWEST["nominal"]:
             rests_on = f"{bounds or interval_text(low, high, value)}, {rests_on}"
-        text = f"{self.code} {what} ({rests_on}){self.against}"
-        finding = Finding(self.code, kind, value, low, high, unit, count, self.basis, text, other)
-        return Claim(probability, finding)
-
-    def gain(self, fit: RobustFit, place: int, verb: str, rule: str) -> Claim:
-        """The claim of a gain, 1 and a coefficient of a fit: `reads 0.80 times what it should`, where `reads`
-        is the verb, and the words after `times` are the rule."""
-        share, probability = float(fit.values[place]), fit.probability(place)
-        if abs(share) < LEAST_SHARE:
-            return Claim(probability)
-        value, (low, high) = 1.0 + share, fit.interval(place)
-        what, interval = f"{verb} {value:.2f} times {rule}", (1.0 + low, 1.0 + high)
-        return self.claim(probability, FindingKind.GAIN, value, what, fit.count, interval=interval)
-
-
-def kept(tests: Iterable[Claim], rate: float = FALSE_FINDING_RATE) -> tuple[Finding, ...]:
-    """The findings of all tests of a run that hold a familywise error together, the surest first."""
-    standing = holm(tests, lambda each: each.probability, rate)
-    return tuple(each.finding for each in standing if each.finding is not None)
+        against = f", against {self.against}" if self.against and not names_set else ""
+        text = f"{self.code} {what} ({rests_on}){against}"
+        return Finding(self.code, kind, value, low, high, unit, count, self.basis, text, other, what)
 
 
 def holm(

@@ -14,38 +14,44 @@ Z_95 = 1.959963984540054
 MAD_ERROR = 1.17
 """Standard error of a standard deviation by the median, of n normal numbers, times sqrt(n) and over it: its
 efficiency is 37 % (P. J. Rousseeuw and C. Croux, 1993)."""
-_LEAST_NOISE = 1.5
-"""Least ratio of noise to the declared noise that matters; judged."""
 # 1 over the 75 % quantile of the standard normal distribution.
 _MAD_TO_SIGMA = 1.4826
 # Huber (1964): 95 % efficient where errors are normal.
 _HUBER = 1.345
+# Of two values no interval is known.
+_FEWEST = 3
 # Most iterations of a fit.
 _ROUNDS = 20
 
 
 class RobustFit(Struct, frozen=True):
-    """Coefficients of a linear fit with their standard errors, (k,), of `count` values; `rough` is the
-    standard deviation of the standardized residuals by their median. `declared` is true if the errors are
-    those of the declared spread, which needs no estimate from the sample."""
+    """Coefficients of a linear fit with their standard errors, (k,), of `count` values."""
 
     values: FloatArray
     errors: FloatArray
-    rough: float
     count: int
-    declared: bool = False
-
-    def probability(self, place: int) -> float:
-        """Probability of a coefficient at least as far from 0, if it were 0."""
-        error, away = float(self.errors[place]), abs(float(self.values[place]))
-        if error == 0.0:
-            return 1.0 if away == 0.0 else 0.0
-        return two_sided(away / error, math.inf if self.declared else self.count - len(self.values))
 
     def interval(self, place: int) -> tuple[float, float]:
         """The 95 % interval of a coefficient."""
         half = Z_95 * float(self.errors[place])
         return float(self.values[place]) - half, float(self.values[place]) + half
+
+
+def measured(
+    known: float, design: FloatArray, target: FloatArray, spread: FloatArray
+) -> tuple[float, tuple[float, float] | None]:
+    """A factor as it was measured, with its 95 % interval; of one or two values as it is known.
+
+    Args:
+        known: The factor without the random errors of the target.
+        design: The quantity that it multiplies, (n,).
+        target: Measured products, (n,).
+        spread: Standard deviations of these, (n,).
+    """
+    if len(target) < _FEWEST:
+        return known, None
+    fit = robust_fit(design[:, None], target, spread)
+    return float(fit.values[0]), fit.interval(0)
 
 
 def robust_fit(design: FloatArray, target: FloatArray, spread: FloatArray) -> RobustFit:
@@ -80,10 +86,9 @@ def robust_fit(design: FloatArray, target: FloatArray, spread: FloatArray) -> Ro
     count, free = len(aim), max(len(aim) - len(values), 1)
     # At least 1: the set declares the spread, and a lucky sample must not reduce it.
     variance = float(np.square(clipped).sum()) / free / inlier**2
-    declared = variance <= 1.0
     information = np.linalg.pinv(_product("ni,nj->ij", rows, rows))
     errors = np.sqrt(np.maximum(np.diag(information) * max(variance, 1.0), 0.0))
-    return RobustFit(values, errors, mad_scale(left), count, declared)
+    return RobustFit(values, errors, count)
 
 
 def _product(subscripts: str, left: FloatArray, right: FloatArray) -> FloatArray:
@@ -105,48 +110,9 @@ def median_of(values: FloatArray) -> float:
     return (float(ordered[last - middle]) + float(ordered[middle])) / 2
 
 
-def quantiles(values: FloatArray, shares: tuple[float, ...]) -> list[float]:
-    """Quantiles of numbers, at least one, by linear interpolation between the two nearest."""
-    places = np.multiply(shares, len(values) - 1)
-    found: list[float] = np.interp(places, np.arange(len(values)), np.sort(values)).tolist()
-    return found
-
-
 def mad_scale(values: FloatArray) -> float:
     """Standard deviation of numbers around 0 by their median absolute value; 0 of none."""
     return _MAD_TO_SIGMA * median_of(np.abs(values)) if len(values) else 0.0
-
-
-def excess_noise(
-    ratio: float, declared: float, count: int, fitted: int
-) -> tuple[float, float, tuple[float, float]]:
-    """Noise of `count` residuals beyond the declared one, by their standard deviation over the declared one.
-
-    Args:
-        ratio: Standard deviation of the residuals over the declared one, by `mad_scale`.
-        declared: Declared standard deviation.
-        count: Number of residuals.
-        fitted: Coefficients of the fit that left them.
-
-    Returns:
-        The p-value; the standard deviation of the excess, 0 if it does not matter; and the 95 % interval of
-        the standard deviation.
-    """
-    error, scatter = MAD_ERROR / math.sqrt(count), ratio * declared
-    excess = math.sqrt(scatter**2 - declared**2) if ratio >= _LEAST_NOISE else 0.0
-    half = Z_95 * error * scatter
-    probability = two_sided(max(ratio - 1.0, 0.0) / error, count - fitted)
-    return probability, excess, (max(scatter - half, 0.0), scatter + half)
-
-
-def two_sided(statistic: float, degrees_of_freedom: float = math.inf) -> float:
-    """Probability of Student's t beyond a value, either way, by Wallace's (1959) normal approximation; by
-    default of the normal distribution."""
-    normal = statistic
-    if degrees_of_freedom < math.inf:
-        free = max(degrees_of_freedom, 1.0)
-        normal = (8 * free + 1) / (8 * free + 3) * math.sqrt(free * math.log1p(statistic**2 / free))
-    return math.erfc(abs(normal) / math.sqrt(2.0))
 
 
 def binomial_tail(hits: int, count: int, share: float) -> float:

@@ -18,10 +18,10 @@ from simmer_tui.report.belief_facts import (
 )
 from simmer_tui.report.command_audit import multiplied_corrections
 from simmer_tui.report.contact_evidence import ContactEvidence
-from simmer_tui.report.finding import FEWEST, Basis, Disagreement, Finding, FindingKind, kept_disagreements
+from simmer_tui.report.device_differences import declared_errors
+from simmer_tui.report.finding import FEWEST, Disagreement, Finding, kept_disagreements
 from simmer_tui.report.robust_fit import median_of
-from simmer_tui.report.sensor_sample import world_without_block
-from simmer_tui.report.set_errors import set_errors
+from simmer_tui.report.run_readings import world_without_block
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.episodes import Episode, EpisodeKind
 from simmer_tui.run.events import Goal, NoticeKind, ProgramEnded
@@ -95,7 +95,7 @@ class RunEvidence:
         self.program = program
         over = seen.over
         self.cut_off = cut_off or (over is not None and over.event.reason.startswith(REAL_TIME_LIMIT))
-        self.findings = _one_each(findings)
+        self.findings = findings
         self.stopped = over is None and not self.cut_off and (program is None or program.stopped)
         """True if the run ended before its mission: a person or a time limit stopped its program, or its
         connection ended."""
@@ -308,7 +308,7 @@ class RunEvidence:
         """Large errors that the set itself declares, by code of the device; those with a finding are left
         out."""
         known = {each.of for each in self.findings}
-        return {code: text for code, text in set_errors(self.seen).items() if code not in known}
+        return {code: text for code, text in declared_errors(self.seen).items() if code not in known}
 
     @cached_property
     def time_parts(self) -> dict[str, float]:
@@ -542,14 +542,3 @@ def _is_same(first: Columns, second: Columns) -> bool:
     """True if a movement repeats the one before, with no command between."""
     same = first["code"] == second["code"] and first["asked"] == second["asked"] != 0.0
     return bool(same and second["number"] - first["number"] == 1 and not second["grips"])
-
-
-def _one_each(findings: Sequence[Finding]) -> list[Finding]:
-    """The findings, one for each fault of a device: against its own set where both sets show it."""
-    found: dict[tuple[str, str], Finding] = {}
-    for each in sorted(findings, key=lambda one: one.basis is not Basis.SET):
-        found.setdefault((each.of, each.kind), each)
-    kept = [each for each in findings if each in found.values()]
-    # What a device reads wrongly may scatter for that reason.
-    devices = [each.of for each in kept]
-    return sorted(kept, key=lambda each: (devices.index(each.of), each.kind is FindingKind.NOISE))

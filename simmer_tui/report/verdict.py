@@ -11,10 +11,10 @@ from enum import StrEnum
 
 from msgspec import Struct
 
-from simmer_tui.report.audit import audit
 from simmer_tui.report.cause_order import cause_of, cause_so_far
 from simmer_tui.report.cause_text import ended_by_link, waited_text
 from simmer_tui.report.causes import Cause, Kind
+from simmer_tui.report.device_differences import device_findings
 from simmer_tui.report.ending_causes import CONNECT_ADVICE, LINK_ADVICE
 from simmer_tui.report.finding import Finding
 from simmer_tui.report.moments import Moment, moments_of
@@ -158,8 +158,7 @@ def verdict_of(
 
 def findings_of(history: RunHistory, task: Task | None) -> tuple[Finding, ...]:
     """Sensors and drives that were not as they should be, until the mission's end; see `verdict_of`."""
-    over = Attempt(history, task).over
-    return audit(history, None if over is None else over.order)
+    return device_findings(Attempt(history, task))
 
 
 def goals_met(history: RunHistory) -> dict[Goal, float]:

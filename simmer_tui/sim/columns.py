@@ -29,8 +29,6 @@ class CsvColumn(Value, frozen=True, kw_only=True):
     """True if it is an error of a sensor's readings, which an exact sensor has not: 0 means none."""
     per_time: str = ""
     """`s` or `s2` if values are in the unit of the reading, or of the drive, by seconds or their square."""
-    has_mean: bool = False
-    """True if it makes readings wrong on average: reports name a large mean error of a sensor that has it."""
 
 
 # Other brackets of a header, as in `Percent Error (0-1)` and `Drift (per s)`, hold no unit of the value.
@@ -101,13 +99,12 @@ ABSOLUTE_ERROR = _error(
     *("Absolute Error", _NOT_NEGATIVE, _AT_LEAST),
     "standard deviation of a random error of its own, in the unit of the reading",
 )
-BIAS = _error("Bias", _ANY, _SHIFT, "constant that is added, in the unit of the reading", has_mean=True)
+BIAS = _error("Bias", _ANY, _SHIFT, "constant that is added, in the unit of the reading")
 DRIFT = _error(
     *("Drift (per s)", _ANY, _SHIFT),
     "addition for each second of simulated time",
     label="drift/s",
     per_time="s",
-    has_mean=True,
 )
 MIN_RANGE = _column("Min Range (in)", _NOT_NEGATIVE, _AT_LEAST, "its reading of anything nearer", label="min")
 MAX_RANGE = _column(
@@ -136,13 +133,11 @@ OUTLIER = _error("Outlier", _SHARE, _AT_LEAST, "probability that a reading is an
 INCIDENCE_LIMIT = _column(
     *("Incidence Limit (deg)", NumberRule(0, 90), _AT_MOST),
     "angle to a wall's normal beyond which there is no echo (0: always one)",
-    has_mean=True,
 )
 CROSS_TALK = _error(
     *("Cross-Talk", _SHARE, _AT_LEAST),
     "probability that it takes another sensor's sound for its own (0)",
     label="cross-talk",
-    has_mean=True,
 )
 TICKS = _column(
     *("Ticks per Inch", _NOT_NEGATIVE, _AT_MOST),
@@ -152,17 +147,14 @@ TICKS = _column(
 RANDOM_WALK = _error(
     *("Random Walk (deg/sqrt s)", _NOT_NEGATIVE, _AT_LEAST),
     "standard deviation of the angle's random walk after one second (0)",
-    has_mean=True,
 )
 HARD_IRON = _error(
     *("Hard Iron (deg)", _ANY, _SAME),
     "largest deviation by magnets on the robot, one period a turn (0)",
-    has_mean=True,
 )
 SOFT_IRON = _error(
     *("Soft Iron (deg)", _ANY, _SAME),
     "largest deviation by iron nearby, two periods a turn (0)",
-    has_mean=True,
 )
 ANSWER = _column(
     *("Answer", _ANSWER, _SAME),

@@ -320,7 +320,7 @@ def test_long_runs_take_bounded_memory(
     monkeypatch.setattr("simmer_tui.run.reducer.CONTACT_POINTS", 20)
     header, *lines = eventful_log.read_bytes().splitlines(keepends=True)
     peaks = []
-    # The audits' samples, and what they work with, are full by then.
+    # The samples of devices, and what they work with, are full by then.
     for repeats in (160, 640):
         path = tmp_path / f"long{repeats}.jsonl"
         path.write_bytes(header + b"".join(lines) * repeats)

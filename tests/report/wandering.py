@@ -1,62 +1,25 @@
-"""Runs in this process of a robot that wanders about and reads its sensors, with faults put into what is told
-of it."""
+"""Runs in this process of a robot that wanders about and reads its sensors."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
-from msgspec.structs import replace
 
 from simmer_tui.config.nominal import Nominal
 from simmer_tui.robot.engine import Engine
-from simmer_tui.run.events import CommandResult, Event
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.state import checkpoint_of
 from simmer_tui.sim import SimulationSpec, Simulator, parse_command
-from simmer_tui.sim.maze import Maze
-from simmer_tui.sim.records import Reading
-from simmer_tui.sim.sensors import ObservingSensor, sensor_of
-from simmer_tui.sim.sensors.base import World
-
-Change = Callable[[Reading], float]
-"""The value that a faulty sensor gives in place of a reading's."""
 
 
-def wandered(
-    spec: SimulationSpec,
-    seed: int,
-    change: Change | None = None,
-    steps: int = 36,
-    told: SimulationSpec | None = None,
-    nominal: Nominal | None = None,
-) -> RunHistory:
-    """The history of a run: `steps` movements, each after a look all around. `change` puts a fault into each
-    reading. With `told` the history takes the robot for that one: its sensors and their truth;
-    `nominal` is its nominal set."""
+def wandered(spec: SimulationSpec, seed: int, nominal: Nominal | None = None) -> RunHistory:
+    """The history of a run: 36 movements, each after a look all around. `nominal` is its nominal set."""
     simulator = Simulator(spec, seed)
     engine = Engine(simulator)
-    checkpoint = checkpoint_of(simulator if told is None else Simulator(told, seed))
-    history = RunHistory(checkpoint, nominal=lambda: nominal)
-    reducer = Reducer(checkpoint, history=history)
-
-    def tell(event: Event) -> None:
-        if isinstance(event, CommandResult) and event.reading is not None:
-            reading = event.reading
-            if change is not None:
-                reading = replace(reading, value=change(reading))
-            if told is not None:
-                row = next(each for each in told.sensors if each.code == reading.sensor.code)
-                world = World(Maze(told.maze), simulator.block, simulator.holding)
-                sensor = sensor_of(row)
-                if isinstance(sensor, ObservingSensor):
-                    reading = replace(reading, sensor=row, true=sensor.observe(world, simulator.pose)[0])
-            event = replace(event, reading=reading)
-        reducer.apply(event)
-
-    engine.watch(tell)
+    history = RunHistory(checkpoint_of(simulator), nominal=lambda: nominal)
+    engine.watch(Reducer(checkpoint_of(simulator), history=history).apply)
     session = engine.session()
     replies: list[float] = []
 
@@ -67,7 +30,7 @@ def wandered(
     random = np.random.default_rng(seed)
     codes = [each.code for each in spec.sensors]
     ahead, back, aside, turn = _codes(spec)
-    for step in range(steps):
+    for step in range(36):
         for code in codes:
             ask(code)
         if step % 3 == 1 and aside:
