@@ -10,7 +10,7 @@ import pytest
 from simmer_tui.errors import ConfigurationError
 from simmer_tui.links.backend import Message
 from simmer_tui.links.protocol.replies import ReplyForm, ReplyFormat
-from simmer_tui.run.events import Action, ActionName, CommandResult, LegEnded
+from simmer_tui.run.events import Action, ActionName, CommandResult, LegEnded, WireMessage
 from simmer_tui.sim.command import parse_command
 from simmer_tui.sim.records import Status
 from simmer_tui.sketch.compiler import find_compiler
@@ -115,6 +115,41 @@ def test_the_busy_share_begins_again_with_a_reset_by_usb(tmp_path: Path) -> None
         assert boards.robot.views()[0].busy < 0.1
     finally:
         boards.close()
+
+
+TALKER = """
+#include <SoftwareSerial.h>
+SoftwareSerial link(7, 8);
+void setup() { Serial.begin(9600); link.begin(9600); Serial.println("begins with a line, and then another one");
+  link.print("ab"); Serial.println("next"); }
+void loop() {}
+"""
+HEARER = """
+#include <SoftwareSerial.h>
+SoftwareSerial link(7, 8);
+void setup() { link.begin(9600); }
+void loop() { if (link.available()) analogWrite(5, link.read()); }
+"""
+
+
+def test_bytes_that_wait_to_leave_a_port_are_gone_with_its_reset(tmp_path: Path) -> None:
+    """Else they would arrive among those of the new beginning."""
+    wiring = JOINED.partition("[[motors]]")[0]
+    boards = Boards(made_set(tmp_path / "set", wiring, {"sensor.ino": TALKER, "rover.ino": HEARER}))
+    try:
+        boards.run_to(0.0205)
+        boards.robot.reset_by_usb()
+        boards.run_to(0.2)
+        sent = boards.robot.lockstep.sent
+    finally:
+        boards.close()
+    lines = [event for event in boards.events if isinstance(event, WireMessage)]
+    whole = "begins with a line, and then another one\r\n"
+    # 19 bytes have arrived after 20.5 ms, and the next one never does.
+    assert [event.data for event in lines] == [whole[:19], whole, "next\r\n"]
+    assert [event.time for event in lines] == sorted(event.time for event in lines)
+    assert sent == sorted(sent)
+    assert bytes(value for _, value in sent).decode() == f"{whole[:19]}{whole}next\r\n"
 
 
 def test_others_may_read_and_not_drive(tmp_path: Path) -> None:
