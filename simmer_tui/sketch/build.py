@@ -307,7 +307,10 @@ def _compile(
     objects = []
     for number, unit in enumerate(units):
         made = f"{number}.o"
-        flags = [*_flags(kind), *_instrumented(compiler), *_include_paths(work, sources), *_packed(kind)]
+        # Without it gcc says nothing of 40000 in 16 bits with a sign.
+        warned = ["-Wconversion"] if compiler.is_gcc else []
+        paths = _include_paths(work, sources)
+        flags = [*_flags(kind), *warned, *_instrumented(compiler), *paths, *_packed(kind)]
         told += _run(compiler, [*flags, "-x", "c++", "-c", unit, "-o", made], work, files, kind)
         objects.append(made)
     fixed = ["-no-pie"] if links_at_fixed_addresses() else []
@@ -419,4 +422,4 @@ def _run(
         missing = missing_header(done.stderr, files, kind) if files else None
         found = [missing] if missing else list(compiler_errors(done.stderr, compiler, files, kind))
         raise ConfigurationError(found)
-    return compiler_warnings(done.stderr)
+    return compiler_warnings(done.stderr, files)

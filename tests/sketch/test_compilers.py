@@ -87,6 +87,32 @@ def test_errors_are_told_by_the_lines_of_the_sketch(
     assert lines[1].endswith(": sped = 2;")
 
 
+NUMBERS = """int most = 40000;
+const unsigned int table[] = {100, 70000};
+int bits = 0xFFFF, more = B11111111;
+char letter = 200;
+int sum(int a, int b) { return a + b; }
+\tint both(int a) { return a > 50000 ? 3 : 60000; }
+double small = 3.7; int whole = 3.7;
+void setup() { analogWrite(5, 300); delay(70000); tone(3, 40000); Serial.write(0xFE); most *= 2; }
+void loop() { unsigned int fits = 65535, wraps = -1; byte full = 256; }
+"""
+
+
+@pytest.mark.slow
+def test_numbers_that_do_not_fit_are_told_by_each_compiler(
+    compiler: Compiler, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(build, "find_compiler", lambda: compiler)
+    sketch = tmp_path / "rover.ino"
+    sketch.write_text(NUMBERS, "utf-8")
+    told = "rover.ino:{}: this number does not fit: {} becomes {}"
+    assert list(build_sketch(sketch, UNO).warnings) == [
+        told.format(*each)
+        for each in ((1, 40000, -25536), (2, 70000, 4464), (4, 200, -56), (6, 60000, -5536), (9, 256, 0))
+    ]
+
+
 @pytest.mark.slow
 def test_a_function_that_is_nowhere_is_named(
     compiler: Compiler, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
