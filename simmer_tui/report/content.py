@@ -111,7 +111,7 @@ _COMMANDS = data_table(
 )
 _MESSAGES = data_table(
     "messages",
-    "Messages of the dialect",
+    "Messages to the robot",
     DataColumn("message", QUOTED),
     DataColumn("sent", COUNT),
     DataColumn("text", PASSAGE, "not understood", wraps=True),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import re
 from pathlib import Path
 
 import pytest
@@ -120,7 +121,8 @@ def test_the_busy_share_begins_again_with_a_reset_by_usb(tmp_path: Path) -> None
 TALKER = """
 #include <SoftwareSerial.h>
 SoftwareSerial link(7, 8);
-void setup() { Serial.begin(9600); link.begin(9600); Serial.println("begins with a line, and then another one");
+void setup() { Serial.begin(9600); link.begin(9600);
+  Serial.println("begins with a line, and then another one");
   link.print("ab"); Serial.println("next"); }
 void loop() {}
 """
@@ -193,6 +195,8 @@ def test_edges_are_lost_while_an_interrupt_writes(tmp_path: Path) -> None:
     # 12 in/s with 200 edges an inch are 2,400 edges; a line of 4 to 6 bytes keeps interrupts off for 5 ms.
     assert 1000 < counted < 2000
     assert any("an edge at pin 2 was lost at rover.ino:5" in text for text in run.notices), run.notices
+    # Edges after the last lost one are not counted.
+    assert any(re.search(r": 10 of the first [0-9]+ edges at pin 2 were", text) for text in run.notices)
 
 
 @pytest.mark.parametrize(
