@@ -149,7 +149,7 @@ def board_steps(*, has_line: bool) -> AnswerCard:
         lines: list[StyledLine] = _numbered((("the boards run by themselves", "value"),), pins)
         return AnswerCard("start", "", (*lines, (("  ", "plain"), *more)), (*lines, (("  ", "plain"), *more)))
     send: StyledLine = ((r":send F\n", "mark"), (" sends a board the line F", "value"))
-    program: StyledLine = (("or start with the laptop's program:", "value"),)
+    program: StyledLine = (("or with the laptop's program:", "value"),)
     steps = _numbered(send, program, pins)
     # Of 36 columns.
     steps[2:2] = [(("  simmer-tui --sketch DIR", "mark"),), (("    ", "plain"), runs)]
