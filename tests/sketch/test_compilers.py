@@ -152,7 +152,12 @@ def test_without_a_compiler_of_the_system_the_package_is_used(
     package = tmp_path / "ziglang"
     package.mkdir()
     (package / "__init__.py").write_text("", "utf-8")
-    (package / "__main__.py").write_text("print('clang version 20.1.2')\n", "utf-8")
+    # It makes the runtime alone.
+    (package / "__main__.py").write_text(
+        "import sys\nprint('clang version 20.1.2')\n"
+        "if 'runtime-' in sys.argv[-1]:\n    open(sys.argv[-1], 'w').close()\n",
+        "utf-8",
+    )
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join((str(tmp_path), os.environ.get("PYTHONPATH", ""))))
     found = find_compiler()
@@ -160,3 +165,9 @@ def test_without_a_compiler_of_the_system_the_package_is_used(
     assert (found.command, found.name, found.is_gcc) == (ZIGLANG, "ziglang", False)
     main(["doctor"])
     assert "compiled by ziglang: clang version 20.1.2" in capsys.readouterr().out
+    # Its first build takes minutes, which is told before.
+    monkeypatch.setattr(platform_has, "data_folder", lambda: tmp_path / "data")
+    folder = set_of(FORMS / "delay_only", tmp_path / "set").directory
+    main(["check", str(folder)])
+    assert capsys.readouterr().err.startswith("ziglang compiles its libraries now, which takes minutes")
+    assert build.long_build_notice() == ""
