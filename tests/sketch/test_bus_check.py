@@ -195,6 +195,11 @@ DRAFTED = {
         "Adafruit_MPU6050 mpu, other;\nvoid setup() { mpu.begin(); other.begin(0x69); }",
         [("mpu6050", None, None), ("mpu6050", None, 0x69)],
     ),
+    "a ranger begun after an encoder's input": (
+        "VL53L0X lox;\nvoid tick() {}\nvoid setup() { pinMode(3, INPUT_PULLUP);"
+        " attachInterrupt(digitalPinToInterrupt(3), tick, CHANGE); lox.init(); }",
+        [("encoder", None, None), ("vl53l0x", None, None)],
+    ),
     "a gyro whose argument is the bus": ("MPU6050 mpu(Wire);\nvoid setup() {}", [("mpu6050", None, None)]),
     "two gyros": (
         "MPU6050 mpu;\nMPU6050 second(MPU6050_ADDRESS_AD0_HIGH);\nvoid setup() {}",
