@@ -166,9 +166,9 @@ def draft(
     text += _line_tables(boards)
     wheels = _Wheels(side for board in boards for side in board.sides)
     for board in boards:
-        lines = [wheels.line(*each) for each in zip(board.sides, board.turns, strict=True)]
-        text += _stepper_tables(board, lines)
-        text += _motor_tables(board, lines[len(board.steppers) :])
+        turning = [wheels.line(*each) for each in zip(board.sides, board.turns, strict=True)]
+        text += _stepper_tables(board, turning)
+        text += _motor_tables(board, turning[len(board.steppers) :])
     codes, others = _Codes(ranges, "u", _RANGE_ROW), _Codes(lines, "i", _LINE_ROW)
     on_bus = _Codes(beams, "t", _BEAM_ROW), _Codes(gyros, "g", _GYRO_ROW)
     for board in boards:

@@ -228,6 +228,18 @@ def test_parts_on_a_bus_are_read_off_their_objects(tmp_path: Path, form: str) ->
     ] == expected
 
 
+def test_a_sensor_beside_a_motor_has_its_code(tmp_path: Path) -> None:
+    text = (
+        "void setup() { pinMode(4, OUTPUT); }\nvoid loop() { analogRead(A3); digitalWrite(4, HIGH);"
+        " analogWrite(5, 90); }\n"
+    )
+    (tmp_path / "s.ino").write_text(text, "utf-8")
+    for lines, code in ((["i1", "i2"], "i1"), ([], "i1")):
+        made = tomllib.loads(draft([tmp_path / "s.ino"], tmp_path, [], lines, [], []))
+        assert [row["pwm"] for row in made["motors"]] == [5]
+        assert [row["code"] for row in made["sensors"]] == [code]
+
+
 def test_a_draft_of_eight_rangers_is_their_wiring(tmp_path: Path) -> None:
     form = FORMS / "tof_eight"
     made = draft([form / "tof_eight.ino"], tmp_path, [], [], ["t1"], [])
