@@ -8,6 +8,9 @@ events of `sys.setprofile` from the moment that the robot's thread has something
 the event loop's own included: the least of 20 commands after 100 of warm-up. Beside them are the distinct
 functions of the package that one command with `--quiet` passes, and their files.
 
+Another row has what the app adds to a run with `--quiet`: the saved run, the verdict and the events for
+snapshots. They get events together, so it is the mean of as many commands, calls of the package alone.
+
 `--instructions` adds machine instructions of a command (`valgrind --tool=cachegrind`), which takes minutes.
 """
 
@@ -34,11 +37,14 @@ from unittest import mock
 import simmer_tui
 from simmer_tui.cli.main import main as simmer
 from simmer_tui.config.dialects import COMMANDS, REPLIES
+from simmer_tui.live.late_events import TOGETHER
 from simmer_tui.live.server import Server
 
 RUN = ("--no-ui", "--once", "--port", "0", "--seed", "1")
 VARIANTS = {"--quiet": ("--quiet",), "plain": (), "--log": ("--log",), "--mission": ("--mission",)}
 """Options of a run, by the name of the figure."""
+APP = "app"
+"""The run of the app, without its screen."""
 GOALS = {
     ("u1", "--quiet"): 60,
     ("u1", "plain"): 75,
@@ -54,6 +60,8 @@ REACHED = {
     ("u1", "--log"): 60,
     ("u1", "--mission"): 75,
     ("d1-1", "--quiet"): 162,
+    ("u1", APP): 55.6,
+    ("d1-1", APP): 319,
 }
 """Calls of the package alone, without the event loop's and numpy's, which differ between versions of Python.
 tests/robot/test_calls.py allows 5 % more."""
@@ -137,6 +145,10 @@ def trips_of(options: Sequence[str], commands: Sequence[str]) -> list[Trip]:
     programmed: list[Server] = []
 
     def start(server: Server, *arguments: Any, **named: Any) -> None:
+        if APP in options:
+            server.save_run()
+            server.keep_verdict(has_program=False)
+            server.record()
         begin(server, *arguments, **named)
         server.call(sys.setprofile, profile.note)
         programmed.append(server)
@@ -144,8 +156,10 @@ def trips_of(options: Sequence[str], commands: Sequence[str]) -> list[Trip]:
 
     with tempfile.TemporaryDirectory() as folder:
         named = [f"--log={Path(folder) / 'run.jsonl'}" if each == "--log" else each for each in options]
+        named = ["--quiet" if each == APP else each for each in named]
         with (
             mock.patch.object(Server, "start", start),
+            mock.patch.dict(os.environ, {"XDG_DATA_HOME": folder}),
             open(os.devnull, "w") as nothing,  # noqa: PTH123
             contextlib.redirect_stdout(nothing),
             contextlib.redirect_stderr(nothing),
@@ -162,6 +176,17 @@ def least(options: Sequence[str], command: str, warm_up: int = WARM_UP, count: i
     back = [command.replace("-", "--", 1)] if command.startswith("d") else []
     trips = trips_of(options, [command, *back] * (warm_up + count))[:: 1 + len(back)]
     return min(trips[warm_up:], key=lambda each: each.calls)
+
+
+def reached(command: str, variant: str) -> float:
+    """Calls of the package for one command: those of `REACHED`."""
+    if variant != APP:
+        return len(least(VARIANTS[variant], command, 10, 10).passed)
+    back = [command.replace("-", "--", 1)] if command.startswith("d") else []
+    trips = trips_of((APP,), [command, *back] * (4 * TOGETHER // (1 + len(back))))
+    # The first has the start of the run, and one of the others may have a timer as well.
+    rounds = [trips[begin : begin + TOGETHER] for begin in range(TOGETHER, len(trips), TOGETHER)]
+    return min(sum(len(each.passed) for each in trips) for trips in rounds) / TOGETHER
 
 
 def instructions(options: Sequence[str], command: str) -> float:
@@ -212,6 +237,10 @@ def main() -> int:
                 figures |= {f"{command}, functions": hops[0], f"{command}, files": hops[1]}
                 missed = missed or hops[0] > most[0] or hops[1] > most[1]
                 print(f"{command:5} {hops[0]} functions in {hops[1]} files, goal {most[0]} in {most[1]}")
+    for command in ("u1", "d1-1"):
+        figures[f"{command} {APP}, calls"] = calls = reached(command, APP)
+        quiet = REACHED[command, "--quiet"]
+        print(f"{command:5} {APP:10} {calls:5.1f} calls of the package, {quiet} with --quiet")
     if options.instructions and shutil.which("valgrind"):
         for name, words in (("--quiet", ("--quiet",)), ("plain", ())):
             figures[f"u1 {name}, instructions"] = count = instructions(words, "u1")

@@ -250,7 +250,7 @@ def _bytes_a_command(path: Path) -> float:
 def stream_long_log(path: Path) -> dict[str, float]:
     """Seconds and memory of `report` for a log, and the ratio of its time to json's time for decoding the
     lines."""
-    from simmer_tui.cli.log_commands import build_report
+    from simmer_tui.cli.log_reports import build_report
 
     busy = time.process_time()
     with path.open("rb") as file:

@@ -27,7 +27,7 @@ from simmer_tui.links.protocol.replies import ReplyForm, ReplyFormat
 from simmer_tui.links.serial_bridge import SerialBridge
 from simmer_tui.links.serial_link import LinkListener
 from simmer_tui.robot.engine import Engine
-from simmer_tui.robot.sessions import LinkDelay
+from simmer_tui.robot.link_delay import LinkDelay
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.sim.command import parse_command
 from simmer_tui.sim.simulator import Simulator

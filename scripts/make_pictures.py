@@ -16,7 +16,7 @@ from pathlib import Path
 from msgspec.structs import replace
 
 sys.path.append(str(Path(__file__).resolve().parent.parent))  # a clone's root; an installed one is first
-from simmer_tui.cli.log_commands import build_report
+from simmer_tui.cli.log_reports import build_report
 from simmer_tui.document import svg
 from simmer_tui.report.figure import maze_figure
 

@@ -25,7 +25,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))  # where the scripts ar
 from page_numbers import numbered_pages
 
 from simmer_tui.calibrate import result_page
-from simmer_tui.cli import log_commands, machine_commands
+from simmer_tui.cli import doctor_command, ports_command, rerun_command
 from simmer_tui.cli.command_line import EXIT_CODES, EXIT_CODES_OF_RUNS, default_text
 from simmer_tui.cli.main import SUBCOMMANDS, build_parser, command_named
 from simmer_tui.config import (
@@ -345,10 +345,10 @@ ANSWERS: dict[str, tuple[DataTable, ...]] = {
     "compare": compare.TABLES,
     "grade": (grade_site.GRADES,),
     "calibrate": result_page.TABLES,
-    "rerun": (log_commands.RERUN,),
+    "rerun": (rerun_command.RERUN,),
     "check": (*set_document.TABLES, set_document.settings_table()),
-    "doctor": (machine_commands.CHECKS,),
-    "ports": (machine_commands.PORTS,),
+    "doctor": (doctor_command.CHECKS,),
+    "ports": (ports_command.PORTS,),
 }
 
 

@@ -37,7 +37,7 @@ from simmer_tui.config import load_default
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import find_set
 from simmer_tui.errors import SimmerError
-from simmer_tui.robot.sessions import LinkDelay
+from simmer_tui.robot.link_delay import LinkDelay
 from simmer_tui.sim import CommandResult, SimulationSpec, Simulator, Status, parse_command
 from simmer_tui.sim.command import Command, parse_value
 from simmer_tui.sim.sensors import CountingSensor, sensor_of

@@ -22,7 +22,7 @@ from typing import Any
 
 import pytest
 
-from simmer_tui.cli.log_commands import build_report
+from simmer_tui.cli.log_reports import build_report
 
 ROOT = Path(__file__).parents[1]
 COURSE = ROOT / "scripts" / "course"

@@ -22,7 +22,7 @@ from types import ModuleType
 import pytest
 
 from simmer_tui.cli import main as command_line
-from simmer_tui.cli.help_command import whole_parser
+from simmer_tui.cli.completion_command import whole_parser
 from simmer_tui.config import dialects, drive_csv, sensors_csv
 from simmer_tui.config.maze_csv import CELLS
 from simmer_tui.config.profiles import DRIVE, LINK, SENSOR, profile_names

@@ -10,7 +10,7 @@ import pytest
 
 from simmer_tui.cli import main as command_line
 from simmer_tui.cli.command_line import OneLineParser, subcommand
-from simmer_tui.cli.help_command import whole_parser
+from simmer_tui.cli.completion_command import whole_parser
 from simmer_tui.errors import SimmerError
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from simmer_tui.cli.log_commands import build_report
+from simmer_tui.cli.log_reports import build_report
 from simmer_tui.config import load_default
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.set_summary import summarize

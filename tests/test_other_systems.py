@@ -13,9 +13,11 @@ from msgspec.structs import replace
 
 from simmer_tui import platform_has
 from simmer_tui.cli.app_start import program_name
-from simmer_tui.cli.config_commands import run_check, run_init
-from simmer_tui.cli.log_commands import build_report, run_rerun
+from simmer_tui.cli.check_command import run_check
+from simmer_tui.cli.init_command import run_init
+from simmer_tui.cli.log_reports import build_report
 from simmer_tui.cli.main import main
+from simmer_tui.cli.rerun_command import run_rerun
 from simmer_tui.config.exchange_file import read_exchange
 from simmer_tui.config.loader import load
 from simmer_tui.config.set_summary import summarize

@@ -405,9 +405,9 @@ class Model:
         true, slopes = seen.true[where], spec.gain * seen.by_pose[:, where]
         # Beyond an incidence limit there is no range at all; such rows are left out below.
         with np.errstate(invalid="ignore"):
-            proportional = (spec.gain * spec.error * seen.proportional[where]) ** 2
-            floor = sensor.least_error**2 + spec.resolution**2 / 12 + spec.gain**2 * seen.curvature[where]
-            variance = proportional + spec.absolute_error**2 + floor + (sensor.annealing * annealed) ** 2
+            proportional, absolute, least = sensor.variances(seen.proportional[where])
+            floor = least + spec.gain**2 * seen.curvature[where]
+            variance = proportional + absolute + floor + (sensor.annealing * annealed) ** 2
             expected = spec.gain * true + spec.bias
             residual = sensor.wrapped(readings.values[said] - expected - spec.drift * times)
             weights = inlier_probability(residual**2 / variance, variance, state.outliers[index], sensor.span)
@@ -424,8 +424,7 @@ class Model:
         ]
         entries += self._linear_entries(columns, true, times)
         entries += [(self.width + columns[field], each) for field, each in by_parameter.items()]
-        absolute = np.full(len(stop), spec.absolute_error**2)
-        shares = _shares(columns, error=proportional, absolute_error=absolute)
+        shares = _shares(columns, error=proportional, absolute_error=np.full(len(stop), absolute))
         stack.add(
             RANGE if spec.kind.is_range else OBSERVATION, index, stop, residual, variance, entries, shares,
             weights=weights, chosen=np.flatnonzero(good),

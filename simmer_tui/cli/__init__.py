@@ -4,6 +4,6 @@ In: the words of a command line.
 Out: text, files, and an exit code.
 
 Only this room imports argparse and knows exit codes (`simmer_tui.cli.command_line`). Progress bars and the
-start of the screen are here too. `simmer_tui.cli.main` has the table of commands. It imports each command
-only when that is used, and the screen only where one is drawn.
+start of the screen are here too. Each command has a file `NAME_command.py`, and its line in the table of
+`simmer_tui.cli.main`, which imports it only when it is used; the screen only where one is drawn.
 """

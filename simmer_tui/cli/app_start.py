@@ -30,6 +30,9 @@ _LONGEST_LINE = 500
 class Screen(FrontEnd):
     """The front end on the terminal. If the app itself fails, the robot is still served without it."""
 
+    watches = False
+    """The screen takes snapshots."""
+
     def __init__(self, server: Server, *, once: bool, program: str | None = None) -> None:
         """Check the terminal and make the app. With `once` it ends with the program, a command."""
         self._settings = screen = server.configuration.settings.screen

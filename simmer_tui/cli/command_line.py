@@ -19,7 +19,7 @@ from simmer_tui import platform_has
 from simmer_tui.config.device_trust import OPTION, TRUST, DeviceTrust
 from simmer_tui.config.mission_toml import OVERRIDDEN
 from simmer_tui.config.sets import DEFAULT_SET
-from simmer_tui.config.settings import Setting, all_settings
+from simmer_tui.config.settings import Setting, all_settings, tables
 from simmer_tui.config.settings_file import Override
 from simmer_tui.errors import (
     ClusterError,
@@ -453,18 +453,15 @@ def _join_negative_values(args: Sequence[str]) -> list[str]:
     return joined
 
 
-_ON_THE_SCREEN = ("screen", "keys", "web")
-"""Groups of settings that change only a screen, or a page."""
-
-
 def add_setting_options(
     parser: OneLineParser, *, has_screen: bool = False, names: Sequence[str] = ()
 ) -> None:
     """Give `parser` one option for every setting, or for those with some `names`, in groups. Those of screen,
     keys and page are only for a command that `has_screen`. The loader checks the values."""
     groups: dict[str, argparse._ArgumentGroup] = {}
+    on_screen = {name for name, table in tables().items() if table.is_of_screen}
     for item in all_settings():
-        if (item.group in _ON_THE_SCREEN and not has_screen) or (names and item.name not in names):
+        if (item.group in on_screen and not has_screen) or (names and item.name not in names):
             continue
         if item.group not in groups:
             groups[item.group] = parser.add_argument_group(item.group)

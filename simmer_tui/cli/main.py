@@ -42,14 +42,14 @@ if TYPE_CHECKING:
 
 # Names, not functions: importing all commands would make every start as slow as the slowest.
 SUBCOMMANDS = {
-    "init": ("config_commands:run_init", "copy a configuration set into a folder, to be edited there"),
-    "examples": ("author_commands:run_examples", "copy the sample programs into a folder"),
-    "check": ("config_commands:run_check", "check a configuration set and show what it describes"),
-    "import": ("config_commands:run_import", "make a configuration set from a team's config.py or Main.m"),
+    "init": ("init_command:run_init", "copy a configuration set into a folder, to be edited there"),
+    "examples": ("examples_command:run_examples", "copy the sample programs into a folder"),
+    "check": ("check_command:run_check", "check a configuration set and show what it describes"),
+    "import": ("import_command:run_import", "make a configuration set from a team's config.py or Main.m"),
     "replay": ("replay_command:run_replay", "play a logged run on the screen"),
-    "report": ("log_commands:run_report", "summarize a logged run: verdict, tables, pictures, a page"),
+    "report": ("report_command:run_report", "summarize a logged run: verdict, tables, pictures, a page"),
     "why": ("why_command:run_why", "run a failed run again with one change at a time"),
-    "export": ("log_commands:run_export", "make pictures of a logged run: an animated GIF, an SVG"),
+    "export": ("export_command:run_export", "make pictures of a logged run: an animated GIF, an SVG"),
     "trials": ("trials_command:run_trials", "run a program many times and measure its success rate"),
     "compare": ("compare_command:run_compare", "compare two sets of trials on the same seeds"),
     "grade": ("grade_command:run_grade", "grade a course's programs, each in a sandbox, with few runs"),
@@ -58,11 +58,11 @@ SUBCOMMANDS = {
         "estimate a real robot's parameters from run logs, as a set",
     ),
     "atlas": ("atlas_command:run_atlas", "compute expected readings at every pose of a grid, as a file"),
-    "rerun": ("log_commands:run_rerun", "run a logged run again and compare every reply"),
-    "doctor": ("machine_commands:run_doctor", "check this terminal and machine, in eleven lines"),
-    "env": ("author_commands:run_env", "print the variables for programs that an IDE starts"),
-    "completion": ("help_command:run_completion", "print completion for a shell"),
-    "ports": ("machine_commands:run_ports", "list the serial ports a robot may be on"),
+    "rerun": ("rerun_command:run_rerun", "run a logged run again and compare every reply"),
+    "doctor": ("doctor_command:run_doctor", "check this terminal and machine, in eleven lines"),
+    "env": ("env_command:run_env", "print the variables for programs that an IDE starts"),
+    "completion": ("completion_command:run_completion", "print completion for a shell"),
+    "ports": ("ports_command:run_ports", "list the serial ports a robot may be on"),
     "help": ("help_command:run_help", "help on a command, or on all settings: help settings"),
 }
 """By name the function in this package, imported only when it is used, and its description."""

@@ -25,8 +25,8 @@ from simmer_tui.cli.command_line import (
     say,
     subcommand,
 )
-from simmer_tui.cli.log_commands import build_report
 from simmer_tui.cli.log_options import add_device_options, add_log_argument, configuration_of, log_of
+from simmer_tui.cli.log_reports import build_report
 from simmer_tui.cli.progress_bar import progress_bar
 from simmer_tui.cli.trials_options import run_to_end
 from simmer_tui.document.model import Document, Paragraph

@@ -60,14 +60,6 @@ MOST_RULES = 500
 """Tables [[command]] of a file, and [[stream]]."""
 _MARKS = ("end", "open", "close")
 """Keys of [frame] that are a mark of a message."""
-_MARKS_OF = {FrameKind.LINE: ("end",), FrameKind.BRACKET: ("open", "close")}
-"""The marks that a message of a kind must have."""
-_ARRIVES = {
-    FrameKind.LINE: "line ends and blanks around a message are dropped, and it ends at the first [frame] end",
-    FrameKind.BRACKET: "match is the text between [frame] open and close",
-    FrameKind.BYTE: "a message is one character here, of ASCII",
-}
-"""The form in which a message of a kind arrives."""
 _KINDS = {
     "number": NUMBER_TYPE,
     "int": NUMBER_TYPE,
@@ -162,7 +154,7 @@ class _Reader(RuleParts):
             self._check_escapes(f"frame.{name}", values.get(name, ""))
         marks = {name: values[name].encode() for name in _MARKS if name in values}
         framing = Framing(**(values | marks))
-        for name in _MARKS_OF.get(kind, ()):
+        for name in framing.kind.marks:
             if not getattr(framing, name):
                 self._file.add_problem(f"frame.{name}", f"must not be empty for kind {kind.value}")
                 return Framing()
@@ -286,7 +278,7 @@ class _Reader(RuleParts):
         first = parts[0] if parts else None
         if len(parts) == 1 and isinstance(first, Frame) and pattern.match(first.text) is not None:
             return ""
-        return first.why if isinstance(first, Noise) else _ARRIVES[framing.kind]
+        return first.why if isinstance(first, Noise) else framing.kind.arrives
 
     def _type(self, given: Mapping[str, Any], prefix: str) -> int | None:
         kind, place, add_problem = given.get("type"), f"{prefix}type", self._file.add_problem

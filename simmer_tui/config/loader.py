@@ -200,34 +200,23 @@ def simulation_of(
     sensors: tuple[SensorSpec, ...],
     rows: DriveRows,
 ) -> SimulationSpec:
-    """The simulation that the parts of a set describe."""
-    motion, wheels = settings.motion, None
+    """The simulation that the parts of a set describe. An effect of the world on all sensors or drives is a
+    change of their rows here: reports, calibration and interventions go by the rows."""
+    wheels = None
     if settings.wheels.layout != NO_WHEELS:
         layout = WheelLayout(settings.wheels.layout)
         wheels = WheelsSpec(**asdict(settings.wheels) | {"layout": layout})
-    return SimulationSpec(
-        maze=maze,
-        robot=robot,
-        sensors=sensors,
-        drives=rows.drives,
-        bot_center=settings.bot_center,
-        bot_rot=settings.bot_rot,
-        block_center=settings.block_center,
-        block_size=settings.blocksize,
-        block_solid=settings.motion.block_solid,
-        num_segments=settings.num_segments,
-        strength=settings.strength,
-        randbias=settings.randbias,
-        gripper=rows.gripper,
-        contact=ContactRule(motion.contact),
-        clearance=motion.clearance,
-        velocities=rows.velocities,
-        wheels=wheels,
-        velocity_timeout=motion.velocity_timeout,
-        loop_time=motion.loop_time,
-        wall_friction=motion.wall_friction,
-        control_period=motion.control_period,
-    )
+    # A setting of the world has the name of the field that it fills.
+    values = {
+        name: getattr(table, name)
+        for table in (settings, settings.motion)
+        for name in table.__struct_fields__
+        if name in SimulationSpec.__struct_fields__
+    }
+    values |= {"maze": maze, "robot": robot, "sensors": sensors, "wheels": wheels}
+    values |= {"drives": rows.drives, "gripper": rows.gripper, "velocities": rows.velocities}
+    values |= {"block_size": settings.blocksize, "contact": ContactRule(settings.motion.contact)}
+    return SimulationSpec(**values)
 
 
 def _texts(directory: Path) -> dict[str, str]:

@@ -62,6 +62,14 @@ def nominal_of(configuration: Configuration, chosen: str | None = None) -> Nomin
     return candidates[shares.index(best)] if best > _SAME else None
 
 
+def nominal_note(named: str) -> str:
+    """A line for a set with boards that names a bundled set as its nominal one; empty if it names none."""
+    if named not in bundled_sets():
+        return ""
+    what = f'nominal = "{named}" in settings.toml: reports compare this robot with that set'
+    return f'{what}; if it is your own robot, write nominal = ""'
+
+
 def _read(name: str, configuration: Configuration) -> Nominal:
     folder = find_set(name)
     chosen = tuple(getattr(configuration.settings, name) for name in _PROFILES)

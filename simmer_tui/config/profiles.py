@@ -18,7 +18,7 @@ from simmer_tui.config.settings import USUAL_DRIVE, USUAL_LINK, USUAL_SENSORS, S
 from simmer_tui.config.settings_file import LoadedSettings
 from simmer_tui.config.toml_file import TomlFile
 from simmer_tui.errors import Problem
-from simmer_tui.sim.columns import DRIVE_GAIN, MOUNTING, MOVEMENT, column_name
+from simmer_tui.sim.columns import DRIVE_GAIN, LESS_USUAL, MOUNTING, MOVEMENT, column_name
 from simmer_tui.sim.rules import ChoiceRule, FlagRule, TextRule, did_you_mean, listed
 from simmer_tui.sim.sensors import KINDS, SensorKinds
 from simmer_tui.sim.specs import DriveKind, DriveSpec, SensorKind, SensorSpec
@@ -38,7 +38,7 @@ _MOVEMENT = tuple(
     replace(column, name=column_name(column.name)) for column in MOVEMENT if column is not DRIVE_GAIN
 )
 # If a movement leaves one of these out, the row's own value stays.
-_PACE = ("start_lag", "acceleration")
+_LESS_USUAL = [column.field for column in LESS_USUAL]
 
 
 class DriveProfile(Struct, frozen=True):
@@ -135,7 +135,7 @@ def _movement(file: TomlFile, table: Mapping[str, Any], prefix: str) -> Mapping[
     """The values of one movement, by field."""
     known = [_ENABLED]
     if table.get("enabled") is not False:
-        known += [each for each in _MOVEMENT if each.name not in _PACE or each.name in table]
+        known += [each for each in _MOVEMENT if each.field not in _LESS_USUAL or each.name in table]
     values = file.values(known, table, prefix, needed=True)
     return {each.field: values[each.name] for each in known if each.name in values}
 

@@ -15,34 +15,33 @@ from simmer_tui.document.formats import PLACE, POSE, TEXT
 from simmer_tui.document.model import ABSENT, DataColumn, DataTable, Document, data_table
 from simmer_tui.errors import Problem
 from simmer_tui.sim import columns
-from simmer_tui.sim.columns import column_name
+from simmer_tui.sim.columns import CsvColumn, column_name
 from simmer_tui.sim.command import cut
 from simmer_tui.sim.rules import PairRule
 from simmer_tui.sim.sensors import KINDS
 from simmer_tui.sim.specs import CELL_SIZE, SensorSpec
 from simmer_tui.sim.values import Value
 
-# Values of these are in the unit of the reading, or of the drive; the unit has its own column.
-_PER_TIME = {"drift": "drift_per_s", "speed": "speed_per_s", "acceleration": "acceleration_per_s2"}
-
 _FORMATS = dict.fromkeys(("start", "block", "drop_zone"), PLACE)
 
 
 def _key(name: str, unit: str) -> str:
-    name = _PER_TIME.get(name, name)
     unit = unit.replace("/", "_per_").replace(" ", "_").lower()
     return f"{name}_{unit}" if unit else name
 
 
-def _columns(names: str, values: Iterable[Value] = ()) -> tuple[DataColumn, ...]:
+def _value_key(value: CsvColumn) -> str:
+    # An axis of an error has no field of its own.
+    name = column_name(value.name) if "." in value.field else value.field
+    # The unit of the reading, or of the drive, has its own column.
+    return f"{name}_per_{value.per_time}" if value.per_time else _key(name, value.unit)
+
+
+def _columns(names: str, values: Iterable[CsvColumn] = ()) -> tuple[DataColumn, ...]:
     """Columns of these names, and of the values of a part by their fields."""
     return (
         *(DataColumn(name, _FORMATS.get(name, TEXT)) for name in names.split()),
-        # An axis of an error has no field of its own.
-        *(
-            DataColumn(_key(column_name(value.name) if "." in value.field else value.field, value.unit))
-            for value in values
-        ),
+        *(DataColumn(_value_key(value)) for value in values),
     )
 
 
@@ -162,7 +161,7 @@ def _sensors_table(sensors: Sequence[SensorSpec]) -> DataTable:
     under the columns of its kind."""
     keys = {key for column in _SENSORS.columns for key in column.keys}
     own = {column.field: column for sensor in sensors for column in sensor.kind.columns}
-    further = [column for column in own.values() if _key(column.field, column.unit) not in keys]
+    further = [column for column in own.values() if _value_key(column) not in keys]
     names = [value.field for value in (*_SENSOR_VALUES, *further)]
     rows = [
         (

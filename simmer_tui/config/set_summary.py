@@ -20,7 +20,7 @@ from simmer_tui.dialect.inverse import InverseRules
 from simmer_tui.dialect.messages import dictionary
 from simmer_tui.errors import printable
 from simmer_tui.sim.angles import ARROWS, PLAIN_ARROWS
-from simmer_tui.sim.columns import BASE, THRESHOLD
+from simmer_tui.sim.columns import BASE, LESS_USUAL, THRESHOLD
 from simmer_tui.sim.command import cut
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.specs import (
@@ -208,10 +208,11 @@ def _drive_row(drive: DriveSpec, has_random_bias: bool) -> tuple[str, ...]:
     notes = [] if drive.enabled else ["disabled"]
     if drive.gain != 1:
         notes.append(f"gain {drive.gain:g}")
-    if drive.start_lag:
-        notes.append(f"start lag {drive.start_lag:g} s")
-    if drive.acceleration:
-        notes.append(f"acceleration {drive.acceleration:g} {drive.kind.unit}/s2")
+    for column in LESS_USUAL:
+        value, unit = getattr(drive, column.field), column.unit
+        if value:
+            unit = f"{drive.kind.unit}/{column.per_time}" if column.per_time else unit
+            notes.append(f"{column.shown} {value:g} {unit}".rstrip())
     return (
         drive.code,
         drive.kind.value,

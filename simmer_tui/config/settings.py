@@ -8,10 +8,10 @@ and one field of `Settings`. Annotations are evaluated here: they contain the de
 import functools
 import os
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from msgspec import Struct
-from msgspec.structs import replace
+from msgspec.structs import asdict, replace
 
 from simmer_tui.config import dialects
 from simmer_tui.sim.noise import SEEDS
@@ -74,8 +74,8 @@ class Setting(Value, frozen=True, kw_only=True):
     left out.
 
     `name` is dotted for one in a table (`server.port`). `group` is its heading in `--help`, for one in a
-    table the table's name. `option` is its long option, by default that of `_OPTIONS` for its table; if it
-    ends in a hyphen, the name is appended. `metavar` is the rule's unless given. `alone` is the value if the
+    table the table's name. `option` is its long option, by default that of its table; if it ends
+    in a hyphen, the name is appended. `metavar` is the rule's unless given. `alone` is the value if the
     option is given without one; empty if it needs one.
     """
 
@@ -85,11 +85,20 @@ class Setting(Value, frozen=True, kw_only=True):
     alone: str = ""
 
 
+class SettingsTable(Struct, frozen=True, kw_only=True):
+    """A table of settings.toml. What is special about all its settings is said by the class."""
+
+    option: ClassVar[str] = "--"
+    """The beginning of the options. Only for settings whose names are unclear alone: `track` is
+    --wheels-track, `fps` is --fps."""
+    is_of_screen: ClassVar[bool] = False
+    """True if it changes a screen or a page alone: commands without one have no options of it."""
+    is_of_robot: ClassVar[bool] = True
+    """True if it changes the robot or its task: comparisons of trials name what differs."""
+
+
 _Pair = tuple[float, float]
 _Names = tuple[str, ...]
-# Only for tables whose setting names are unclear alone: `track` is --wheels-track, `fps` is --fps.
-_OPTIONS = {"wheels": "--wheels-", "link": "--link-", "web": "--web-", "keys": "--key-"}
-"""The beginning of the options of a table's settings, if it is not `--`."""
 # Names of [serial] that other tables have too, or that are unclear alone.
 _SERIAL = "--serial-"
 # Free for a course's robot: they only concern the communication of its program.
@@ -130,9 +139,10 @@ def _text(help_text: str, metavar: str = "", option: str = "", *, blank: bool = 
     return Setting(TextRule(blank), help_text, option=option, metavar=metavar)
 
 
-class ServerSettings(Struct, frozen=True, kw_only=True):
+class ServerSettings(SettingsTable, frozen=True, kw_only=True):
     """The ports and the form of replies."""
 
+    is_of_robot = False
     host: Annotated[str, _text("address of the ports", "ADDRESS", blank=False)] = "127.0.0.1"
     listeners: Annotated[_Names, _talk(SeveralRule(()), "dialects that are served")] = ("binary",)
     port: Annotated[int, _port(dialects.COMMANDS)] = dialects.COMMANDS.default
@@ -175,7 +185,7 @@ class ServerSettings(Struct, frozen=True, kw_only=True):
     """Ports of dialects that are not built in, as (setting, number)."""
 
 
-class MotionSettings(Struct, frozen=True, kw_only=True):
+class MotionSettings(SettingsTable, frozen=True, kw_only=True):
     """Motion of the robot."""
 
     motion: Annotated[
@@ -239,7 +249,7 @@ class MotionSettings(Struct, frozen=True, kw_only=True):
         return self.clock in ("program", ELSE_REAL)
 
 
-class SensorsSettings(Struct, frozen=True, kw_only=True):
+class SensorsSettings(SettingsTable, frozen=True, kw_only=True):
     """Kinds of sensors that a team wrote itself."""
 
     devices: Annotated[
@@ -251,9 +261,10 @@ NO_WHEELS = "none"
 """The layout of a robot whose wheels are not described."""
 
 
-class WheelsSettings(Struct, frozen=True, kw_only=True):
+class WheelsSettings(SettingsTable, frozen=True, kw_only=True):
     """The robot's wheels, for commands of rim speeds."""
 
+    option = "--wheels-"
     layout: Annotated[
         str,
         Setting(
@@ -267,9 +278,10 @@ class WheelsSettings(Struct, frozen=True, kw_only=True):
     top_speed: Annotated[float, _number(0.1, 1000, "greatest speed of a rim", "in/s")] = 12.0
 
 
-class LinkSettings(Struct, frozen=True, kw_only=True):
+class LinkSettings(SettingsTable, frozen=True, kw_only=True):
     """The simulated link between a program and the robot, in each direction."""
 
+    option = "--link-"
     latency: Annotated[
         float,
         _number(0, 10, "simulated time that a message takes between program and robot, each way", "s"),
@@ -284,9 +296,10 @@ AUTO_BOOT = "auto"
 """The time that fits the kind of the port: see the setting."""
 
 
-class SerialSettings(Struct, frozen=True, kw_only=True):
+class SerialSettings(SettingsTable, frozen=True, kw_only=True):
     """The port of a real robot, and the form of its messages."""
 
+    is_of_robot = False
     port: Annotated[
         str, _text("serial port or URL of a real robot, which is then driven", "PORT", "--serial")
     ] = ""
@@ -339,9 +352,12 @@ WEB_PORT = "9080"
 """The usual port of the page, near those of programs, which begin at 9000."""
 
 
-class WebSettings(Struct, frozen=True, kw_only=True):
+class WebSettings(SettingsTable, frozen=True, kw_only=True):
     """The page that shows the run in browsers."""
 
+    option = "--web-"
+    is_of_screen = True
+    is_of_robot = False
     port: Annotated[
         str,
         Setting(
@@ -369,9 +385,11 @@ class WebSettings(Struct, frozen=True, kw_only=True):
     control: Annotated[bool, _flag("let the page drive, as console and keys do")] = False
 
 
-class ScreenSettings(Struct, frozen=True, kw_only=True):
+class ScreenSettings(SettingsTable, frozen=True, kw_only=True):
     """Appearance of the terminal app, and lengths of its keys' drives."""
 
+    is_of_screen = True
+    is_of_robot = False
     fps: Annotated[int, _whole(1, 20, "pictures a second")] = 16
     pace: Annotated[
         float,
@@ -400,9 +418,12 @@ class ScreenSettings(Struct, frozen=True, kw_only=True):
     keys_turn_speed: Annotated[float, _number(0, 3600, "the same of a turn", "deg/s")] = 45.0
 
 
-class KeySettings(Struct, frozen=True, kw_only=True):
+class KeySettings(SettingsTable, frozen=True, kw_only=True):
     """Keys while the maze has the focus; Shift with a driving key is fine. Comma-separated, or empty."""
 
+    option = "--key-"
+    is_of_screen = True
+    is_of_robot = False
     forward: Annotated[str, _key("drive forward")] = "up,w"
     back: Annotated[str, _key("drive back")] = "down,s"
     turn_left: Annotated[str, _key("turn left")] = "left,a"
@@ -501,6 +522,12 @@ class Settings(Struct, frozen=True, kw_only=True):
         return int.from_bytes(os.urandom(4)) if self.randerror else self.seed
 
 
+def tables() -> dict[str, type[SettingsTable]]:
+    """The classes of all tables, by name."""
+    fields = asdict(Settings())
+    return {name: type(each) for name, each in fields.items() if isinstance(each, SettingsTable)}
+
+
 def all_settings() -> tuple[Setting, ...]:
     """Every setting, those outside tables first, in the order of the fields."""
     # The table is the key of the cache, so that an added dialect adds its ports.
@@ -514,6 +541,7 @@ def _all_settings(_: tuple[tuple[str, dialects.Dialect], ...]) -> tuple[Setting,
 
 
 def _described(defaults: Struct, prefix: str, group: str) -> Iterator[Setting]:
+    table = type(defaults) if isinstance(defaults, SettingsTable) else SettingsTable
     for name, annotation in type(defaults).__annotations__.items():
         default = getattr(defaults, name)
         if isinstance(default, Struct):
@@ -526,19 +554,21 @@ def _described(defaults: Struct, prefix: str, group: str) -> Iterator[Setting]:
             known = type(defaults).__annotations__
             for port in dialects.all_ports():
                 if port.setting not in known:
-                    yield _completed(_port(port), port.setting, port.default, prefix, group)
+                    yield _completed(_port(port), port.setting, port.default, prefix, group, table)
             continue
         item: Setting = annotation.__metadata__[0]
         # The dialects are read here, not at the field, because one may be added at any time.
         if name == "listeners":
             names = dialects.choices()
             item = replace(item, rule=SeveralRule(names), help=f"{item.help}: {', '.join(names)}")
-        yield _completed(item, name, default, prefix, group)
+        yield _completed(item, name, default, prefix, group, table)
 
 
-def _completed(item: Setting, name: str, default: object, prefix: str, group: str) -> Setting:
+def _completed(
+    item: Setting, name: str, default: object, prefix: str, group: str, table: type[SettingsTable]
+) -> Setting:
     """A setting with what follows from its field."""
-    option = item.option or _OPTIONS.get(group, "--")
+    option = item.option or table.option
     return replace(
         item,
         name=prefix + name,

@@ -4,6 +4,7 @@ import struct
 from collections.abc import Iterator, Mapping
 from enum import StrEnum
 from itertools import groupby
+from typing import Self
 
 from msgspec import Struct, field
 
@@ -15,9 +16,23 @@ _WITHOUT_END = "a message without its end"
 class FrameKind(StrEnum):
     """Beginning and end of a message."""
 
-    LINE = "line"
-    BRACKET = "bracket"
-    BYTE = "byte"
+    marks: tuple[str, ...]
+    """Fields of `Framing` with the marks that a message must have, the last of which ends it."""
+    arrives: str
+    """The form in which a message arrives, for a rule that never matches; empty if any content arrives."""
+
+    def __new__(cls, value: str, marks: tuple[str, ...] = (), arrives: str = "") -> Self:
+        """A member with its row of the table below."""
+        kind = str.__new__(cls, value)
+        kind._value_, kind.marks, kind.arrives = value, marks, arrives
+        return kind
+
+    LINE = (
+        *("line", ("end",)),
+        "line ends and blanks around a message are dropped, and it ends at the first [frame] end",
+    )
+    BRACKET = "bracket", ("open", "close"), "match is the text between [frame] open and close"
+    BYTE = "byte", (), "a message is one character here, of ASCII"
     BINARY = "binary"
 
 
@@ -47,6 +62,19 @@ class Framing(Struct, frozen=True):
         if self.kind is FrameKind.BRACKET:
             return self.open + content + self.close
         return content if self.kind is FrameKind.BYTE else content + self.end
+
+    def pieces(self, data: bytes) -> Iterator[bytes]:
+        """Bytes of messages in pieces that end where a message may end."""
+        if self.kind is FrameKind.BYTE:
+            yield from (data[at : at + 1] for at in range(len(data)))
+            return
+        end: bytes = getattr(self, self.kind.marks[-1]) if self.kind.marks else self.end
+        rest = data
+        while end and end in rest:
+            piece, mark, rest = rest.partition(end)
+            yield piece + mark
+        if rest:
+            yield rest
 
     def frame(self, kind: int | None, content: bytes) -> bytes:
         """A binary frame of a type that carries `content`, its length filled in."""

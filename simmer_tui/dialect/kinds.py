@@ -34,7 +34,8 @@ _KINDS: Mapping[type, ValueKind] = {str: ValueKind.TEXT, tuple: ValueKind.LIST}
 """Kinds of values by type; all others are numbers."""
 _RESULTS = {"scan": ValueKind.LIST, "named": ValueKind.TEXT, "pick": ValueKind.ANY}
 """Kinds of functions; all others give numbers."""
-_NUMBERS_ONLY = ("min", "max", "abs", "round", "int", "ray", "scan")
+_TAKES = {"len": "lists and texts", "named": "codes: a {name:list}, or a text"}
+"""Functions that take no numbers, and what they take; all others but `pick` take numbers alone."""
 _ONE_VALUE = "calculate with one value of it, as in scan(0, 30, 12)[2]*cm"
 
 
@@ -131,11 +132,10 @@ class _Reader:
             self._picked(arguments)
             return self._common(arguments[1:])
         for each in arguments:
-            if name in _NUMBERS_ONLY:
+            if name not in _TAKES:
                 self._number(each)
             elif self.kind(each) is ValueKind.NUMBER:
-                what = "lists and texts" if name == "len" else "codes: a {name:list}, or a text"
-                self.mistakes.append(f"{name}() is for {what}")
+                self.mistakes.append(f"{name}() is for {_TAKES[name]}")
         return _RESULTS.get(name, ValueKind.NUMBER)
 
     def _picked(self, arguments: list[ast.expr]) -> None:

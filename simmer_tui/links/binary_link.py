@@ -19,7 +19,7 @@ from simmer_tui.links.processes import children
 from simmer_tui.links.protocol.binary import CommandReader, NumberEncoder
 from simmer_tui.links.protocol.diagnosis import is_http
 from simmer_tui.links.protocol.line_marks import without_marks
-from simmer_tui.robot.sessions import LoopTimer
+from simmer_tui.robot.timers import LoopTimer
 from simmer_tui.run.events import Notice, NoticeKind
 from simmer_tui.sim.command import Command, counted
 from simmer_tui.sim.records import REFUSALS, CommandResult

@@ -17,7 +17,7 @@ from simmer_tui.links.protocol import diagnosis
 from simmer_tui.links.protocol.diagnosis import Diagnosis
 from simmer_tui.links.protocol.replies import ReplyForm, ReplyFormat
 from simmer_tui.robot.engine import Engine
-from simmer_tui.robot.sessions import LoopTimer
+from simmer_tui.robot.timers import LoopTimer
 from simmer_tui.run.events import Notice, NoticeKind
 from simmer_tui.sim.command import Command, counted
 from simmer_tui.sim.records import CommandResult, Status

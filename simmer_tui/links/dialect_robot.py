@@ -22,7 +22,8 @@ from simmer_tui.links.backend import Message
 from simmer_tui.links.monitored_robot import MonitoredRobot
 from simmer_tui.links.protocol.packets import STOP
 from simmer_tui.links.real_robot import as_real
-from simmer_tui.robot.sessions import Answered, LoopTimer, Session
+from simmer_tui.robot.sessions import Answered, Session
+from simmer_tui.robot.timers import LoopTimer
 from simmer_tui.run.events import NoticeKind
 from simmer_tui.sim.command import PEOPLE, WORD, Command, cut, parse_value
 from simmer_tui.sim.records import CommandResult, Status

@@ -24,7 +24,7 @@ from simmer_tui.links.dialect_link import (
 )
 from simmer_tui.links.real_robot import RealRobot, as_real, real_reading
 from simmer_tui.robot.engine import Engine
-from simmer_tui.robot.sessions import LoopTimer
+from simmer_tui.robot.timers import LoopTimer
 from simmer_tui.run.events import (
     LegBegun,
     LegEnded,

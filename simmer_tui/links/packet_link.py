@@ -30,7 +30,7 @@ from simmer_tui.links.protocol.packets import (
     passed_on,
 )
 from simmer_tui.links.protocol.replies import ReplyForm, ReplyFormat
-from simmer_tui.robot.sessions import LoopTimer
+from simmer_tui.robot.timers import LoopTimer
 from simmer_tui.sim.records import CommandResult, Status
 
 _TURN = 512

@@ -28,7 +28,7 @@ from simmer_tui.links.link import LinkContext
 from simmer_tui.links.peer import host_of
 from simmer_tui.links.processes import Process
 from simmer_tui.links.protocol.packets import Mailbox
-from simmer_tui.robot.sessions import LoopTimer
+from simmer_tui.robot.timers import LoopTimer
 from simmer_tui.run.events import Notice, NoticeKind
 from simmer_tui.sim.command import counted
 

@@ -19,7 +19,7 @@ from simmer_tui.links.packet_presence import Presence
 from simmer_tui.links.peer import MOST_CONNECTIONS, Peer, ReadBudget, host_of, port_of
 from simmer_tui.links.protocol.packets import Mailbox, Reply
 from simmer_tui.robot.program_clock import clock_of
-from simmer_tui.robot.sessions import LoopTimer
+from simmer_tui.robot.timers import LoopTimer
 
 # 64 KiB in all: a client that floods the reply port gets a reset instead.
 DRAINED, DRAINS = 4096, 16

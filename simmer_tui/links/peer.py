@@ -13,7 +13,7 @@ import socket
 from collections.abc import Callable
 
 from simmer_tui.robot.program_clock import clock_of
-from simmer_tui.robot.sessions import LoopTimer
+from simmer_tui.robot.timers import LoopTimer
 
 # Well below the 1024 descriptors that a process has by default, for two such ports.
 MOST_CONNECTIONS = 128

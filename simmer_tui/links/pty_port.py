@@ -18,7 +18,7 @@ from simmer_tui import platform_has
 from simmer_tui.errors import PortError, reason_of
 from simmer_tui.links.peer import PIECE
 from simmer_tui.links.serial_wire import DRIVER_BUFFER, USB_FRAME, SerialRobot
-from simmer_tui.robot.sessions import LoopTimer
+from simmer_tui.robot.timers import LoopTimer
 from simmer_tui.sim.command import cut
 
 NOT_ON_WINDOWS = (

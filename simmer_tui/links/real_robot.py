@@ -10,7 +10,7 @@ from simmer_tui.config.settings import AUTO_BOOT, BOOT_TIME, SerialSettings
 from simmer_tui.links.backend import Backend
 from simmer_tui.links.serial_link import RobotLink
 from simmer_tui.robot.engine import Engine
-from simmer_tui.robot.sessions import LoopTimer
+from simmer_tui.robot.timers import LoopTimer
 from simmer_tui.run.events import ActionDone, ActionName, EventHandler, Notice, NoticeKind
 from simmer_tui.sim.command import cut
 from simmer_tui.sim.records import CommandResult, LidarScan, Reading, Status

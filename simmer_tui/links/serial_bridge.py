@@ -29,7 +29,8 @@ from simmer_tui.links.protocol.replies import (
     read_numbers,
 )
 from simmer_tui.links.real_robot import RealRobot, as_real, real_reading
-from simmer_tui.robot.sessions import Answered, LoopTimer, Session
+from simmer_tui.robot.sessions import Answered, Session
+from simmer_tui.robot.timers import LoopTimer
 from simmer_tui.run.events import NoticeKind, TwinReading
 from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.command import Command, counted, cut

@@ -18,7 +18,7 @@ from simmer_tui import platform_has
 from simmer_tui.config.settings import USUAL_BAUD
 from simmer_tui.links.port_list import close_port, explain, is_usb, open_port
 from simmer_tui.links.serial_channel import SerialChannel, channel_for
-from simmer_tui.robot.sessions import LoopTimer
+from simmer_tui.robot.timers import LoopTimer
 
 
 class LinkListener(Protocol):

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import partial
 from typing import Protocol
 
 from simmer_tui.config.settings import BITS_OF_A_BYTE
-from simmer_tui.dialect.frames import FrameKind, Framing
+from simmer_tui.dialect.frames import Framing
 from simmer_tui.dialect.timer import Timer
 from simmer_tui.links.peer import ReadBudget
 from simmer_tui.robot.engine import Engine
@@ -130,7 +130,7 @@ class Wire:
         now = self._engine.now()
         at = max(self._in_free, now)
         taken = 0
-        for part in _messages(data, self._framing):
+        for part in self._framing.pieces(data):
             while self._in_transit and not self._in_transit[0].pending:
                 self._in_transit.popleft()
             if self._under_way > MOST_IN_TRANSIT:
@@ -170,17 +170,3 @@ class Wire:
             return None
         self._out_free = begin + count * self.byte
         return begin - now
-
-
-def _messages(data: bytes, framing: Framing) -> Iterator[bytes]:
-    """Bytes in pieces that end where a message may end."""
-    if framing.kind is FrameKind.BYTE:
-        yield from (data[at : at + 1] for at in range(len(data)))
-        return
-    end = framing.close if framing.kind is FrameKind.BRACKET else framing.end
-    rest = data
-    while end and end in rest:
-        piece, mark, rest = rest.partition(end)
-        yield piece + mark
-    if rest:
-        yield rest

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from itertools import pairwise
+from itertools import chain, pairwise
 
 import numpy as np
 from msgspec import Struct
 
-from simmer_tui.run.state import timed_line
 from simmer_tui.sim.arrays import FloatArray
 
 # Half a dot is 0.3 in at 120 x 36 and 0.17 in at 200 x 60; this holds up to 30 columns a maze cell.
@@ -26,7 +26,9 @@ _COARSE = 1.0
 """Inches by which that half may differ: a dot of the usual screens."""
 
 
-_NOWHERE: FloatArray = np.full(3, np.nan)
+_Place = tuple[float, float]
+"""x and y, inches."""
+_NOWHERE: _Place = (math.nan, math.nan)
 """The place before the first movement: near no other."""
 
 
@@ -53,39 +55,41 @@ class Route(Struct, frozen=True, eq=False):
 class RouteKeeper:
     """Collects the movements of a run as its route.
 
-    The points of the open piece are kept as they came until it is long enough: lines that are simplified
+    The movements of the open piece are kept as they came until it is long enough: lines that are simplified
     again with each of many small movements drift away from an arc.
     """
 
     def __init__(self) -> None:
         self._closed: list[FloatArray] = []
-        self._open: list[FloatArray] = []
+        self._open: list[tuple[Sequence[_Place], float, float]] = []
         self._length = 0.0
-        self._last = _NOWHERE
+        self._last = self._kept = _NOWHERE
+        """The last place, and the last one that the open piece has."""
         self._route: Route | None = Route()
 
     def clear(self) -> None:
         """Begin anew: the run restarts."""
         self._closed = []
-        self._reopen(_NOWHERE)
+        self._reopen(_NOWHERE, math.nan)
 
-    def add(self, centres: Sequence[tuple[float, float]], begin: float, end: float) -> None:
+    def add(self, centres: Sequence[_Place], begin: float, end: float) -> None:
         """Add a movement: the robot's centres, (n, 2) inches, from a simulated time to another."""
-        line = timed_line(np.array(centres, dtype=np.float64), begin, end)
-        if not np.allclose(self._last[:2], line[0, :2], atol=_STANDSTILL):
+        # Plain numbers: a movement has some ten places, for which arrays take ten times as long.
+        if not math.dist(self._last, centres[0]) < _STANDSTILL:
             self._close()  # the robot was put elsewhere
-            self._reopen(line[0])
-        self._last = line[-1]
-        # From the last point kept: small movements add up.
-        line = np.concatenate((self._open[-1][-1:], line))
-        if np.hypot(*(line[1:, :2] - line[0, :2]).T).max() < _STANDSTILL:
+            self._reopen(centres[0], begin)
+        self._last, kept = centres[-1], self._kept
+        # From the last place kept: small movements add up.
+        moves = math.dist(kept, self._last) >= _STANDSTILL
+        if not (moves or any(math.dist(kept, each) >= _STANDSTILL for each in centres)):
             return
-        self._open.append(line[1:])
-        self._length += float(np.hypot(*np.diff(line[:, :2], axis=0).T).sum())
+        self._open.append((centres, begin, end))
+        self._kept = centres[-1]
+        self._length += math.dist(kept, centres[0]) + sum(map(math.dist, centres, centres[1:]))
         self._route = None
         if self._length >= _PIECE:
             self._close()
-            self._reopen(self._last)
+            self._reopen(self._last, end)
 
     @property
     def route(self) -> Route:
@@ -95,7 +99,7 @@ class RouteKeeper:
         return self._route
 
     def _shortened(self) -> FloatArray:
-        return simplified(np.concatenate(self._open), TOLERANCE)
+        return simplified(_timed_line(self._open), TOLERANCE)
 
     def _close(self) -> None:
         if len(self._open) > 1:
@@ -104,10 +108,27 @@ class RouteKeeper:
             old = merged_pieces(self._closed[: _MOST_PIECES // 2])
             self._closed[: _MOST_PIECES // 2] = [simplified(each, _COARSE) for each in old]
 
-    def _reopen(self, point: FloatArray) -> None:
-        """Begin a piece at a point: x, y, simulated time."""
-        self._open, self._length, self._last = [point[None]], 0.0, point
+    def _reopen(self, place: _Place, time: float) -> None:
+        """Begin a piece."""
+        self._open, self._length, self._last, self._kept = [([place], time, time)], 0.0, place, place
         self._route = Route(tuple(self._closed))
+
+
+def _timed_line(movements: Sequence[tuple[Sequence[_Place], float, float]]) -> FloatArray:
+    """The places of movements with the times at which even motions pass them, (n, 3)."""
+    lengths = [len(places) for places, *_ in movements]
+    points = np.fromiter(chain.from_iterable(chain(*(places for places, *_ in movements))), np.float64)
+    points = points.reshape(-1, 2)
+    begins, ends = np.array([times for _, *times in movements]).T
+    last = np.cumsum(lengths) - 1
+    first = last - lengths + 1
+    along = np.cumsum(np.hypot(*np.diff(points, axis=0, prepend=points[:1]).T))
+    went = along[last] - along[first]
+    # Without a length the places are one.
+    slowness = np.divide(ends - begins, went, out=np.zeros(len(went)), where=went > 0.0)
+    times = np.repeat(begins - along[first] * slowness, lengths) + along * np.repeat(slowness, lengths)
+    times[first], times[last] = begins, ends
+    return np.column_stack((points, times))
 
 
 def merged_pieces(pieces: Sequence[FloatArray]) -> list[FloatArray]:
@@ -135,8 +156,11 @@ def simplified(line: FloatArray, tolerance: float) -> FloatArray:
         away = line[first + 1 : last, :2] - start
         squared = float(chord @ chord)
         # From the nearest place of the chord itself, not of the line through it: a route may turn back.
-        share = np.clip(away @ chord / squared, 0.0, 1.0) if squared > 0.0 else np.zeros(len(away))
-        distance = np.hypot(*(away - share[:, None] * chord).T)
+        share = (
+            np.minimum(np.maximum(away @ chord / squared, 0.0), 1.0) if squared > 0.0 else 0.0 * away[:, 0]
+        )
+        away -= share[:, None] * chord
+        distance = np.hypot(away[:, 0], away[:, 1])
         farthest = int(distance.argmax())
         if distance[farthest] > tolerance:
             middle = first + 1 + farthest

@@ -35,10 +35,12 @@ from simmer_tui.links.ports import Listener, PortRequest, take_port
 from simmer_tui.links.processes import ProcessLookup
 from simmer_tui.links.protocol.mission_query import MissionQuery
 from simmer_tui.links.pty_port import NOT_ON_WINDOWS, PtyDevice
+from simmer_tui.live.late_events import TOGETHER, LateEvents
 from simmer_tui.robot.engine import Engine
+from simmer_tui.robot.link_delay import LinkDelay
 from simmer_tui.robot.playback_throttle import checked_pace
 from simmer_tui.robot.program_clock import ProgramClock, ProgramClockLoop
-from simmer_tui.robot.sessions import Answered, LinkDelay, Session
+from simmer_tui.robot.sessions import Answered, Session
 from simmer_tui.run.events import Event, MissionEnd, Notice, NoticeKind
 from simmer_tui.sim.command import MISSION_QUERY, Command, cut
 from simmer_tui.sim.simulator import Simulator
@@ -46,6 +48,7 @@ from simmer_tui.sim.simulator import Simulator
 if TYPE_CHECKING:  # Modules that only some runs need are imported in those.
     from simmer_tui.links.real_robot import RealRobot
     from simmer_tui.links.serial_link import RobotLink
+    from simmer_tui.live.late_events import EventReader
     from simmer_tui.live.snapshot import Recorder, Snapshot
     from simmer_tui.report.live_verdict import LiveVerdict
     from simmer_tui.report.verdict import Verdict
@@ -191,6 +194,12 @@ class Server:
         self._client_left: Callable[[], None] = lambda: None
         self._probe_left: Callable[[], None] | None = None
         self._verdict: LiveVerdict | None = None
+        self._unsaved = LateEvents(self.engine.tell_fault)
+        """Events for the saved run and the verdict."""
+        self._unshown = LateEvents(self.engine.tell_fault)
+        """Events for snapshots."""
+        # The log of a prefix asks for the time of each of its events when it comes.
+        self._unsaved.together = self._unshown.together = 1
 
     def _take_ports(self, server: ServerSettings) -> None:
         """Take all ports. Raises PortError."""
@@ -338,6 +347,7 @@ class Server:
         if watcher is not None:
             self.engine.watch(watcher)
         self._client_left, self._probe_left = client_left, probe_left
+        self._unsaved.together = self._unshown.together = TOGETHER
         self._thread.start()
 
     def call(self, function: Callable[..., object], *arguments: Any) -> None:
@@ -497,8 +507,20 @@ class Server:
         except RunLogError as error:
             self.warnings.append(f"this run is not saved: {error}")
         else:
-            self.engine.watch(self.saved_run)
+            self._read_late(self.saved_run)
             self._warn_of_home()
+
+    def _read_late(self, reader: EventReader) -> None:
+        """Pass all events to a reader, some together."""
+        if not self._unsaved.readers:
+            self.engine.watch(self._unsaved.watch)
+        self._unsaved.readers.append(reader)
+
+    async def flush_saved_run(self) -> None:
+        """Wait until all events so far are in the saved run's file, for a second at most."""
+        if self.saved_run is not None:
+            await self._in_robots_thread(self._unsaved.pass_on)
+            await asyncio.to_thread(self.saved_run.flush)
 
     def _warn_of_home(self) -> None:
         notice = platform_has.home_notice()
@@ -551,11 +573,11 @@ class Server:
 
         if self.referee is None:
             self._judged = self.new_reducer()
-            history = self._judged.history = self._history_of(self._judged)
+            history = self._judged.history = self._history_of(self._judged, time.monotonic)
             self.engine.watch(self._judged.apply)
             return history
         # The referee's own reducer: a second one would do the same work again.
-        history = self._history_of(self._judged)
+        history = self._history_of(self._judged, time.monotonic)
         self._follow = Analysis(self._judged, history, ends_history_only=True).apply
         return history
 
@@ -568,25 +590,21 @@ class Server:
             return None
         return task_of(self.configuration, self.seed, self.referee.plan)
 
-    def _history_of(self, reducer: Reducer) -> RunHistory:
-        """A history that begins with the state of `reducer`."""
+    def _history_of(self, reducer: Reducer, now: Callable[[], float] | None = None) -> RunHistory:
+        """A history that begins with the state of `reducer`; `now` is its clock, if events come without
+        times."""
         from simmer_tui.config.nominal import nominal_of
         from simmer_tui.run.run_history import RunHistory
 
         read = partial(nominal_of, self.configuration)
-        return RunHistory(reducer.checkpoint(), now=time.monotonic, nominal=read)
+        return RunHistory(reducer.checkpoint(), now=now, nominal=read)
 
     @cached_property
     def recorder(self) -> Recorder:
         """The store of the events that snapshots show."""
         from simmer_tui.live.snapshot import Recorder
 
-        return Recorder(self.engine, self._shown, self.referee, self._verdict)
-
-    @cached_property
-    def _shown(self) -> Reducer:
-        """The reducer of the state that is shown, which may be behind the simulator's."""
-        return self.new_reducer()
+        return Recorder(self.engine, self.new_reducer(), self.referee, self._verdict)
 
     def keep_verdict(self, *, has_program: bool) -> None:
         """Find the verdict when the run ends, and show it; before `record`. `has_program` is true if this
@@ -598,7 +616,7 @@ class Server:
         self._verdict = LiveVerdict(reducer, history, self.task, self.call, self.engine.tell)
         if has_program:
             self._verdict.expect_program()
-        self.engine.watch(self._verdict.watch)
+        self._read_late(self._verdict)
 
     @property
     def verdict(self) -> Verdict | None:
@@ -620,9 +638,8 @@ class Server:
 
         Movements are shown, and answered, at `pace`: simulated seconds a second, 0 as fast as possible.
         """
-        watchers = self.engine.paced(self._loop, pace).watchers
-        watchers.add(self._shown.apply)  # before the watchers that read the state
-        watchers.add(self.recorder.watch)
+        self.engine.paced(self._loop, pace).watchers.add(self._unshown.watch)
+        self._unshown.readers.append(self.recorder)
 
     @property
     def pace(self) -> float:
@@ -647,7 +664,18 @@ class Server:
 
     async def snapshot(self, since: int = 0, true_values: bool = False) -> Snapshot:
         """The present state (see `Recorder.snapshot`), asked for from another event loop."""
-        return await self._in_robots_thread(self.recorder.snapshot, since, true_values)
+        return await self._in_robots_thread(self._snapshot, since, true_values)
+
+    def _snapshot(self, since: int, true_values: bool) -> Snapshot:
+        self._unshown.pass_on()
+        # A crash loses what has not been saved since the last picture.
+        self._unsaved.pass_on()
+        return self.recorder.snapshot(since, true_values)
+
+    @property
+    def newest(self) -> int:
+        """The running number of the newest event that a snapshot would show. Any thread may ask."""
+        return self.recorder.number + len(self._unshown)
 
     @property
     def running(self) -> bool:
@@ -662,11 +690,12 @@ class Server:
         elif not self._loop.is_closed():
             self._close_ports()
             self._loop.close()
+        self._unsaved.pass_on()
         if self._verdict is not None:
             self._verdict.close(_SEARCHING)
         self.stop_log()
         if self.saved_run is not None:
-            self.engine.unwatch(self.saved_run)
+            self.engine.unwatch(self._unsaved.watch)
             self.saved_run.close()
 
     def _run(self) -> None:

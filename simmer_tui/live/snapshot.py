@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -36,7 +36,6 @@ from simmer_tui.run.facts import BESIDE, degrees_beside
 from simmer_tui.run.mission import MissionState, Referee, mission_state
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import State
-from simmer_tui.runlog.writer import steady_clock
 from simmer_tui.sim.path import Contact
 from simmer_tui.sim.records import LidarScan, Reading, Status, VelocityChange
 from simmer_tui.sim.scan_rays import extremes
@@ -92,21 +91,30 @@ class LogEntry(Struct, frozen=True):
         return self.readings + self.beliefs + self.velocities > 0
 
 
+_FoldedEvent = CommandResult | Belief | TwinReading
+
+
 class _Folded:
-    """Readings since the last event with an entry of its own. All are counted, the latest kept."""
+    """Readings since the last event with an entry of its own. All are counted, the latest kept.
+
+    It keeps them as they came, and is an entry only when one is asked for: most have given way by then.
+    """
 
     def __init__(self, first: int) -> None:
         self.first = self.number = first
         self.readings = self.beliefs = self.velocities = 0
-        self.kept: deque[tuple[LogEntry, bool]] = deque(maxlen=KEPT_READINGS)
-        """The latest, each with True if it is among those counted."""
+        self.kept: deque[tuple[int, float, _FoldedEvent, bool]] = deque(maxlen=KEPT_READINGS)
+        """The latest: running number, real time, and True if it is among those counted."""
 
     def entry(self) -> LogEntry:
-        kept = tuple(entry for entry, _ in self.kept)
+        kept = tuple(
+            LogEntry(number, real_time, light := _light_event(event), light.time)
+            for number, real_time, event, _ in self.kept
+        )
         last, all_of_them = kept[-1], self.readings + self.beliefs + self.velocities
         return LogEntry(
             self.number, last.real_time, last.event, last.time, self.first, self.readings, self.beliefs,
-            self.velocities, kept, missing=all_of_them - sum(counted for _, counted in self.kept),
+            self.velocities, kept, missing=all_of_them - sum(counted for *_, counted in self.kept),
         )  # fmt: skip
 
 
@@ -137,6 +145,15 @@ class EventFeed(EventHandler[None]):
         self._reducer, self._real_time = reducer, real_time
         self._number = reducer.number if number is None else number
         self.handle(event)
+
+    def take_readings(
+        self, reducer: Reducer, real_times: Sequence[float], results: Sequence[CommandResult]
+    ) -> None:
+        """Add readings that follow each other, all of which the reducer has applied."""
+        self._reducer, self._number = reducer, reducer.number - len(results)
+        for self._real_time, result in zip(real_times, results, strict=True):
+            self._number += 1
+            self.on_result(result)
 
     def begin_route(self, events: Iterable[Event]) -> None:
         """Take the route of events before the first of the list."""
@@ -172,9 +189,6 @@ class EventFeed(EventHandler[None]):
 
     def on_result(self, event: CommandResult) -> None:
         self._answered = self._real_time
-        reading = event.reading
-        if reading is not None and (reading.view is not None or reading.scan is not None):
-            event = replace(event, reading=_light(reading))
         if event.velocity is not None:
             self._take_velocity(event, event.velocity)
             return
@@ -184,7 +198,7 @@ class EventFeed(EventHandler[None]):
         if event.status is Status.READING and event.command.source not in _BY_HAND:
             self._fold(event).readings += 1
         else:
-            self.other(event)
+            self.other(_light_event(event))
 
     def _take_velocity(self, event: CommandResult, velocity: VelocityChange) -> None:
         """Add an entry for a velocity that changes.
@@ -241,12 +255,10 @@ class EventFeed(EventHandler[None]):
     def on_belief(self, event: Belief) -> None:
         if event.again:
             return
-        grid = None if event.grid is None else replace(event.grid, cells=b"")
-        light = replace(event, particles=(), grid=grid)
         if event.note:
-            self.other(light)
+            self.other(_light_event(event))
         else:
-            self._fold(light).beliefs += 1
+            self._fold(event).beliefs += 1
 
     def on_display(self, event: DisplayChanged) -> None:
         """No entry: the boards' panel shows it."""
@@ -256,31 +268,30 @@ class EventFeed(EventHandler[None]):
 
     def other(self, event: Event, nearest: Reading | None = None, *, wedged: bool = False) -> None:
         """Add an entry of its own for an event."""
-        self._entries.append(self._entry(event, self._number, nearest, wedged=wedged))
+        if self._entries and isinstance(last := self._entries[-1], _Folded):
+            self._entries[-1] = last.entry()
+        # Notices have no simulated time of their own.
+        moment, number = getattr(event, "time", self._reducer.time), self._number
+        self._entries.append(
+            LogEntry(number, self._real_time, event, moment, number, nearest=nearest, wedged=wedged)
+        )
         self.total += 1
 
     # -- within ----------------------------------------------------------------------------------
-
-    def _entry(
-        self, event: Event, first: int = 0, nearest: Reading | None = None, *, wedged: bool = False
-    ) -> LogEntry:
-        # Notices have no simulated time of their own.
-        moment = getattr(event, "time", self._reducer.time)
-        return LogEntry(self._number, self._real_time, event, moment, first, nearest=nearest, wedged=wedged)
 
     def _lengthen(self, event: LegEnded | MovementEnded) -> None:
         path = event.leg if isinstance(event, LegEnded) else event.trajectory
         end = path.end_time if isinstance(event, LegEnded) else event.time
         self._route.add(path.centres(end), path.start_time, end)
 
-    def _fold(self, event: Event, *, counted: bool = True) -> _Folded:
+    def _fold(self, event: _FoldedEvent, *, counted: bool = True) -> _Folded:
         last = self._entries[-1] if self._entries else None
         if not isinstance(last, _Folded):
             last = _Folded(self._number)
             self._entries.append(last)
             self.total += 1
         last.number = self._number
-        last.kept.append((self._entry(event), counted))
+        last.kept.append((self._number, self._real_time, event, counted))
         return last
 
     def _nearest(self, contact: Contact) -> Reading | None:
@@ -294,6 +305,18 @@ class EventFeed(EventHandler[None]):
             if aside <= least:
                 best, least = _light(reading), aside
         return best
+
+
+def _light_event(event: _FoldedEvent) -> _FoldedEvent:
+    """An event without its large parts, since entries are kept by the thousand."""
+    if isinstance(event, Belief):
+        grid = None if event.grid is None else replace(event.grid, cells=b"")
+        return replace(event, particles=(), grid=grid)
+    if isinstance(event, TwinReading):
+        return event
+    reading = event.reading
+    has_parts = reading is not None and (reading.view is not None or reading.scan is not None)
+    return replace(event, reading=_light(reading)) if reading is not None and has_parts else event
 
 
 def _light(reading: Reading) -> Reading:
@@ -350,7 +373,7 @@ class Snapshot:
 
 
 class Recorder:
-    """A watcher that keeps the latest events and makes snapshots. Only for the robot's thread."""
+    """Keeps the latest events and makes snapshots. Only for the robot's thread."""
 
     def __init__(
         self,
@@ -359,21 +382,31 @@ class Recorder:
         referee: Referee | None = None,
         verdict: LiveVerdict | None = None,
     ) -> None:
-        """`reducer` must be a watcher before this one: it applies each event first."""
+        """`reducer` is given all events, and has the state that is shown."""
         self._verdict = verdict
         self._engine = engine
         self._reducer = reducer
         self._referee = referee
         self._feed = EventFeed()
-        self._clock = steady_clock()
+        self._epoch = time.time() - time.monotonic()
+        """Seconds since 1970 at the zero of `time.monotonic`."""
         self._rate = 0.0
         self._rated = (time.monotonic(), 0)
         self.boards: Callable[[], tuple[BoardView, ...]] = tuple
         """The boards of the run as they are now."""
 
-    def watch(self, event: Event) -> None:
-        """Add an event."""
-        self._feed.take(self._reducer, self._clock(), event)
+    def apply(self, event: Event, line: int = 0, real_time: float = math.nan) -> None:
+        """Add an event; `real_time` is that of `time.monotonic`, if it came before."""
+        self._reducer.apply(event)
+        now = time.monotonic() if real_time != real_time else real_time
+        self._feed.take(self._reducer, self._epoch + now, event)
+
+    def apply_readings(
+        self, results: Sequence[CommandResult], lines: Sequence[int], real_times: Sequence[float]
+    ) -> None:
+        """Add readings that follow each other."""
+        self._reducer.apply_readings(results, lines, real_times)
+        self._feed.take_readings(self._reducer, [self._epoch + each for each in real_times], results)
 
     @property
     def number(self) -> int:
@@ -400,7 +433,7 @@ class Recorder:
             mission=self._mission_at(state),
             pace=throttle.pace if throttle is not None else 0.0,
             boards=self.boards(),
-            advice=self._feed.advice_at(self._clock()),
+            advice=self._feed.advice_at(self._epoch + time.monotonic()),
             verdict=self._verdict.verdict if self._verdict is not None and self._feed.is_judged else None,
         )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from enum import StrEnum
+from typing import Self
 
 from msgspec import Struct
 
@@ -12,23 +13,32 @@ from simmer_tui.report.counterfactuals import Counterfactual
 class Kind(StrEnum):
     """Kinds of causes, in the order in which they are looked for."""
 
-    WIRE = "fault on the wire"
-    REFUSED = "commands refused"
-    CRASHED = "program crashed"
-    MOVED = "moved by a person"
-    SENSOR_WRONG = "sensor wrong"
-    DRIVE_WRONG = "drive wrong"
-    LOST = "lost"
-    SILENCE = "silence"
-    KNOWN_WALL = "drove at a known wall"
-    UNREAD = "sensor unread"
-    MISSED_GRIP = "missed grip"
-    DROPPED_OUTSIDE = "dropped outside"
-    TOO_CLOSE = "too close"
-    GOT_NOWHERE = "no progress"
-    TOO_SLOW = "too slow"
-    ENDED = "program ended"
-    UNKNOWN = "unknown"
+    color: str
+    """Its colour on the map of failed runs."""
+
+    def __new__(cls, value: str, color: str = "") -> Self:
+        """A member with its row of the table below."""
+        kind = str.__new__(cls, value)
+        kind._value_, kind.color = value, color
+        return kind
+
+    WIRE = "fault on the wire", "#ffffff"
+    REFUSED = "commands refused", "#12507f"
+    CRASHED = "program crashed", "#17becf"
+    MOVED = "moved by a person", "#5a3e1b"
+    SENSOR_WRONG = "sensor wrong", "#c2187a"
+    DRIVE_WRONG = "drive wrong", "#b36b00"
+    LOST = "lost", "#8a2be2"
+    SILENCE = "silence", "#e377c2"
+    KNOWN_WALL = "drove at a known wall", "#8b4513"
+    UNREAD = "sensor unread", "#ff6f61"
+    MISSED_GRIP = "missed grip", "#1f69c8"
+    DROPPED_OUTSIDE = "dropped outside", "#0a968c"
+    TOO_CLOSE = "too close", "#d00000"
+    GOT_NOWHERE = "no progress", "#a8a800"
+    TOO_SLOW = "too slow", "#2f4f4f"
+    ENDED = "program ended", "#aec7e8"
+    UNKNOWN = "unknown", "#7f7f7f"
 
 
 class MomentKind(StrEnum):

@@ -1,8 +1,9 @@
 """The verdict on a live run: found as soon as the run ends, outside the robot's thread."""
 
+import math
 import threading
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from simmer_tui.report.mission_gate import Analysis
@@ -10,6 +11,7 @@ from simmer_tui.report.verdict import Verdict, verdict_of
 from simmer_tui.run.attempt import Task
 from simmer_tui.run.events import (
     ActionDone,
+    CommandResult,
     Event,
     EventHandler,
     MissionEvent,
@@ -23,7 +25,7 @@ from simmer_tui.run.run_history import RunHistory
 
 @dataclass(eq=False)
 class LiveVerdict(EventHandler[None]):
-    """A watcher that keeps the run's history, and finds the verdict when mission, program or connection end.
+    """The run's history, and the verdict, found when mission, program or connection end.
 
     The history does not change while a thread reads it: events of that time wait. `call` runs a function in
     the robot's thread, where all methods run; `tell` tells an event.
@@ -37,7 +39,8 @@ class LiveVerdict(EventHandler[None]):
 
     def __post_init__(self) -> None:
         self._analysis = Analysis(self.reducer, self.history)
-        self._waiting: deque[Event] = deque()
+        self._waiting: deque[tuple[Event, float]] = deque()
+        """Events that have come during a search, each with its real time."""
         self._busy = self._wanted = False
         self._has_program = False
         self._search: threading.Thread | None = None
@@ -50,18 +53,27 @@ class LiveVerdict(EventHandler[None]):
         """The simulator runs the program itself: its end counts, not that of its connections."""
         self._has_program = True
 
-    def watch(self, event: Event) -> None:
-        """Note an event."""
+    def apply(self, event: Event, line: int = 0, real_time: float = math.nan) -> None:
+        """Note an event, as a reducer does."""
         if self._busy:
-            self._waiting.append(event)
+            self._waiting.append((event, real_time))
             return
-        self._analysis.apply(event)
+        self._analysis.apply(event, line, real_time)
         self.handle(event)
         if self._wanted:
             self._wanted = False
             self._busy = True
             self._search = threading.Thread(target=self._find, name="verdict", daemon=True)
             self._search.start()
+
+    def apply_readings(
+        self, results: Sequence[CommandResult], lines: Sequence[int], real_times: Sequence[float]
+    ) -> None:
+        """Note readings that follow each other, as a reducer does."""
+        if self._busy:
+            self._waiting.extend(zip(results, real_times, strict=True))
+        else:
+            self._analysis.apply_readings(results, lines, real_times)
 
     def close(self, within: float) -> None:
         """Wait up to `within` seconds for a search under way, once the robot's thread has ended.
@@ -106,8 +118,8 @@ class LiveVerdict(EventHandler[None]):
         self._busy = False
         self.verdict = verdict
         waiting, self._waiting = self._waiting, deque()
-        for event in waiting:
-            self.watch(event)
+        for event, real_time in waiting:
+            self.apply(event, 0, real_time)
         if fault:
             self.tell(Notice(NoticeKind.FAULT, fault))
         # Where mission and program end together, the second search has both.

@@ -161,12 +161,8 @@ def _observed(
     expected = spec.gain * base + spec.bias + spec.drift * seconds
     # A log changed by hand may have any number; one that is too large has an unbounded spread.
     with np.errstate(over="ignore"):
-        spread = np.sqrt(
-            (spec.gain * spec.error * base) ** 2
-            + spec.absolute_error**2
-            + spec.resolution**2 / 12.0
-            + sensor.least_error**2
-        )
+        by_share, absolute, least = sensor.variances(base)
+        spread = np.sqrt(by_share + absolute + least)
     within = sensor.within_limits(expected, _CLEAR * spread)
     values = rows["value"]
     there = np.isfinite(values)

@@ -31,8 +31,6 @@ _SPEED = 2.0
 """Factor by which a drive is faster or slower than in the nominal set, from which that is told. Judged."""
 _CELLS = 2
 """Cells with another wall that are named."""
-_SYSTEMATIC = ("bias", "drift", "hard_iron", "soft_iron", "random_walk", "cross_talk", "incidence_limit")
-"""Fields of a sensor's row that declare an error of one sign."""
 
 
 def reference_set(history: RunHistory) -> tuple[str, SimulationSpec]:
@@ -87,7 +85,7 @@ def _misleads(own: SensorSpec, rows: Columns) -> str:
         return f"was wrong in {wrong} of {len(errors)} readings" if 2 * wrong > len(errors) else ""
     if own.kind.is_range and own.resolution >= _LARGE["in"]:
         return f"reads in steps of {own.resolution:g} {own.unit}"
-    if own.gain == 1.0 and not any(getattr(own, field) for field in _SYSTEMATIC if own.kind.has(field)):
+    if own.gain == 1.0 and not any(getattr(own, each.field) for each in own.kind.columns if each.has_mean):
         return ""
     mean = float(errors.mean()) if len(errors) else 0.0
     if abs(mean) < _LARGE.get(own.unit, np.inf):

@@ -11,7 +11,8 @@ import time
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 
-from simmer_tui.robot.sessions import SLICE_SECONDS, LoopTimer, Session
+from simmer_tui.robot.sessions import SLICE_SECONDS, Session
+from simmer_tui.robot.timers import LoopTimer
 from simmer_tui.run.events import (
     Event,
     LegBegun,

@@ -17,18 +17,10 @@ from msgspec.structs import replace
 from simmer_tui.errors import SimmerError
 from simmer_tui.robot import actions
 from simmer_tui.robot.driving import Driving
+from simmer_tui.robot.link_delay import LinkDelay
 from simmer_tui.robot.playback_throttle import PlaybackThrottle
-from simmer_tui.robot.sessions import (
-    Answered,
-    Foreign,
-    LinkDelay,
-    LoopTimer,
-    Queued,
-    Scheduler,
-    Session,
-    Stop,
-    TimerQueue,
-)
+from simmer_tui.robot.sessions import Answered, Foreign, Queued, Scheduler, Session, Stop
+from simmer_tui.robot.timers import LoopTimer, TimerQueue
 from simmer_tui.run.events import (
     Action,
     ActionDone,

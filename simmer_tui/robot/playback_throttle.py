@@ -16,7 +16,7 @@ from collections.abc import Callable
 from msgspec import Struct
 
 from simmer_tui.config.settings import PACES
-from simmer_tui.robot.sessions import LoopTimer, TimerQueue
+from simmer_tui.robot.timers import LoopTimer, TimerQueue
 from simmer_tui.run.events import Event, EventHandler, LegEnded, MovementEnded, Watchers
 from simmer_tui.sim.legs import Leg
 from simmer_tui.sim.trajectory import Trajectory

@@ -1,24 +1,19 @@
 """The order of commands: senders take turns, in slices, so that a flood from one delays the others little.
 
-The latency of the link to the robot and the timers for later calls are here too. All methods but the
-constructors run in the robot's event loop, once that has started. The engine decides what a command does and
-when it is answered.
+All methods but the constructors run in the robot's event loop, once that has started. The engine decides what
+a command does and when it is answered.
 """
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
-import heapq
-import itertools
-import math
 from collections import deque
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 from msgspec import Struct
 
-from simmer_tui.sim import noise
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.records import CommandResult
 
@@ -330,94 +325,3 @@ class Scheduler:
         self._used_up.discard(lane)
         self._take_turn(lane)
         self.run()
-
-
-# -- later ------------------------------------------------------------------------------------------
-
-# A stream of its own: the noise of sensors and drives is the same with and without a link.
-LINK_STREAM = "link"
-"""Name of the random stream that only the jitter is drawn from."""
-
-
-class LinkDelay:
-    """Latency of each message in each direction, simulated seconds: a constant and a uniformly distributed
-    jitter."""
-
-    def __init__(self, latency: float, jitter: float, seed: int) -> None:
-        self._latency = latency
-        self._jitter = jitter
-        self.restart(seed)
-
-    def restart(self, seed: int) -> None:
-        """Restart the random stream, as at the start of a run with this seed."""
-        self._random = noise.stream(seed, LINK_STREAM)
-
-    def draw(self) -> float:
-        """Draw the latency of the next message, simulated seconds."""
-        return self._latency + (self._jitter * self._random.random() if self._jitter else 0.0)
-
-
-class TimerQueue:
-    """Calls that are due at later times, in order."""
-
-    def __init__(self) -> None:
-        self._items: list[tuple[float, int, Callable[[], object]]] = []
-        # The count keeps calls at the same time in the order they were added; functions cannot be compared.
-        self._order = itertools.count()
-
-    @property
-    def due(self) -> float:
-        """Time of the next call; infinity if there is none."""
-        return self._items[0][0] if self._items else math.inf
-
-    def __len__(self) -> int:
-        return len(self._items)
-
-    def add(self, time: float, call: Callable[[], object]) -> None:
-        """Call a function at a time."""
-        heapq.heappush(self._items, (time, next(self._order), call))
-
-    def run(self, until: float) -> None:
-        """Make the calls that are due by a time, and those that they add."""
-        while self._items and self._items[0][0] <= until:
-            heapq.heappop(self._items)[2]()
-
-
-class LoopTimer:
-    """A call that an event loop makes later, once; it can be set again or cancelled before."""
-
-    def __init__(self, call: Callable[..., None], loop: asyncio.AbstractEventLoop | None = None) -> None:
-        self.loop = loop
-        """The loop that makes the call; known before the timer is set."""
-        self._call = call
-        self._handle: asyncio.TimerHandle | None = None
-
-    @property
-    def due(self) -> float:
-        """Time of the call by the loop's clock; infinity if the timer is not set."""
-        return math.inf if self._handle is None else self._handle.when()
-
-    def set_at(self, time: float, *arguments: object) -> None:
-        """Make the call at a time of the loop's clock."""
-        assert self.loop is not None, "timed motion needs a started engine"
-        if self._handle is not None:
-            self._handle.cancel()
-        self._handle = self.loop.call_at(time, self._make, *arguments)
-
-    def set_in(self, seconds: float | None, *arguments: object) -> None:
-        """Make the call after so many seconds; None cancels it."""
-        if seconds is None:
-            self.cancel()
-            return
-        assert self.loop is not None, "timed motion needs a started engine"
-        self.set_at(self.loop.time() + seconds, *arguments)
-
-    def cancel(self) -> None:
-        """Do not make the call."""
-        if self._handle is not None:
-            self._handle.cancel()
-            self._handle = None
-
-    def _make(self, *arguments: object) -> None:
-        self._handle = None
-        self._call(*arguments)

@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, KeysView
 from enum import StrEnum
-from typing import Annotated, Generic, TypeVar, get_type_hints
+from typing import Annotated, Generic, Self, TypeVar, get_type_hints
 
 from msgspec import Meta, Struct, field
 
@@ -123,9 +123,27 @@ class ProgramEnded(Struct, frozen=True):
 class Goal(StrEnum):
     """Goals of a mission, in this order. Taking the block counts as having reached it."""
 
-    REACHED = "loading zone reached"
-    TAKEN = "block taken"
-    DELIVERED = "block delivered"
+    aim: str
+    """Words for it before it is met; `{x}, {y}` is the drop zone."""
+    done: str
+    """Words for it once it is met."""
+    short: str
+    """The same in a line with other goals."""
+
+    def __new__(cls, value: str, aim: str = "", done: str = "", short: str = "") -> Self:
+        """A member with its row of the table below."""
+        goal = str.__new__(cls, value)
+        goal._value_, goal.aim, goal.done, goal.short = value, aim, done, short
+        return goal
+
+    REACHED = "loading zone reached", "reach the loading zone", "reached the loading zone", "loading zone"
+    TAKEN = "block taken", "pick the block up", "picked the block up", "picked up"
+    DELIVERED = "block delivered", "set it down at {x:g}, {y:g}", "set it down at {x:g}, {y:g}", "delivered"
+
+    @property
+    def key(self) -> str:
+        """Its name in files and tables."""
+        return self.name.lower()
 
 
 class Result(StrEnum):

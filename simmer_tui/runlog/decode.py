@@ -16,44 +16,29 @@ from simmer_tui.run.events import (
     ActionDone,
     Belief,
     CommandResult,
-    DisplayChanged,
     Event,
     LegBegun,
     LegEnded,
-    MissionEvent,
     MovementEnded,
     MovementPlanned,
     Notice,
     NoticeKind,
-    ProgramEnded,
-    TwinReading,
-    VelocityEnded,
-    WireMessage,
 )
 from simmer_tui.run.state import Checkpoint, TimeSpent
 from simmer_tui.runlog.line_form import Makers, Values, line_form
 from simmer_tui.runlog.log_records import (
     CONTACT_FORM,
+    RECORDS,
     VELOCITY_FORM,
-    ActionRecord,
     AnswerRecord,
     AnyRecord,
     BeliefRecord,
     CheckpointRecord,
-    DisplayRecord,
     EndRecord,
     GripFields,
-    LegEndRecord,
-    LegRecord,
-    MissionRecord,
     MovementRecord,
-    NoticeRecord,
     PlanRecord,
-    ProgramRecord,
     ReadingRecord,
-    TwinRecord,
-    VelocityEndRecord,
-    WireRecord,
     unpacked_particles,
 )
 from simmer_tui.runlog.logged_scans import ScanDecoder
@@ -78,18 +63,9 @@ _SLACK = 1e-3
 _CACHED = 4096
 """Texts of commands that are kept parsed."""
 _EVENTS: dict[type, Callable[..., Event]] = {
-    LegRecord: LegBegun,
-    LegEndRecord: LegEnded,
-    ActionRecord: ActionDone,
-    NoticeRecord: Notice,
-    MissionRecord: MissionEvent,
-    TwinRecord: TwinReading,
-    ProgramRecord: ProgramEnded,
-    VelocityEndRecord: VelocityEnded,
-    WireRecord: WireMessage,
-    DisplayRecord: DisplayChanged,
+    record: record.event for record in RECORDS if record.event is not None
 }
-"""The kind of event of each kind of record that `line_form` reads."""
+"""The kind of event of each kind of record."""
 
 
 class LogDecoder:

@@ -17,7 +17,6 @@ from simmer_tui.run.events import (
     ActionDone,
     Belief,
     CommandResult,
-    DisplayChanged,
     Event,
     LegBegun,
     LegEnded,
@@ -26,31 +25,26 @@ from simmer_tui.run.events import (
     MovementPlanned,
     Notice,
     ProgramEnded,
-    TwinReading,
-    VelocityEnded,
-    WireMessage,
 )
 from simmer_tui.run.state import Checkpoint
-from simmer_tui.runlog.line_form import NUMBER_FORM, line_form, logged_pose
+from simmer_tui.runlog.line_form import AXES_FORM, NUMBER_FORM, line_form, logged_number, logged_pose
 from simmer_tui.runlog.log_records import (
+    CONTACT_FORM,
+    GRIP_FORM,
+    NO_DELAY,
+    PLACE_FORM,
+    RECORDS,
+    USUAL_SOURCE,
     ActionRecord,
     AnswerRecord,
     BeliefRecord,
     CheckpointRecord,
-    DisplayRecord,
     EndRecord,
-    LegEndRecord,
-    LegRecord,
     LoggedPose,
     LogRecord,
-    MissionRecord,
     NoticeRecord,
     PlanRecord,
-    ProgramRecord,
     ReadingRecord,
-    TwinRecord,
-    VelocityEndRecord,
-    WireRecord,
     packed_particles,
 )
 from simmer_tui.runlog.logged_scans import packed_ranges
@@ -61,18 +55,8 @@ LARGE_GRID = 2000
 # Just below half a second: five times a tenth may round to less.
 GRID_EVERY = 0.499
 """Simulated seconds between two large grids with their cells."""
-_RECORDS: dict[type, type[LogRecord]] = {
-    MovementEnded: EndRecord,
-    LegBegun: LegRecord,
-    LegEnded: LegEndRecord,
-    VelocityEnded: VelocityEndRecord,
-    MissionEvent: MissionRecord,
-    ProgramEnded: ProgramRecord,
-    TwinReading: TwinRecord,
-    WireMessage: WireRecord,
-    DisplayChanged: DisplayRecord,
-}
-"""The records of events that have all that their record needs."""
+_RECORDS: dict[type | None, type[LogRecord]] = {record.event: record for record in RECORDS}
+"""The kind of record of each kind of event."""
 
 
 class LogEncoder:
@@ -121,6 +105,8 @@ class LogEncoder:
             yield record
 
     def _record(self, event: Event, real_time: float) -> LogRecord | None:
+        # Readings and movements by hand, in half of the time that `line_form` takes: they are nearly all
+        # lines of a log, as for the decoder.
         match event:
             case CommandResult():
                 # The end of a movement may have been its answer. Numbers restart after a reset: an earlier
@@ -130,14 +116,14 @@ class LogEncoder:
                 if reading is not None and event.status is Status.READING:
                     if reading.scan is not None:
                         return self._scan_record(event, reading, reading.scan, real_time)
-                    return self._reading_form.record(event, {"pose": self._pose}, real_time=real_time)
+                    return self._reading_record(event, reading, real_time)
                 if event.number == answered:
                     return None
                 return line_form(AnswerRecord).record(event, {"pose": self._pose}, real_time=real_time)
             case MovementPlanned():
                 # A block moved on the way changes the plan of the same command.
                 again, self._under_way = event.number == self._under_way, event.number
-                return line_form(PlanRecord).record(event, real_time=real_time, again=again)
+                return PlanRecord(**_movement(event, real_time), again=again)
             case Belief():
                 return self._belief_record(self._thinned(event), real_time)
             case ActionDone():
@@ -147,6 +133,12 @@ class LogEncoder:
                 return line_form(NoticeRecord).record(event, real_time=real_time, t=time)
             case MovementEnded():
                 self._under_way, self._answered = 0, event.number if event.answers else None
+                return EndRecord(
+                    **_movement(event, real_time),
+                    pose=logged_pose(event.pose),
+                    stopped_by=event.stopped_by,
+                    answers=event.answers,
+                )
             case LegBegun():
                 self._stood_since = None
             case LegEnded():
@@ -197,6 +189,24 @@ class LogEncoder:
         """The record that is still missing at the end: of the cells of the newest belief."""
         return self._cells_of_belief(round(real_time, 3))
 
+    def _reading_record(self, result: CommandResult, reading: Reading, real_time: float) -> LogRecord:
+        time, link, source = result.time, result.link, result.command.source
+        pose, before = logged_pose(result.pose), logged_pose(result.before)
+        reply, true = logged_number(result.reply), logged_number(reading.true)
+        return ReadingRecord(
+            t=time,
+            real_time=real_time,
+            n=result.number,
+            command=result.command.text,
+            source=USUAL_SOURCE if source == USUAL_SOURCE else source,
+            taken=None if result.taken == time else result.taken,
+            link=link if link else NO_DELAY,
+            pose=None if pose == self._pose else pose,
+            before=None if before == pose else before,
+            reply=reply,
+            true=None if true == reply else true,
+        )
+
     def _scan_record(
         self, result: CommandResult, reading: Reading, scan: LidarScan, real_time: float
     ) -> LogRecord:
@@ -211,3 +221,26 @@ class LogEncoder:
     def _belief_record(self, belief: Belief, real_time: float) -> LogRecord:
         particles, known = packed_particles(belief.particles, logged_pose(belief.pose)), {"pose": self._pose}
         return line_form(BeliefRecord).record(belief, known, real_time=real_time, particles=particles)
+
+
+def _movement(event: MovementPlanned | MovementEnded, real_time: float) -> dict[str, Any]:
+    """The fields that the records of a movement's plan and of its end share. Defaults are left out."""
+    path, source, contact = event.trajectory, event.command.source, event.trajectory.contact
+    fields: dict[str, Any] = {
+        "t": event.time,
+        "real_time": real_time,
+        "n": event.number,
+        "command": event.command.text,
+        "source": USUAL_SOURCE if source == USUAL_SOURCE else source,
+        "origin": logged_pose(path.before),
+        "total": AXES_FORM.written(path.totals),
+    }
+    if path.start_time != event.time:
+        fields["begin"] = path.start_time
+    if contact is not None:
+        fields["contact"] = CONTACT_FORM.written(contact)
+    if path.rest_stop is not None:
+        fields["stop"] = PLACE_FORM.written(path.rest_stop)
+    if event.grip is not None:
+        fields["grip"] = GRIP_FORM.written(event.grip)
+    return fields

@@ -64,8 +64,8 @@ class NotFinite(StrEnum):
     NAN = "nan"
 
 
-def _number(value: float) -> float | NotFinite:
-    # msgspec would write the others as null.
+def logged_number(value: float) -> float | NotFinite:
+    """A number as a record holds it: msgspec would write those that are not finite as null."""
     return value if abs(value) < math.inf else NotFinite(str(float(value)))
 
 
@@ -73,7 +73,7 @@ logged_pose: Callable[[Any], tuple[float, float, float]] = attrgetter("x", "y", 
 """A pose, or that of a block, as a record holds it."""
 
 
-NUMBER_FORM = ValueForm(_number, float)
+NUMBER_FORM = ValueForm(logged_number, float)
 """A number that may be infinite or NaN."""
 POSE_FORM = ValueForm(logged_pose, lambda value: Pose(*value))
 TWIST_FORM = ValueForm(lambda twist: (twist.x, twist.y, twist.r), lambda value: Twist(*value))
@@ -93,9 +93,9 @@ class LineForm(Generic[_Record]):
     """The form of one kind of record, by its definition."""
 
     def __init__(self, record: type[_Record]) -> None:
-        told = [(name, _at(name, hint)) for name, hint in get_type_hints(record, include_extras=True).items()]
-        given = getattr(record, "given", ())
-        told = [(name, at) for name, at in told if at is not GIVEN and name not in given and name != "given"]
+        hints, given = get_type_hints(record, include_extras=True), getattr(record, "given", ())
+        told = [(each.name, _at(each.name, hints[each.name])) for each in fields(record)]
+        told = [(name, at) for name, at in told if at is not GIVEN and name not in given]
         self._record = record
         self._names = tuple(name for name, _ in told)
         self._of_record = _getter(self._names)

@@ -2,7 +2,7 @@
 
 A record's definition is all that there is to a line: its keys, the range of their values, what is left out,
 and where in an event each value is from. `encode.py` chooses the records of a run. `decode.py` knows the
-parts of events that follow from a record and the header, and reads the most frequent kinds by hand.
+parts of events that follow from a record and the header. Both know the most frequent kinds by hand.
 
 Annotations are evaluated here. msgspec would evaluate their texts again for each record that inherits them,
 which would take as long as the rest of this module.
@@ -15,7 +15,7 @@ import json
 import math
 import operator
 from itertools import zip_longest
-from typing import Annotated, Any, ClassVar, final
+from typing import Annotated, Any, ClassVar, final, get_args
 
 import msgspec
 from msgspec.structs import astuple
@@ -24,14 +24,28 @@ from simmer_tui.robot.actions import argument_count
 from simmer_tui.run.belief_grid import GridBelief
 from simmer_tui.run.events import (
     LARGEST_NUMBER,
+    ActionDone,
     ActionName,
+    Belief,
+    CommandResult,
     DisplayChanged,
+    Event,
     Goal,
+    LegBegun,
+    LegEnded,
+    MissionEvent,
+    MovementEnded,
+    MovementPlanned,
+    Notice,
     NoticeKind,
     OutputLine,
+    ProgramEnded,
     Real,
     Result,
+    TwinReading,
     VelocityEnd,
+    VelocityEnded,
+    WireMessage,
 )
 from simmer_tui.run.state import MissionProgress, MissionSums, TimeSpent
 from simmer_tui.runlog.line_form import (
@@ -54,6 +68,8 @@ from simmer_tui.sim.records import Status, VelocityChange
 
 USUAL_SOURCE = "client"
 """Source of a command whose record names none."""
+NO_DELAY = 0.0
+"""Delay of a link whose record names none."""
 _HUNDREDTH = 100  # hundredths of an inch or of a degree
 
 # Python's calendar ends in the year 9999, at 2.5e11 seconds.
@@ -78,7 +94,7 @@ LoggedNumber = float | NotFinite
 """A reading or a reply."""
 _COPY = ValueForm(dict, dict)
 """A table that its owner continues to count in."""
-_PLACE = ValueForm(astuple, lambda value: PathPosition(*value))
+PLACE_FORM = ValueForm(astuple, lambda value: PathPosition(*value))
 _GOALS = ValueForm(
     lambda goals: {goal: time for goal, time in goals.items() if time is not None},
     lambda met: {goal: met.get(goal) for goal in Goal},
@@ -92,6 +108,8 @@ _RESULT = ValueForm(lambda subject: subject if isinstance(subject, Result) else 
 class LogRecord(msgspec.Struct, tag_field="kind", frozen=True, gc=False, omit_defaults=True):
     """A line of a log: simulated time, and seconds of real time since the log began."""
 
+    event: ClassVar[type[Event] | None] = None
+    """The kind of event that it records; None for a checkpoint."""
     given: ClassVar[tuple[str, ...]] = ()
     """More fields that the event does not have."""
     t: Annotated[Real, At("time")]
@@ -112,7 +130,7 @@ class ReplyRecord(CommandRecord, frozen=True, kw_only=True, gc=False):
     pose has it (`pose`)."""
 
     taken: Annotated[Real | None, At("taken", unless="t")] = None
-    link: Real = 0.0
+    link: Real = NO_DELAY
     pose: Annotated[LoggedPose | None, At("pose", POSE_FORM)] = None
     before: Annotated[LoggedPose | None, At("before", POSE_FORM, unless="pose")] = None
 
@@ -121,6 +139,7 @@ class ReadingRecord(ReplyRecord, tag="read", frozen=True, kw_only=True, gc=False
     """A sensor reading. Without `true` it was exact. A scan has the `revolution`, and the `scan` in base64,
     unless it was read before; its reply is the first of its ranges."""
 
+    event = CommandResult
     reply: Annotated[LoggedNumber | None, At("reply", NUMBER_FORM)] = None
     true: Annotated[LoggedNumber | None, At("reading.true", NUMBER_FORM, unless="reply")] = None
     revolution: Annotated[Revolution | None, GIVEN] = None
@@ -149,19 +168,20 @@ class GripFields(msgspec.Struct, frozen=True):
     block: Annotated[LoggedPose, At("block", POSE_FORM)]
 
 
-_GRIP = form_of_part(GripFields, dict)
+GRIP_FORM = form_of_part(GripFields, dict)
 
 
 class AnswerRecord(ReplyRecord, tag="answer", frozen=True, kw_only=True, gc=False):
     """The answer to any other command."""
 
+    event = CommandResult
     reply: Annotated[LoggedNumber, At("reply", NUMBER_FORM)]
     status: Status
     reason: str = ""
     stops: Annotated[bool, At("command.stops")] = False
     velocity: Annotated[VelocityFields | None, At("velocity", VELOCITY_FORM)] = None
     waits: Real = 0.0
-    grip: Annotated[GripFields | None, At("grip", _GRIP)] = None
+    grip: Annotated[GripFields | None, At("grip", GRIP_FORM)] = None
 
 
 class ContactFields(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
@@ -169,7 +189,7 @@ class ContactFields(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=Tru
     translation), the point touched."""
 
     t: Annotated[Real, At("time")]
-    at: Annotated[LoggedPlace, At("place", _PLACE)]
+    at: Annotated[LoggedPlace, At("place", PLACE_FORM)]
     point: LoggedPoint
     cell: tuple[Count, Count] | None = None
     ended: bool = False
@@ -188,8 +208,8 @@ class MovementRecord(CommandRecord, frozen=True, kw_only=True):
     origin: Annotated[LoggedPose, At("trajectory.before", POSE_FORM)] = msgspec.field(name="from")
     total: Annotated[LoggedPose, At("trajectory.totals", AXES_FORM)]
     contact: Annotated[ContactFields | None, At("trajectory.contact", CONTACT_FORM)] = None
-    stop: Annotated[LoggedPlace | None, At("trajectory.rest_stop", _PLACE)] = None
-    grip: Annotated[GripFields | None, At("grip", _GRIP)] = None
+    stop: Annotated[LoggedPlace | None, At("trajectory.rest_stop", PLACE_FORM)] = None
+    grip: Annotated[GripFields | None, At("grip", GRIP_FORM)] = None
 
     def __post_init__(self) -> None:
         # All later code relies on it, and a log may have been edited by hand.
@@ -200,12 +220,14 @@ class MovementRecord(CommandRecord, frozen=True, kw_only=True):
 class PlanRecord(MovementRecord, tag="plan", frozen=True, kw_only=True):
     """The plan of a movement, made at its beginning, or `again` during it."""
 
+    event = MovementPlanned
     again: Annotated[bool, GIVEN] = False
 
 
 class EndRecord(MovementRecord, tag="end", frozen=True, kw_only=True):
     """The end of a movement, as it really went."""
 
+    event = MovementEnded
     pose: Annotated[LoggedPose, At("pose", POSE_FORM)]
     stopped_by: str = ""
     answers: bool = True
@@ -230,6 +252,7 @@ class LegRecord(CourseRecord, tag="leg", frozen=True, kw_only=True):
     """The beginning of a leg, and its end and last pose unless something interrupts it. Without an end it
     continues until something changes."""
 
+    event = LegBegun
     end: Annotated[Real | None, At("leg.end_time", ENDLESS)] = None
     last_pose: Annotated[LoggedPose, At("leg.last_pose", POSE_FORM)] = msgspec.field(name="to")
 
@@ -241,6 +264,7 @@ class LegRecord(CourseRecord, tag="leg", frozen=True, kw_only=True):
 class LegEndRecord(CourseRecord, tag="leg_end", frozen=True, kw_only=True):
     """The end of a leg, as it really went."""
 
+    event = LegEnded
     begin: Annotated[Real, At("leg.start_time")]
     pose: Annotated[LoggedPose, At("leg.last_pose", POSE_FORM)]
 
@@ -252,6 +276,7 @@ class LegEndRecord(CourseRecord, tag="leg_end", frozen=True, kw_only=True):
 class VelocityEndRecord(LogRecord, tag="velocity", frozen=True, kw_only=True):
     """The end of a velocity without a command that set another."""
 
+    event = VelocityEnded
     reason: VelocityEnd
     source: str = ""
 
@@ -259,6 +284,7 @@ class VelocityEndRecord(LogRecord, tag="velocity", frozen=True, kw_only=True):
 class ActionRecord(LogRecord, tag="action", frozen=True, kw_only=True, gc=False):
     """A person's action; `n` commands had begun before it."""
 
+    event = ActionDone
     n: Annotated[Count, GIVEN]
     action: Annotated[ActionName, At("action.name")]
     source: Annotated[str, At("action.source")]
@@ -283,6 +309,7 @@ class BeliefRecord(LogRecord, tag="belief", frozen=True, kw_only=True, gc=False)
     `believed`, which keeps them short. `again` is true for the previous belief, now with the cells of its
     grid."""
 
+    event = Belief
     believed: Annotated[LoggedPose, At("pose", POSE_FORM)]
     pose: Annotated[LoggedPose | None, At("true", POSE_FORM)] = None
     spread: Real | None = None
@@ -332,6 +359,7 @@ def unpacked_particles(record: BeliefRecord) -> tuple[tuple[float, ...], ...]:
 class NoticeRecord(LogRecord, tag="notice", frozen=True, kw_only=True):
     """A notice: a connection, a fault, the program. Reports use the time of a fault, or of a board, alone."""
 
+    event = Notice
     given: ClassVar[tuple[str, ...]] = ("t",)
     about: Annotated[NoticeKind, At("kind")]
     text: str
@@ -342,6 +370,7 @@ class NoticeRecord(LogRecord, tag="notice", frozen=True, kw_only=True):
 class WireRecord(LogRecord, tag="wire", frozen=True, kw_only=True):
     """Bytes on the line of a dialect, one character each."""
 
+    event = WireMessage
     data: str
     reply: bool = False
     meaning: str = ""
@@ -350,6 +379,7 @@ class WireRecord(LogRecord, tag="wire", frozen=True, kw_only=True):
 class DisplayRecord(LogRecord, tag="display", frozen=True, kw_only=True):
     """A board's LED, and the rows of each of its displays, from a time on."""
 
+    event = DisplayChanged
     board: str
     led: bool = False
     led_pin: str = "13"
@@ -359,6 +389,7 @@ class DisplayRecord(LogRecord, tag="display", frozen=True, kw_only=True):
 class MissionRecord(LogRecord, tag="mission", frozen=True, kw_only=True):
     """A goal met, or a mission's beginning or end."""
 
+    event = MissionEvent
     goal: Annotated[Goal | None, At("subject", _GOAL)] = None
     result: Annotated[Result | None, At("subject", _RESULT)] = None
     text: str
@@ -373,6 +404,7 @@ class MissionRecord(LogRecord, tag="mission", frozen=True, kw_only=True):
 class ProgramRecord(LogRecord, tag="program", frozen=True, kw_only=True):
     """The end of the program that drove the robot, with the last lines of its output."""
 
+    event = ProgramEnded
     exit_code: int
     signal: str = ""
     stopped: bool = False
@@ -385,6 +417,7 @@ class ProgramRecord(LogRecord, tag="program", frozen=True, kw_only=True):
 class TwinRecord(LogRecord, tag="twin", frozen=True, kw_only=True):
     """A reading of the real robot and of its simulated twin at the same time."""
 
+    event = TwinReading
     command: Annotated[str, At("command.text")] = msgspec.field(name="cmd")
     code: str
     robot: Annotated[LoggedNumber, At("robot", NUMBER_FORM)]
@@ -474,6 +507,8 @@ AnyRecord = (
     | WireRecord
     | DisplayRecord
 )
+RECORDS: tuple[type[LogRecord], ...] = get_args(AnyRecord)
+"""All kinds of records."""
 _LINE: TypedJson[AnyRecord] = TypedJson(AnyRecord)
 # Some numbers of a run are NumPy scalars.
 _plain_number = operator.methodcaller("item")

@@ -7,10 +7,11 @@ of its own writes it, so that a slow or full disk never delays the robot.
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import threading
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from simmer_tui import platform_has
@@ -80,8 +81,7 @@ def saved_runs(folder: Path) -> list[Path]:
 
 
 class SavedRun:
-    """A watcher that saves the present run. Make and call it in the robot's thread, or before that
-    starts."""
+    """Saves the present run. Make and call it in the robot's thread, or before that starts."""
 
     def __init__(
         self, log_to: Callable[[Path, Callable[[Path], LineFile]], RunLog], folder: Path | None = None
@@ -109,11 +109,18 @@ class SavedRun:
         """The run's file."""
         return self._log.path
 
-    def __call__(self, event: Event) -> None:
+    def apply(self, event: Event, line: int = 0, real_time: float = math.nan) -> None:
         """Save one event."""
         # Notices alone (a client came and left) make no run worth keeping.
         self._used = self._used or isinstance(event, CommandResult | ActionDone | MovementPlanned)
-        self._log(event)
+        self._log.apply(event, line, real_time)
+
+    def apply_readings(
+        self, results: Sequence[CommandResult], lines: Sequence[int], real_times: Sequence[float]
+    ) -> None:
+        """Save readings that follow each other."""
+        self._used = True
+        self._log.apply_readings(results, lines, real_times)
 
     def flush(self) -> None:
         """Wait until all events so far are in the file, for a second at most. Any thread."""

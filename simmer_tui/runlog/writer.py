@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import stat
 import time
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from itertools import count
+from itertools import chain, count
 from pathlib import Path
 from typing import Protocol
 
@@ -19,7 +20,7 @@ from msgspec import Struct
 from simmer_tui import platform_has
 from simmer_tui.config.loader import Configuration
 from simmer_tui.errors import RunLogError, reason_of
-from simmer_tui.run.events import Event, Notice, NoticeKind
+from simmer_tui.run.events import CommandResult, Event, Notice, NoticeKind
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import checkpoint_of
 from simmer_tui.runlog.closing import Closing
@@ -195,18 +196,38 @@ class RunLog(Closing):
             raise RunLogError(self.stopped)
         self._on_stop = on_stop
 
-    def __call__(self, event: Event) -> None:
-        """Append one event."""
+    def apply(self, event: Event, line: int = 0, real_time: float = math.nan) -> None:
+        """Append one event; `real_time` is that of `time.monotonic`, if it came before."""
         if self.stopped or (isinstance(event, Notice) and event.kind is NoticeKind.HINT):
             return
         # Before the record: a checkpoint is to hold the state with this event.
         self._reducer.apply(event)
-        real_time = self._clock() - self._begun
-        for record in self._encoder.records(event, real_time):
-            self._write(record)
+        now = self._clock() - self._begun
+        if real_time == real_time:
+            now = max(now - (time.monotonic() - real_time), 0.0)
+        self._write(*self._encoder.records(event, now))
+        if self.lines - self._last_checkpoint >= CHECKPOINT_EVERY:
+            self._write_checkpoint(now)
+
+    __call__ = apply
+
+    def apply_readings(
+        self, results: Sequence[CommandResult], lines: Sequence[int], real_times: Sequence[float]
+    ) -> None:
+        """Append readings that follow each other, in one write."""
+        if self.stopped:
+            return
+        self._reducer.apply_readings(results, lines, real_times)
+        # The log's time at the zero of `time.monotonic`.
+        zero, records = self._clock() - self._begun - time.monotonic(), self._encoder.records
+        each_of = (records(result, zero + moment) for result, moment in zip(results, real_times, strict=True))
+        self._write(*chain.from_iterable(each_of))
+        if self.lines - self._last_checkpoint >= CHECKPOINT_EVERY:
+            self._write_checkpoint(zero + real_times[-1])
+
+    def _write_checkpoint(self, real_time: float) -> None:
         # Only where nothing is under way: a reader that begins there knows no movement before it.
-        is_due = self.lines - self._last_checkpoint >= CHECKPOINT_EVERY
-        if is_due and self._reducer.still:
+        if self._reducer.still:
             self._last_checkpoint = self.lines
             self._write(self._encoder.checkpoint(self._reducer.checkpoint(), real_time))
 
@@ -220,8 +241,7 @@ class RunLog(Closing):
 
     def close(self) -> None:
         """Stop writing. May be called more than once."""
-        for record in self._encoder.rest(self._clock() - self._begun):
-            self._write(record)
+        self._write(*self._encoder.rest(self._clock() - self._begun))
         try:
             if not self.stopped:
                 self._file.look()
@@ -233,13 +253,14 @@ class RunLog(Closing):
         except OSError as error:  # while writing the rest of a compressed log
             self._stop(error)
 
-    def _write(self, record: Struct) -> None:
-        if self.stopped:
+    def _write(self, *records: Struct) -> None:
+        if self.stopped or not records:
             return
         try:
-            self._file.write(encode_line(record))
-            self.lines += 1
-            if self.lines % LOOK_EVERY == 0:
+            self._file.write(b"".join(map(encode_line, records)))
+            looked = self.lines // LOOK_EVERY
+            self.lines += len(records)
+            if self.lines // LOOK_EVERY > looked:
                 self._file.look()
         except OSError as error:
             with contextlib.suppress(OSError):  # it is the file that has failed

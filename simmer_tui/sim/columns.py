@@ -27,6 +27,10 @@ class CsvColumn(Value, frozen=True, kw_only=True):
     """True if a blank cell is a mistake; otherwise it means the default."""
     is_error: bool = False
     """True if it is an error of a sensor's readings, which an exact sensor has not: 0 means none."""
+    per_time: str = ""
+    """`s` or `s2` if values are in the unit of the reading, or of the drive, by seconds or their square."""
+    has_mean: bool = False
+    """True if it makes readings wrong on average: reports name a large mean error of a sensor that has it."""
 
 
 # Other brackets of a header, as in `Percent Error (0-1)` and `Drift (per s)`, hold no unit of the value.
@@ -97,8 +101,14 @@ ABSOLUTE_ERROR = _error(
     *("Absolute Error", _NOT_NEGATIVE, _AT_LEAST),
     "standard deviation of a random error of its own, in the unit of the reading",
 )
-BIAS = _error("Bias", _ANY, _SHIFT, "constant that is added, in the unit of the reading")
-DRIFT = _error("Drift (per s)", _ANY, _SHIFT, "addition for each second of simulated time", label="drift/s")
+BIAS = _error("Bias", _ANY, _SHIFT, "constant that is added, in the unit of the reading", has_mean=True)
+DRIFT = _error(
+    *("Drift (per s)", _ANY, _SHIFT),
+    "addition for each second of simulated time",
+    label="drift/s",
+    per_time="s",
+    has_mean=True,
+)
 MIN_RANGE = _column("Min Range (in)", _NOT_NEGATIVE, _AT_LEAST, "its reading of anything nearer", label="min")
 MAX_RANGE = _column(
     *("Max Range (in)", _NOT_NEGATIVE, _AT_MOST),
@@ -126,11 +136,13 @@ OUTLIER = _error("Outlier", _SHARE, _AT_LEAST, "probability that a reading is an
 INCIDENCE_LIMIT = _column(
     *("Incidence Limit (deg)", NumberRule(0, 90), _AT_MOST),
     "angle to a wall's normal beyond which there is no echo (0: always one)",
+    has_mean=True,
 )
 CROSS_TALK = _error(
     *("Cross-Talk", _SHARE, _AT_LEAST),
     "probability that it takes another sensor's sound for its own (0)",
     label="cross-talk",
+    has_mean=True,
 )
 TICKS = _column(
     *("Ticks per Inch", _NOT_NEGATIVE, _AT_MOST),
@@ -140,11 +152,18 @@ TICKS = _column(
 RANDOM_WALK = _error(
     *("Random Walk (deg/sqrt s)", _NOT_NEGATIVE, _AT_LEAST),
     "standard deviation of the angle's random walk after one second (0)",
+    has_mean=True,
 )
 HARD_IRON = _error(
-    "Hard Iron (deg)", _ANY, _SAME, "largest deviation by magnets on the robot, one period a turn (0)"
+    *("Hard Iron (deg)", _ANY, _SAME),
+    "largest deviation by magnets on the robot, one period a turn (0)",
+    has_mean=True,
 )
-SOFT_IRON = _error("Soft Iron (deg)", _ANY, _SAME, "largest deviation by iron nearby, two periods a turn (0)")
+SOFT_IRON = _error(
+    *("Soft Iron (deg)", _ANY, _SAME),
+    "largest deviation by iron nearby, two periods a turn (0)",
+    has_mean=True,
+)
 ANSWER = _column(
     *("Answer", _ANSWER, _SAME),
     "digital: 1 or 0 by the threshold; analog: the share itself, 0 to 1 (digital)",
@@ -211,12 +230,15 @@ DRIVE_GAIN = _column("Gain", _ANY, _FREE, "factor of the commanded value (1)")
 SPEED = _column(
     *("Speed", _POSITIVE, _AT_MOST),
     f"inches, degrees or (grip) closings a second ({TRANSLATION_SPEED:g}, {ROTATION_SPEED:g}, 2)",
+    per_time="s",
 )
 START_LAG = _column(
     "Start Lag (s)", _NOT_NEGATIVE, _AT_LEAST, "simulated time from a command to the first motion (0)"
 )
 ACCELERATION = _column(
-    "Acceleration", _NOT_NEGATIVE, _AT_MOST, "inches or degrees per second squared (0: full speed at once)"
+    *("Acceleration", _NOT_NEGATIVE, _AT_MOST),
+    "inches or degrees per second squared (0: full speed at once)",
+    per_time="s2",
 )
 REACH = _column(
     *("Reach", _POSITIVE, _AT_MOST),
@@ -224,7 +246,9 @@ REACH = _column(
     unit="in",
 )
 WIDTH = _column("Width", _POSITIVE, _AT_MOST, "grip only: width of that window, inches (4)", unit="in")
-MOVEMENT = (*DRIVE_AXES, DRIVE_GAIN, SPEED, START_LAG, ACCELERATION)
+LESS_USUAL = (START_LAG, ACCELERATION)
+"""The columns of drive.csv that profiles and imported sets may lack: 0 is usual."""
+MOVEMENT = (*DRIVE_AXES, DRIVE_GAIN, SPEED, *LESS_USUAL)
 """The columns of drive.csv for a movement, by field of `DriveSpec`."""
 GRIPPER = (SPEED, REACH, WIDTH)
 """The columns of drive.csv for the gripper, by field of `GripperSpec`."""

@@ -83,7 +83,7 @@ class BoardFacts:
         gone = self._gone(record.time / SECOND, until / SECOND)
         if gone < _TOLD_DISTANCE:
             return
-        line, place = _line_of(board, record), record.value & 0xFFFFFFFF
+        line, place = board.line_of(record), record.value & 0xFFFFFFFF
         wait = next((each for each in board.waited if each.place == place and each.end > record.time), None)
         is_farther = gone > 2 * self._farthest
         self._farthest = max(self._farthest, gone)
@@ -100,29 +100,27 @@ class BoardFacts:
 
     def fifo_overflow(self, board: Board, part: str, record: BoardRecord, time: int) -> None:
         """Tell that the FIFO of a part has lost packets, which the sketch has not read in time."""
-        line = _line_of(board, record)
+        line = board.line_of(record)
         if self._is_due(f"fifo {part}", line):
-            where = f" at {line}" if line else ""
             held = "it holds 1,024 bytes of packets, one each 10 ms, and nothing read them"
-            text = f"the FIFO of {part} overflowed{where}: {held}"
+            text = f"the FIFO of {part} overflowed{at_line(line)}: {held}"
             self._tell(f"board {board.name}: {text}", line, time)
 
     def bus_stuck(self, board: Board, record: BoardRecord, time: int) -> None:
         """Tell that a board waits for its bus, and goes on waiting: interrupts are off."""
-        line = _line_of(board, record)
+        line = board.line_of(record)
         if not self._is_due(f"bus {board.name}", line):
             return
-        where = (f" at {line}" if line else "") + in_task(board, record.task)
+        where = at_line(line) + in_task(board, record.task)
         because = "Wire needs interrupts, which are off there, as in an interrupt's function"
         self._tell(f"board {board.name} waits without end{where}: {because}", line, time)
 
     def lost_byte(self, board: Board, pin: str, record: BoardRecord, time: int) -> None:
         """Tell the first byte that is lost at a pin, the tenth, the hundredth ..."""
-        line, key = _line_of(board, record), (f"byte {board.name}", pin)
+        line, key = board.line_of(record), (f"byte {board.name}", pin)
         if not self._is_due(*key):
             return
-        where = f" at {line}" if line else ""
-        text = f"a byte at pin {pin} was lost{where}: the queue was full, or interrupts were off"
+        text = f"a byte at pin {pin} was lost{at_line(line)}: the queue was full, or interrupts were off"
         more = f"; {self._counts[key]} so far" if self._counts[key] > 1 else ""
         self._tell(f"board {board.name}: {text}{more}", line, time)
 
@@ -130,7 +128,7 @@ class BoardFacts:
         """Count an edge that a board has lost, one of so many at a pin."""
         key = (board.name, pin)
         lost, _, lines = self._edges.get(key, (0, 0, Counter()))
-        lines[_line_of(board, record)] += 1
+        lines[board.line_of(record)] += 1
         self._edges[key] = lost + 1, edges, lines
         if is_told(lost + 1):
             self._tell_edges(key, time)
@@ -142,7 +140,7 @@ class BoardFacts:
             return
         count = self._counts[key]
         steps = f"a step of {stepper.label}" if count == 1 else f"{count} steps of {stepper.label}"
-        where = f" at {line}" if line else ""
+        where = at_line(line)
         if reason == IDLE:
             pin = kind.pin_name(stepper.pins["enable"])
             now, wanted = ("LOW", "HIGH") if stepper.enable_high else ("HIGH", "LOW")
@@ -163,7 +161,7 @@ class BoardFacts:
         lost, edges, lines = self._edges[key]
         self._told_edges[key] = lost
         line, most = lines.most_common(1)[0]
-        where = f" at {line}" if line else ""
+        where = at_line(line)
         because = "interrupts were off since the one before"
         if lost == 1:
             text = f"an edge at pin {pin} was lost{where}: {because}"
@@ -188,9 +186,9 @@ class BoardFacts:
         self._engine.tell(Notice(NoticeKind.BOARD, text, line, moment=time / SECOND))
 
 
-def _line_of(board: Board, record: BoardRecord) -> str:
-    """The line of the block whose address a record has."""
-    return board.process.line_of(record.value & 0xFFFFFFFF)
+def at_line(line: str) -> str:
+    """A line, for a sentence; empty for an unknown one."""
+    return f" at {line}" if line else ""
 
 
 def _call(board: Board, wait: BoardWait, line: str) -> str:

@@ -10,6 +10,7 @@ from msgspec import Struct
 
 from simmer_tui.run.events import Notice, NoticeKind
 from simmer_tui.sim.command import cut
+from simmer_tui.sketch.board_facts import at_line
 from simmer_tui.sketch.board_process import BoardRecord, Mistake
 from simmer_tui.sketch.interrupt_check import from_isr, interrupt_functions, is_of_tasks, may_wake_tasks
 from simmer_tui.sketch.lockstep import Board
@@ -76,7 +77,7 @@ class _StuckTask(Struct):
 
     def __str__(self) -> str:
         where = f" at {self.line}" if self.line else ""
-        held = f", which {self.holder} took{_at(self.taken)}" if self.holder else ""
+        held = f", which {self.holder} took{at_line(self.taken)}" if self.holder else ""
         return f"{self.name}{where} for {self.awaited}{held}"
 
 
@@ -95,7 +96,7 @@ class BoardMistakes:
 
     def add(self, board: Board, record: BoardRecord, details: Sequence[BoardRecord], time: int) -> None:
         """Tell a mistake of a board by its record and what belongs to it, at a time, nanoseconds."""
-        line = _line(board, record)
+        line = board.line_of(record)
         kind = Mistake(record.pin)
         # Two calls of one kind in a line are one mistake; of pins and of tasks, each has its own.
         number = record.task if kind in _OF_TASKS else details[-1].value
@@ -117,24 +118,26 @@ class BoardMistakes:
             case Mistake.NO_WAIT | Mistake.NO_PERIOD:
                 return _no_ticks(facts, kind, line)
             case Mistake.INPUT_PIN:
-                what = f"pin {details[-1].value} is an input alone, and the sketch writes it{_at(line)}"
+                what = f"pin {details[-1].value} is an input alone, and the sketch writes it{at_line(line)}"
                 return f"{what}: nothing leaves it; take another pin"
             case Mistake.NO_PULL_UP:
-                what = f"the sketch wants a pull-up or pull-down of pin {details[-1].value}{_at(line)}"
+                what = f"the sketch wants a pull-up or pull-down of pin {details[-1].value}{at_line(line)}"
                 return f"{what}, which has none: add a resistor, or take another pin"
             case Mistake.FLASH_PIN:
-                what = f"pin {details[-1].value}{_at(line)} is one of the flash memory's, 6 to 11"
+                what = f"pin {details[-1].value}{at_line(line)} is one of the flash memory's, 6 to 11"
                 return f"{what}: a real ESP32 crashes there; take another pin"
             case Mistake.IN_INTERRUPT:
                 return _in_interrupt(facts, details[-1].value, line)
             case Mistake.LOST_ALARM:
-                what = f"an alarm of a hardware timer was lost{_at(line)}"
+                what = f"an alarm of a hardware timer was lost{at_line(line)}"
                 return f"{what}: interrupts were off since the one before"
             case Mistake.STARVED:
                 return self._starved(board, record, details, line)
             case Mistake.WATCHDOG:
-                what = f"task {_name(board, record.task)}{_at(line)} has not waited for 5 s, and core 0 was"
-                return f"{what} never idle: the task watchdog restarts a real ESP32; give it a vTaskDelay(1)"
+                what = f"task {_name(board, record.task)}{at_line(line)} has not waited for 5 s, and core 0"
+                return (
+                    f"{what} was never idle: the task watchdog restarts a real ESP32; give it a vTaskDelay(1)"
+                )
             case Mistake.CIRCLE:
                 return _circle(board, details)
             case Mistake.ALL_WAIT:
@@ -145,7 +148,7 @@ class BoardMistakes:
         facts = self._facts.get(board.name)
         has_loop = facts is None or any(facts.calls_in("loop"))
         names = [
-            _name(board, each.task) + (_at(_line(board, each)) if each.task else "")
+            _name(board, each.task) + (at_line(board.line_of(each)) if each.task else "")
             for each in passed
             if each.task or has_loop
         ]
@@ -155,9 +158,9 @@ class BoardMistakes:
         runs = _name(board, record.task)
         have = f"{', '.join(names[:_MOST_TASKS])} {'has' if len(names) == 1 else 'have'} not run for 1 s"
         if flags & _NEVER_WAITS:
-            why = f"{runs}, of higher priority, has not waited meanwhile{_at(line)}; give it a vTaskDelay"
+            why = f"{runs}, of higher priority, has not waited meanwhile{at_line(line)}; give it a vTaskDelay"
         else:
-            why = f"tasks of higher priority always have work, now {runs}{_at(line)}"
+            why = f"tasks of higher priority always have work, now {runs}{at_line(line)}"
         text = f"{have}: {why}"
         if flags & _ON_CORE_0:
             text += "; the task watchdog restarts a real ESP32 after 5 s of that on core 0"
@@ -165,14 +168,6 @@ class BoardMistakes:
 
 
 _OF_TASKS = (Mistake.STARVED, Mistake.WATCHDOG, Mistake.CIRCLE, Mistake.ALL_WAIT)
-
-
-def _line(board: Board, record: BoardRecord) -> str:
-    return board.process.line_of(record.value & 0xFFFFFFFF)
-
-
-def _at(line: str) -> str:
-    return f" at {line}" if line else ""
 
 
 def _name(board: Board, task: int) -> str:
@@ -200,7 +195,7 @@ def _no_ticks(facts: SketchFacts | None, kind: Mistake, line: str) -> str:
         ticks = cut(facts.spelled(meant[0], TICKED[name]), _LONGEST)
     did = "did not wait" if is_wait else "was refused"
     tick = f"a tick of the {facts.kind.title} has {facts.kind.tick} ms"
-    return f"{name}{_at(line)} {did}: {ticks} was 0, and {tick}"
+    return f"{name}{at_line(line)} {did}: {ticks} was 0, and {tick}"
 
 
 def _in_interrupt(facts: SketchFacts | None, number: int, line: str) -> str:
@@ -218,17 +213,17 @@ def _in_interrupt(facts: SketchFacts | None, number: int, line: str) -> str:
             name = next(filter(is_of_tasks, called), "a call of FreeRTOS")
             other = from_isr(name)
             why = f"only tasks may call it; there is {other}" if other else "only tasks may call it"
-    return f"{name}{_at(line)} is in an interrupt's function: {why}"
+    return f"{name}{at_line(line)} is in an interrupt's function: {why}"
 
 
 def _stuck(board: Board, details: Sequence[BoardRecord]) -> list[_StuckTask]:
     found: list[_StuckTask] = []
     for each in details:
         if each.pin == _WaitsFor.HOLDER and found:
-            found[-1].holder, found[-1].taken = _name(board, each.task), _line(board, each)
+            found[-1].holder, found[-1].taken = _name(board, each.task), board.line_of(each)
         elif each.pin in _AWAITED:
             awaited = _AWAITED[_WaitsFor(each.pin)]
-            found.append(_StuckTask(_name(board, each.task), _line(board, each), awaited))
+            found.append(_StuckTask(_name(board, each.task), board.line_of(each), awaited))
     return found
 
 
@@ -258,7 +253,7 @@ def _circle(board: Board, details: Sequence[BoardRecord]) -> str:
         return f"{_shown(stuck)}: it waits for ever, since that task was deleted with its mutex"
     if len(stuck) == 1:
         one = stuck[0]
-        what = f"{one.name} waits for ever{_at(one.line)} for the mutex that it took itself{_at(one.taken)}"
-        return f"{what}; give it back first, or make it recursive"
+        what = f"{one.name} waits for ever{at_line(one.line)} for the mutex that it took itself"
+        return f"{what}{at_line(one.taken)}; give it back first, or make it recursive"
     remedy = "take them in the same order in all tasks"
     return f"tasks wait for each other for ever: {_shown(stuck)}; {remedy}"

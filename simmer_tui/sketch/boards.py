@@ -95,6 +95,11 @@ class BoardKind(Struct, frozen=True, kw_only=True):
         """Pins (rx, tx) of its USB port."""
         return self.serial["Serial"]
 
+    def analog_pin(self, given: int) -> int:
+        """The pin that `analogRead(given)` reads: 0 is A0 on an AVR."""
+        is_channel = not self.analog_names and given < self.pins - self.first_analog
+        return given + self.first_analog if is_channel else given
+
     def is_analog(self, pin: int) -> bool:
         """True if analogRead can read the pin."""
         if self.analog_names:

@@ -69,9 +69,6 @@ def _other_uses(facts: SketchFacts) -> Iterator[Problem]:
         remedy = f"pin {kind.pin_name(pin)} is {name} of Wire"
         for call in facts.named(*_PIN_CALLS):
             pins = facts.pins(call)
-            if call.name == "analogRead" and pins is not None:
-                # Channel 4 is A4.
-                pins = Pins(each + kind.first_analog if each < kind.first_analog else each for each in pins)
             if pins == Pins({pin}):
                 yield Problem(call.token.spot, f"{remedy}, and {call.name} uses it too; take another pin")
                 break

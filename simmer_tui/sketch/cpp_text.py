@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 
 CPP_TOKEN = re.compile(
     r"""
@@ -50,6 +51,26 @@ def closing_places(flat: str) -> dict[int, int]:
         elif opened:
             found[opened.pop()] = match.start()
     return found
+
+
+def closing_place(plain: str, place: int, pair: str) -> int:
+    """The place of the sign that closes the one at a place, of a pair such as `{}`; the end if none does."""
+    depth = 0
+    for at in range(place, len(plain)):
+        depth += (plain[at] == pair[0]) - (plain[at] == pair[1])
+        if depth == 0:
+            return at
+    return len(plain)
+
+
+def with_inserted(source: str, added: Iterable[tuple[int, str]]) -> str:
+    """The source with texts at places, each before what stands there."""
+    made: list[str] = []
+    done = 0
+    for place, text in sorted(added):
+        made += [source[done:place], text]
+        done = place
+    return "".join((*made, source[done:]))
 
 
 def line_at(source: str, place: int) -> tuple[str, int]:

@@ -4,7 +4,6 @@ both branches of an #if are read."""
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from enum import Enum, auto
 
 from msgspec import Struct
@@ -25,6 +24,9 @@ _TOKEN = re.compile(
     """,
     re.VERBOSE | re.DOTALL,
 )
+
+_DEFINE_AND_NAME = 2
+"""Tokens of a #define up to the macro's name."""
 
 
 class TokenKind(Enum):
@@ -70,6 +72,8 @@ class SourceDirective(Struct, frozen=True):
     name: str
     rest: tuple[Token, ...]
     line: int
+    has_parameters: bool
+    """True if a bracket follows a macro's name without a blank: `#define STOP() ...`."""
 
 
 def tokens_of(text: str, file: str) -> tuple[list[Token], list[SourceDirective]]:
@@ -83,23 +87,29 @@ def tokens_of(text: str, file: str) -> tuple[list[Token], list[SourceDirective]]
     directives: list[SourceDirective] = []
     current: list[Token] | None = None
     """The tokens of the directive that is read."""
-    line, at_start = 1, True
+    line, at_start, name_end, has_parameters = 1, True, -1, False
+
+    def close() -> None:
+        if current:
+            directives.append(
+                SourceDirective(current[0].text, tuple(current[1:]), current[0].line, has_parameters)
+            )
+
     for match in _TOKEN.finditer(text):
         group, found = match.lastgroup, match[0]
         if group == "line":
-            _close(current, directives)
+            close()
             current, at_start = None, True
         elif group == "mark" and found == "#" and at_start:
-            current = []
+            current, has_parameters = [], False
         elif group in _KINDS:
             token = Token(_KINDS[group], found, file, line)
             (tokens if current is None else current).append(token)
             at_start = False
+            if current is not None and len(current) == _DEFINE_AND_NAME:
+                name_end = match.end()
+            elif found == "(" and match.start() == name_end:
+                has_parameters = True
         line += found.count("\n")
-    _close(current, directives)
+    close()
     return tokens, directives
-
-
-def _close(current: Sequence[Token] | None, directives: list[SourceDirective]) -> None:
-    if current:
-        directives.append(SourceDirective(current[0].text, tuple(current[1:]), current[0].line))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection
 from pathlib import Path
 
@@ -70,6 +71,7 @@ OTHER_NAMES = {
     "freertos.h": "Arduino_FreeRTOS.h",
     "new.h": "new",
 }
+_CLASS = re.compile(r"^\s*(?:class|struct|using)\s+(\w+)", re.MULTILINE)
 
 
 def libraries() -> list[str]:
@@ -95,6 +97,11 @@ def is_provided(header: str, own: Collection[str]) -> bool:
 def provided_headers() -> set[str]:
     """The headers of the runtime's libraries, in small letters."""
     return {each.relative_to(RUNTIME / "libraries").as_posix().lower() for each in library_headers()}
+
+
+def provided_classes() -> set[str]:
+    """The classes of the runtime's libraries."""
+    return {name for path in library_headers() for name in _CLASS.findall(path.read_text("utf-8"))}
 
 
 def library_headers() -> list[Path]:

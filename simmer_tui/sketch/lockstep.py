@@ -117,6 +117,10 @@ class Board(Struct, eq=False):
         state = self.pins.get(number)
         return 0.0 if state is None else state.level
 
+    def line_of(self, record: BoardRecord) -> str:
+        """The line of the block whose address a record has."""
+        return self.process.line_of(record.value & 0xFFFFFFFF)
+
     def wait_at(self, time: int) -> BoardWait | None:
         """The call in which it waited at a time that it has reached; None if it did not, or not for long."""
         waits = self.waited if self.process.wait is None else (*self.waited, self.process.wait)

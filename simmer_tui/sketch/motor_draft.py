@@ -16,7 +16,7 @@ from simmer_tui.sketch.sketch_steps import SketchStep
 
 END = SketchStep("", -1, "", None, "", "")
 """A step that ends those of a function."""
-_BRAKE, LAMP, _STANDBY, _DUTY, _MOTOR, _INPUT = (
+_BRAKE, LAMP, STANDBY, _DUTY, _MOTOR, _INPUT = (
     re.compile(word, re.IGNORECASE)
     for word in (
         "brake|brk",
@@ -45,22 +45,22 @@ class DraftMotor(Struct, frozen=True):
     """False if its duty and its direction are set in different functions, or it has no duty."""
 
 
-def draft_motors(steps: Sequence[SketchStep]) -> list[DraftMotor]:
-    """The motors that a sketch's steps show."""
+def draft_motors(steps: Sequence[SketchStep], declared: Sequence[int] = ()) -> list[DraftMotor]:
+    """The motors that a sketch's steps show. `declared` are the pins in the order of its calls of pinMode."""
     found = list(_shield(steps))
     used = {pin for motor in found for pin in motor.pins.values()}
     rest = [step for step in steps if step.pin not in used]
     found += _with_duties(rest)
     used |= {pin for motor in found for pin in motor.pins.values()}
-    return [*found, *_without_duties(rest, used)]
+    return [*found, *_without_duties(rest, used, declared)]
 
 
 def _shield(steps: Sequence[SketchStep]) -> Iterator[DraftMotor]:
     """Both channels of a Motor Shield R3, if the sketch writes all six pins."""
-    duties = {step.pin for step in steps if step.call == "analogWrite"}
+    duties = {step.pin for step in steps if step.call == "analogWrite" and not LAMP.search(step.name)}
     names = {step.pin: step.name for step in steps if step.call == "digitalWrite"}
     levels = [channel[key] for channel in _SHIELD for key in ("dir", "brake")]
-    if not all(channel["pwm"] in duties for channel in _SHIELD) or not all(pin in names for pin in levels):
+    if duties != {channel["pwm"] for channel in _SHIELD} or not all(pin in names for pin in levels):
         return
     # An L298N on the same pins has inputs that are named so.
     if not all(_INPUT.match(names[pin]) for pin in levels):
@@ -161,8 +161,10 @@ def _directions(steps: Sequence[SketchStep], taken: set[int], count: int) -> tup
     return votes.most_common(1)[0][0] if votes else ()
 
 
-def _without_duties(steps: Sequence[SketchStep], used: set[int]) -> Iterator[DraftMotor]:
-    """The motors of H-bridges without a PWM: pins that are set together."""
+def _without_duties(
+    steps: Sequence[SketchStep], used: set[int], declared: Sequence[int]
+) -> Iterator[DraftMotor]:
+    """The motors of H-bridges without a PWM: pins that are set together, in a function or a block of one."""
     if any(step.pin in used for step in steps):
         return
     groups: Counter[tuple[int, ...]] = Counter()
@@ -170,18 +172,25 @@ def _without_duties(steps: Sequence[SketchStep], used: set[int]) -> Iterator[Dra
     levels: dict[int, None] = {}
     for step in (*steps, END):
         if step.call == "digitalWrite":
-            if not LAMP.search(step.name) and not _STANDBY.search(step.name):
+            if not LAMP.search(step.name) and not STANDBY.search(step.name):
                 levels[step.pin] = None
                 names.setdefault(step.pin, step.name)
             continue
         groups[tuple(sorted(levels, key=list(names).index))] += 1
         levels = {}
+    blocks: dict[int, dict[int, None]] = {}
+    for step in steps:
+        if step.pin in names:
+            blocks.setdefault(step.block, {})[step.pin] = None
+    groups.update(tuple(sorted(pins, key=list(names).index)) for pins in blocks.values())
     del groups[()]
     for group, _ in sorted(groups.items(), key=lambda each: (-len(each[0]), -each[1])):
         is_motor = len(group) > 3 or all(_MOTOR.search(names[pin]) for pin in group)
         if len(group) % 2 or used.intersection(group) or not is_motor:
             continue
         used.update(group)
+        if {*group} <= {*declared}:
+            group = tuple(pin for pin in declared if pin in group)
         for one, other in _paired(group, names) or zip(group[::2], group[1::2], strict=True):
             yield DraftMotor("hbridge", {"in1": one, "in2": other}, sure=False)
 
@@ -245,7 +254,7 @@ def _runs(
     for step in (*steps, END):
         if step.call == "digitalWrite":
             # An enable that is switched off digitally, the standby of a TB6612, and lamps are no direction.
-            no_direction = LAMP.search(step.name) or _STANDBY.search(step.name)
+            no_direction = LAMP.search(step.name) or STANDBY.search(step.name)
             is_direction = step.pin not in duties and not no_direction
             if is_direction and all(pin != step.pin for pin, _ in levels):
                 levels.append((step.pin, step.name))

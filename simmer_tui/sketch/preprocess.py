@@ -14,10 +14,12 @@ from simmer_tui.sketch.c_names import C_NAMES
 from simmer_tui.sketch.cpp_text import (
     CPP_TOKEN,
     blank,
+    closing_place,
     closing_places,
     code_text,
     global_text,
     line_at,
+    with_inserted,
     without_comments,
 )
 from simmer_tui.sketch.prototypes import prototypes
@@ -167,13 +169,9 @@ def _without_main(source: str) -> str:
     match = _MAIN.search(plain)
     if match is None:
         return source
-    depth = 0
-    for each in re.finditer(r"[{}]", plain[match.end() - 1 :]):
-        depth += 1 if each[0] == "{" else -1
-        if depth == 0:
-            end = match.end() - 1 + each.start()
-            source = f"{source[:end]} return 0; {source[end:]}"
-            break
+    end = closing_place(plain, match.end() - 1, "{}")
+    if end < len(plain):
+        source = f"{source[:end]} return 0; {source[end:]}"
     name, (begin, end) = match.end("name"), match.span("arguments")
     return f"{source[:name]}{OWN}{source[name:begin]}{blank(source[begin:end])}{source[end:]}"
 
@@ -240,12 +238,7 @@ def _with_one_width(source: str, templates: Templates) -> str:
             is_member = _MEMBER.search(plain, first, last) is not None
             if place in templates[match[1]] and first < last and plain[first] != "{" and not is_member:
                 added += [(first, "board_wide("), (last, ")")]
-    made: list[str] = []
-    done = 0
-    for place, text in sorted(added):
-        made += [source[done:place], text]
-        done = place
-    return "".join((*made, source[done:]))
+    return with_inserted(source, added)
 
 
 def _argument_places(plain: str, begin: int, end: int) -> Iterator[tuple[int, int]]:
@@ -363,13 +356,11 @@ def joined_source(
         whole = f"{whole[:begin]}{blank(whole[begin:end])}{whole[end:]}"
     listed = "\n".join(found.listed)
     added = [*found.early, *((place, listed) for place in found.places if listed)]
-    made = ['#include "Arduino.h"\n']
-    done = 0
-    for place, text in sorted(added):
+    marked = []
+    for place, text in added:
         name, line = line_at(whole, place)
-        made += [whole[done:place], f'\n{text}\n#line {line} "{name}"\n']
-        done = place
-    return "".join((*made, whole[done:]))
+        marked.append((place, f'\n{text}\n#line {line} "{name}"\n'))
+    return '#include "Arduino.h"\n' + with_inserted(whole, marked)
 
 
 def includes(source: str) -> Iterator[tuple[str, int]]:

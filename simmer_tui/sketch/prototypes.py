@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 
 from msgspec import Struct
 
-from simmer_tui.sketch.cpp_text import blank, code_text, global_text
+from simmer_tui.sketch.cpp_text import blank, closing_place, code_text, global_text
 
 _ATTRIBUTE = re.compile(r"__attribute__\s*\(\((?:[^()]|\([^()]*\))*\)\)|\[\[[^\]]*\]\]")
 _TYPE = re.compile(r"[A-Za-z_][\w:<>, *&]*[ *&]")
@@ -144,12 +144,7 @@ def _without_parameters(text: str) -> str:
     match = re.match(r"\s*template\s*(?=<)", text)
     if match is None:
         return text
-    depth = 0
-    for place in range(match.end(), len(text)):
-        depth += (text[place] == "<") - (text[place] == ">")
-        if depth == 0:
-            return text[place + 1 :]
-    return ""
+    return text[closing_place(text, match.end(), "<>") + 1 :]
 
 
 def _prefix(text: str, source: str) -> str:
@@ -217,12 +212,7 @@ def _early(plain: str, flat: str, first: int, made: dict[str, str]) -> Iterator[
 
 def _body_end(text: str, place: int) -> int:
     """The place after the braces that begin at a place."""
-    depth = 0
-    for at in range(place, len(text)):
-        depth += (text[at] == "{") - (text[at] == "}")
-        if depth == 0:
-            return at + 1
-    return len(text)
+    return min(closing_place(text, place, "{}") + 1, len(text))
 
 
 def conditions_of(plain: str) -> list[tuple[int, tuple[str, ...]]]:

@@ -50,7 +50,6 @@ def _attached(sketch: SketchValues) -> Iterator[_Attached]:
     """The channels that ledcAttachPin gives to a pin, in loops over arrays, helpers and methods as well:
     channel, pin, and how the pin is written. Those that are unknown are missing."""
     by_function = sketch.by_function()
-    objects = sketch.constructed()
     left = [MOST_CALLS]
 
     def walk(
@@ -68,8 +67,8 @@ def _attached(sketch: SketchValues) -> Iterator[_Attached]:
                         spelling = _spelling(sketch, call.arguments[0], function, given, names)
                         yield next(iter(channel)), next(iter(pin)), spelling
                 elif called in sketch.functions and depth < DEEPEST:
-                    made = objects.get(call.object)
-                    own = {} if made is None else sketch.bindings(made, None)
+                    made = sketch.objects_of(call.owner, function, given)
+                    own = sketch.own_values(made[0]) if len(made) == 1 else {}
                     passed = {
                         name: _spelling(sketch, argument, function, given, names)
                         for name, argument in zip(sketch.parameters[called], call.arguments, strict=False)

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 from simmer_tui.sketch.motion_check import promises_ahead, servo_signs
 from simmer_tui.sketch.motor_draft import DraftMotor
+from simmer_tui.sketch.side_draft import names_of_pins
 from simmer_tui.sketch.sketch_scan import SketchFacts
 from simmer_tui.sketch.sketch_source import SketchCall
 
@@ -30,9 +31,10 @@ def draft_servo_wheels(facts: SketchFacts) -> list[DraftMotor]:
     drives ahead writes less than the stop."""
     wheels: dict[int, str] = {}
     for call in attached_servos(facts):
-        name, pins = f"{call.object} {facts.spelled(call)}", facts.pins(call) or frozenset()
-        if len(pins) == 1 and _WHEEL.search(name) and not _NO_WHEEL.search(name):
-            wheels.setdefault(next(iter(pins)), call.object)
+        for pin in facts.ordered_pins(call, 0):
+            name = " ".join((call.object, facts.spelled(call), *names_of_pins(facts, {pin})))
+            if _WHEEL.search(name) and not _NO_WHEEL.search(name):
+                wheels.setdefault(pin, call.object)
     if len(wheels) < 2:
         return []
     ahead: dict[str, float] = {}

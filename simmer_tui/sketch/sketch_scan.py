@@ -32,6 +32,8 @@ class SketchInterrupt(Struct, frozen=True):
     function: str
     mode: str
     spot: str
+    reads: Pins
+    """The pins that its function reads with digitalRead."""
 
 
 class SketchFacts(SketchValues):
@@ -68,6 +70,10 @@ class SketchFacts(SketchValues):
     def ordered_pins(self, call: SketchCall, index: int, depth: int = 0) -> list[int]:
         """The pins that an argument of a call can be, each once: elements of an array in their order, and
         those of a parameter in the order of the calls. One that is unknown is missing."""
+        found = self._ordered(call, index, depth)
+        return [*map(self.kind.analog_pin, found)] if call.name == "analogRead" else found
+
+    def _ordered(self, call: SketchCall, index: int, depth: int) -> list[int]:
         if index >= len(call.arguments) or not call.arguments[index] or depth > DEEPEST:
             return []
         argument = call.arguments[index]
@@ -76,7 +82,7 @@ class SketchFacts(SketchValues):
         found: list[int] = []
         if len(argument) == 1 and name in names:
             for caller in self.callers[call.function]:
-                found += self.ordered_pins(caller, names.index(name), depth + 1)
+                found += self._ordered(caller, names.index(name), depth + 1)
         elif (
             len(argument) > 1
             and argument[1].text == "["
@@ -88,6 +94,9 @@ class SketchFacts(SketchValues):
             for each in items:
                 values = self.values(each) or Pins()
                 found += values if len(values) == 1 and values <= meant else ()
+        elif len(argument) == 1 and (made := self.objects_with(name, call.function)):
+            members = (self.member(each, argument[0], depth + 1) or Pins() for each in made)
+            found += (pin for each in members if len(each) == 1 for pin in each)
         else:
             values = self.values(argument, call.function) or Pins()
             found += values if len(values) == 1 else ()
@@ -160,15 +169,37 @@ class SketchFacts(SketchValues):
                 continue
             first = call.arguments[0]
             is_pin = first[0].text == "digitalPinToInterrupt" if first else False
-            values = self.values(first[2:-1] if is_pin else first, call.function)
-            pins, number = values, None
-            if not is_pin and values is not None and len(values) == 1:
-                number = next(iter(values))
-                by_number = {each: pin for pin, each in self.kind.interrupts.items()}
-                pins = Pins({by_number[number]}) if number in by_number else Pins()
             mode = self.spelled(call, len(call.arguments) - 1)
-            found.append(SketchInterrupt(pins, number, self.spelled(call, 1), mode, call.token.spot))
+            for bound in self.rounds(call, {}):
+                values = self.values(first[2:-1] if is_pin else first, call.function, 0, bound)
+                pins, number = values, None
+                if not is_pin and values is not None and len(values) == 1:
+                    number = next(iter(values))
+                    by_number = {each: pin for pin, each in self.kind.interrupts.items()}
+                    pins = Pins({by_number[number]}) if number in by_number else Pins()
+                function = self._function_named(call, 1, bound)
+                reads = self._read_by(call, function)
+                found.append(SketchInterrupt(pins, number, function, mode, call.token.spot, reads))
         return found
+
+    def _read_by(self, attach: SketchCall, function: str) -> Pins:
+        """The pins that the function of an interrupt reads, or a lambda in the call itself."""
+        inside = {id(token) for token in attach.arguments[1]} if function.startswith("[") else set()
+        reads = (
+            each
+            for each in self.named("digitalRead")
+            if each.function == function or id(each.token) in inside
+        )
+        return Pins(pin for each in reads for pin in self.pins(each) or ())
+
+    def _function_named(self, call: SketchCall, index: int, bound: Bindings) -> str:
+        """The function that an argument names, also in an array of them."""
+        argument = call.arguments[index]
+        if len(argument) > 3 and argument[1].text == "[" and argument[-1].text == "]":
+            rows = self.picked(self.arrays.get(argument[0].text, ()), argument[2:-1], "", 0, bound)
+            if len(rows) == 1 and len(rows[0]) == 1:
+                return "".join(token.text for token in rows[0][0]).lstrip("&")
+        return self.spelled(call, index)
 
     def _bauds(self, calls: Sequence[SketchCall]) -> tuple[int, ...]:
         rates: dict[int, None] = {}

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from msgspec import Struct
 
-from simmer_tui.sketch.sketch_source import MOST_CALLS
+from simmer_tui.sketch.sketch_source import MOST_CALLS, SketchCall
 from simmer_tui.sketch.sketch_values import CHANNEL, DEEPEST, MOST_LOOKUPS, Bindings, Pins, SketchValues
 
 WRITES = ("digitalWrite", "analogWrite")
@@ -29,10 +29,12 @@ class SketchStep(Struct, frozen=True):
     """The values that it can write; None if unknown, and for a pulse."""
     root: str
     spot: str
+    block: int = -1
+    """The innermost braces that it is in."""
 
 
 def steps(sketch: SketchValues) -> Iterator[SketchStep | None]:
-    """The writes and pulses of a sketch, of each function in its order, None after each. A call of one of
+    """The writes and pulses of a sketch, of each function in its order, None between them. A call of one of
     its own functions is followed if it passes values; the others are read by themselves."""
     yield from _walked(sketch, deep=False)
 
@@ -44,11 +46,16 @@ def deep_steps(sketch: SketchValues) -> Iterator[SketchStep | None]:
 
 def _walked(sketch: SketchValues, *, deep: bool) -> Iterator[SketchStep | None]:
     by_function = sketch.by_function()
-    objects = sketch.constructed()
     rows = _rows_of_motors(sketch)
     left = [MOST_LOOKUPS]
 
-    def walk(function: str, bound: Bindings | None, depth: int, root: str) -> Iterator[SketchStep]:
+    def followed(call: SketchCall, bound: Bindings, depth: int, root: str) -> Iterator[SketchStep | None]:
+        """The steps of a function that is called: apart from others if it writes levels and duties."""
+        found = [*walk(call.name, bound, depth, root)]
+        is_apart = {step.call for step in found if step is not None} >= {*WRITES}
+        yield from (None, *found, None) if is_apart else found
+
+    def walk(function: str, bound: Bindings | None, depth: int, root: str) -> Iterator[SketchStep | None]:
         for call in by_function.get(function, ()):
             left[0] -= 1
             if left[0] < 0:
@@ -64,20 +71,19 @@ def _walked(sketch: SketchValues, *, deep: bool) -> Iterator[SketchStep | None]:
                 if name.startswith(CHANNEL):
                     written = [each[pin] for each in sketch.channels.values() if pin in each]
                     name = "".join(token.text for token in written[0]) if written else str(pin)
-                yield SketchStep(call.name, pin, name, value, root, call.token.spot)
+                yield SketchStep(call.name, pin, name, value, root, call.token.spot, call.block)
             elif call.name in sketch.functions and not call.type and depth < DEEPEST:
-                # A method has the values of its object.
-                made = objects.get(call.object)
-                own = {} if made is None else sketch.bindings(made, None)
-                if call.arguments or own or deep:
+                for own in _owners(sketch, call, bound):
+                    if not call.arguments and not own and not deep:
+                        continue
                     given = {**own, **sketch.bindings(call, bound)}
                     index, count = rows.get(call.name, ("", 0))
                     # A loop calls it with the number of each row, which has no value of its own.
                     if given.get(index, Pins()) is None and 1 < count <= _MOST_LOOPED:
                         for row in range(count):
-                            yield from walk(call.name, {**given, index: Pins({row})}, depth + 1, root)
+                            yield from followed(call, {**given, index: Pins({row})}, depth + 1, root)
                     else:
-                        yield from walk(call.name, given, depth + 1, root)
+                        yield from followed(call, given, depth + 1, root)
 
     for function in by_function:
         yield from walk(function, None, 0, function)
@@ -91,10 +97,21 @@ def _walked(sketch: SketchValues, *, deep: bool) -> Iterator[SketchStep | None]:
             yield None
 
 
+def _owners(sketch: SketchValues, call: SketchCall, bound: Bindings | None) -> list[Bindings]:
+    """The values that a method has of its object: of each one that it can be, and of its own caller's if it
+    has none."""
+    scope = sketch.scopes.get(call.name, "")
+    if call.object in ("", "this"):
+        return [bound or {}] if scope and scope == sketch.scopes.get(call.function, "") else [{}]
+    found = sketch.objects_of(call.owner, call.function, bound)[:_MOST_LOOPED]
+    # A method of a base class is another class's.
+    own = (each for each in found if each.type == scope or call.name not in sketch.class_methods[each.type])
+    return [sketch.own_values(each) for each in own] or [{}]
+
+
 def pulses(sketch: SketchValues) -> Iterator[tuple[int, int]]:
     """The pins of pulses, each after that of the write before it, in loops over arrays as well."""
     by_function = sketch.by_function()
-    objects = sketch.constructed()
     left = [MOST_CALLS]
     written: list[int] = []
 
@@ -113,10 +130,9 @@ def pulses(sketch: SketchValues) -> Iterator[tuple[int, int]]:
                     elif len(pins) == len(written) == 1 and not pins.issuperset(written):
                         yield written[0], next(iter(pins))
                 elif call.name in sketch.functions and not call.type and depth < DEEPEST:
-                    made = objects.get(call.object)
-                    own = {} if made is None else sketch.bindings(made, None)
                     for each in sketch.rounds(call, given):
-                        yield from walk(call.name, {**own, **sketch.bindings(call, each)}, depth + 1)
+                        for own in _owners(sketch, call, each):
+                            yield from walk(call.name, {**own, **sketch.bindings(call, each)}, depth + 1)
 
     for function in by_function:
         written.clear()

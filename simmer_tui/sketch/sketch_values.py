@@ -7,6 +7,8 @@ import re
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
+from msgspec import Struct
+
 from simmer_tui.sketch.boards import BoardKind
 from simmer_tui.sketch.cpp_arithmetic import combined, last_operator
 from simmer_tui.sketch.cpp_tokens import Token, TokenKind
@@ -17,9 +19,8 @@ from simmer_tui.sketch.sketch_source import (
     SketchCall,
     SketchLoop,
     SketchSource,
-    partners_of,
-    without_casts,
 )
+from simmer_tui.sketch.token_lists import partners_of, split, without_casts
 
 _WHOLE = re.compile(r"(0[xX][0-9a-fA-F]+|0[bB][01]+|[0-9]+)[uUlL]*")
 _ANALOG_PIN = re.compile(r"A([0-9]|1[0-9])")
@@ -49,9 +50,21 @@ CHANNEL = "ledc channel"
 MOST_ROUNDS = 16
 """Rounds of a loop that are followed: the channels of an ESP32's PWM."""
 
+_NAMED_VALUE = 3
+"""Tokens before the value of `.en = 5`."""
+
 Pins = frozenset[int]
-Bindings = Mapping[str, "Pins | str | None"]
+Bindings = Mapping[str, "Pins | str | SketchObject | None"]
 """Values of a function's parameters at one of its calls; of an array, its name."""
+
+
+class SketchObject(Struct, frozen=True):
+    """An object of one of the sketch's classes: the values of its members as its braces have them, or those
+    of the parameters of its constructor."""
+
+    type: str
+    members: Mapping[str, tuple[Token, ...]]
+    bound: Bindings
 
 
 class SketchValues(SketchSource):
@@ -67,6 +80,16 @@ class SketchValues(SketchSource):
         for call in self.calls:
             # The definition of an object calls its class's constructor.
             self.callers[call.type or call.name].append(call)
+        self.bases: dict[str, list[tuple[str, list[tuple[Token, ...]]]]] = {}
+        """The values that a constructor gives to those of its base classes, by class."""
+        for constructor, base, value in self.values_of_members:
+            if base in self.functions:
+                self.bases.setdefault(constructor, []).append((base, split(value)))
+        self._objects: dict[str, list[SketchObject]] = {}
+        """The objects of each class that was asked for."""
+        self._definitions = {
+            call.name: call for call in self.calls if call.type in self.classes or call.type in self.functions
+        }
 
     def named(self, *names: str) -> Iterator[SketchCall]:
         """The calls of these names, in the order of the text."""
@@ -79,17 +102,16 @@ class SketchValues(SketchSource):
             found.setdefault(call.function, []).append(call)
         return found
 
-    def constructed(self) -> dict[str, SketchCall]:
-        """The definitions of objects of its own classes, by their names."""
-        return {call.name: call for call in self.calls if call.type in self.functions}
-
     def pins(self, call: SketchCall, index: int = 0) -> Pins | None:
         """The pins that an argument of a call can be; None if that is unknown."""
         if index >= len(call.arguments):
             return None
-        loops = {loop.name: found for loop in call.loops if (found := self._looped(loop, call.function))}
-        bound = {name: Pins(found) for name, found in loops.items()}
-        return self.values(call.arguments[index], call.function, 0, bound or None)
+        loops = {loop.name: values for loop in call.loops if (values := self._looped(loop, call.function))}
+        bound = {name: Pins(values) for name, values in loops.items()}
+        found = self.values(call.arguments[index], call.function, 0, bound or None)
+        if found is not None and call.name == "analogRead":
+            return Pins(map(self.kind.analog_pin, found))
+        return found
 
     def whole(self, call: SketchCall, index: int) -> int | None:
         """The number of an argument; None if it has several, or is unknown."""
@@ -127,6 +149,10 @@ class SketchValues(SketchSource):
             return self._count_of(marks)
         if "?" in marks and ":" in marks:
             half, end = marks.index("?"), marks.index(":")
+            chosen = self._is_true(tokens[:half], function, depth, bound)
+            if chosen is not None:
+                part = tokens[half + 1 : end] if chosen else tokens[end + 1 :]
+                return self.values(part, function, depth + 1, bound)
             one = self.values(tokens[half + 1 : end], function, depth + 1, bound)
             other = self.values(tokens[end + 1 :], function, depth + 1, bound)
             return None if one is None or other is None else one | other
@@ -135,26 +161,16 @@ class SketchValues(SketchSource):
             one = self.values(tokens[:at], function, depth + 1, bound)
             other = self.values(tokens[at + 1 :], function, depth + 1, bound)
             return None if one is None or other is None else combined(one, marks[at], other)
-        if (
-            first.is_name
-            and len(marks) > 4
-            and marks[1] == "["
-            and marks[-2] == "."
-            and marks[-1] in self.members
-        ):
-            # The member of a struct in an array.
-            end = partners_of(tokens).get(1, 0)
-            if end != len(tokens) - 3:
-                return None
-            place = self.members[marks[-1]]
-            picked_rows = [
-                row
-                for rows in self.arrays_of(first.text, function, bound)
-                for row in self.picked(rows, tokens[2:end], function, depth, bound)
-            ]
-            if not picked_rows or any(place >= len(row) for row in picked_rows):
-                return None
-            return union(self.values(row[place], "", depth + 1) for row in picked_rows)
+        if marks[-2] in (".", "->") and tokens[-1].is_name:
+            if marks[:-2] == ["this"]:
+                return self._value_of(tokens[-1], function, depth, bound)
+            found = self.objects_of(tokens[:-2], function, bound, depth)
+            return union(self.member(each, tokens[-1], depth) for each in found) if found else None
+        if first.text in self.returned and marks[1] == "(" and partners_of(tokens).get(1) == len(tokens) - 1:
+            names, given = self.parameters[first.text], split(tokens[2:-1])
+            passed = self._bound(names, given, function, bound)
+            returned = self.returned[first.text]
+            return union(self.values(each, first.text, depth + 1, passed) for each in returned)
         if first.is_name and marks[1] == "[" and marks[-1] == "]":
             end = partners_of(tokens).get(1, len(tokens) - 1)
             items: list[tuple[Token, ...]] = []
@@ -169,6 +185,125 @@ class SketchValues(SketchSource):
                 items += [item for row in picked for item in row]
             return union(self.values(item, "", depth + 1) for item in items) if items else None
         return None
+
+    def _is_true(
+        self, condition: Sequence[Token], function: str, depth: int, bound: Bindings | None
+    ) -> bool | None:
+        """True or False if both sides of `a == b` or `a != b` are known; None for another condition."""
+        tokens = without_casts(condition)
+        at = next((place for place, each in enumerate(tokens) if each.text in ("==", "!=")), 0)
+        if not at:
+            return None
+        one, other = (
+            self.values(each, function, depth + 1, bound) for each in (tokens[:at], tokens[at + 1 :])
+        )
+        if one is None or other is None or len(one) != 1 or len(other) != 1:
+            return None
+        return (one == other) == (tokens[at].text == "==")
+
+    def objects_of_class(self, kind: str) -> list[SketchObject]:
+        """The objects of one of the sketch's own classes, in the order of the text, or of their array."""
+        if kind in self._objects:
+            return self._objects[kind]
+        found = self._objects[kind] = []
+        for name, own in self.types.items():
+            if own == kind and name in self.arrays:
+                found += self.objects_in(name)
+            elif own == kind and name in self.aggregates:
+                found += self._made(kind, self.aggregates[name], "", None)
+            elif own == kind and name in self._definitions:
+                call = self._definitions[name]
+                found += self._made(kind, call.arguments, call.function, None)
+        return found
+
+    def objects_in(self, array: str) -> list[SketchObject]:
+        """The objects of the sketch's own classes in an array; none of another array."""
+        kind = self.types.get(array, "")
+        return [made for row in self.arrays.get(array, ()) for made in self._of_row(kind, row, 1)]
+
+    def _of_row(self, kind: str, row: Row, depth: int) -> list[SketchObject]:
+        """The object in a row of an array: by its own expression, or by the values in its braces."""
+        own = self.objects_of(row[0], "", None, depth + 1) if len(row) == 1 else []
+        return own or self._made(kind, row, "", None)
+
+    def objects_of(
+        self, expression: Sequence[Token], function: str, bound: Bindings | None, depth: int = 0
+    ) -> list[SketchObject]:
+        """The objects of the sketch's own classes that an expression can mean; none if that is unknown."""
+        self.looked_up += 1
+        if self.looked_up > MOST_LOOKUPS:
+            return []
+        tokens = without_casts(expression)
+        if tokens and tokens[0].text in ("&", "*"):
+            tokens = without_casts(tokens[1:])
+        if not tokens or not tokens[0].is_name or depth > DEEPEST:
+            return []
+        name, kind = tokens[0].text, self.types.get(tokens[0].text, "")
+        if len(tokens) > 1:
+            if tokens[1].text in ("(", "{") and name in self.classes:
+                return self._made(name, split(tokens[2:-1]), function, bound)
+            if tokens[1].text != "[" or tokens[-1].text != "]":
+                return []
+            rows = [
+                row
+                for each in self.arrays_of(name, function, bound)
+                for row in self.picked(each, tokens[2:-1], function, depth, bound)
+            ]
+            return [made for row in rows for made in self._of_row(kind, row, depth)]
+        given = bound.get(name) if bound is not None else None
+        if isinstance(given, SketchObject):
+            return [given]
+        names = self.parameters.get(function, ())
+        if name in names:
+            at = names.index(name)
+            passed = [call for call in self.callers[function] if at < len(call.arguments)]
+            return [
+                made
+                for call in passed
+                for made in self.objects_of(call.arguments[at], call.function, None, depth + 1)
+            ]
+        if name in self.aggregates:
+            return self._made(kind, self.aggregates[name], "", None)
+        if name in self._definitions:
+            call = self._definitions[name]
+            return self._made(call.type, call.arguments, call.function, None)
+        return [
+            made
+            for value, inside in self.expressions.get(name, ())
+            for made in self.objects_of(value, inside, None, depth + 1)
+        ]
+
+    def _made(
+        self, kind: str, given: Sequence[tuple[Token, ...]], function: str, bound: Bindings | None
+    ) -> list[SketchObject]:
+        """The object of a class with these values; none of another class."""
+        if kind in self.parameters:
+            own = self._bound(self.parameters[kind], given, function, bound)
+            for base, values in self.bases.get(kind, ()):
+                own |= self._bound(self.parameters.get(base, ()), values, kind, own)
+            return [SketchObject(kind, {}, own)]
+        if kind not in self.classes:
+            return []
+        members = dict(zip(self.classes[kind].members, given, strict=False))
+        if given and given[0] and given[0][0].text == ".":
+            members = {each[1].text: each[3:] for each in given if len(each) > _NAMED_VALUE}
+        return [SketchObject(kind, members, {})]
+
+    def member(self, made: SketchObject, name: Token, depth: int) -> Pins | None:
+        """The value of an object's member."""
+        if name.text in made.members:
+            return self.values(made.members[name.text], "", depth + 1)
+        return self._value_of(name, made.type, depth, made.bound)
+
+    def objects_with(self, name: str, function: str) -> list[SketchObject]:
+        """The objects that a method may have, if a name in it is a member; none of another name."""
+        kind = self.scopes.get(function, "")
+        is_member = kind in self.classes and name in self.classes[kind].members
+        return self.objects_of_class(kind) if is_member else []
+
+    def own_values(self, made: SketchObject) -> Bindings:
+        """The values of names in the methods of an object: its members, or its constructor's parameters."""
+        return {**made.bound, **{name: self.values(value) for name, value in made.members.items()}}
 
     def arrays_of(self, name: str, function: str, bound: Bindings | None) -> list[tuple[Row, ...]]:
         """The rows of an array, by the name of a parameter those of all that it can be; none if unknown."""
@@ -206,6 +341,11 @@ class SketchValues(SketchSource):
         """The values at each round of the loops around a call, or of a loop whose number picks the elements
         of an array that are passed."""
         for loop in call.loops:
+            made = self.objects_in(loop.array) if loop.name not in bound else []
+            if made:
+                for each in made[:MOST_ROUNDS]:
+                    yield from self.rounds(call, {**bound, loop.name: each})
+                return
             found = self._looped(loop, call.function, bound)
             if 1 < len(found) <= MOST_ROUNDS and loop.name not in bound:
                 for value in found:
@@ -249,16 +389,30 @@ class SketchValues(SketchSource):
         return union(self.pins(call) for call in self.named("ledcAttachPin"))
 
     def items(self, name: str) -> list[Pins | None]:
-        """The values of each element of an array, in order; none if there is no such array."""
-        return [self.values(item) for row in self.arrays.get(name, ()) for item in row]
+        """The values of each element of an array, or of an object in braces, in order; none without such."""
+        rows = self.arrays.get(name) or (self.aggregates.get(name, ()),)
+        return [self.values(item) for row in rows for item in row]
 
-    def bindings(self, call: SketchCall, bound: Bindings | None) -> dict[str, Pins | str | None]:
+    def bindings(
+        self, call: SketchCall, bound: Bindings | None
+    ) -> dict[str, Pins | str | SketchObject | None]:
         """The values of the parameters of its own function, or of a class's constructor, at a call."""
         names = self.parameters.get(call.type or call.name, ())
-        made: dict[str, Pins | str | None] = {}
-        for name, argument in zip(names, call.arguments, strict=False):
+        return self._bound(names, call.arguments, call.function, bound)
+
+    def _bound(
+        self,
+        names: Sequence[str],
+        given: Sequence[tuple[Token, ...]],
+        function: str,
+        bound: Bindings | None,
+    ) -> dict[str, Pins | str | SketchObject | None]:
+        made: dict[str, Pins | str | SketchObject | None] = {}
+        for name, argument in zip(names, given, strict=False):
             is_array = len(argument) == 1 and argument[0].text in self.arrays
-            made[name] = argument[0].text if is_array else self.values(argument, call.function, 1, bound)
+            found = [] if is_array else self.objects_of(argument, function, bound)
+            value = argument[0].text if is_array else self.values(argument, function, 1, bound)
+            made[name] = found[0] if len(found) == 1 else value
         return made
 
     def _value_of(self, token: Token, function: str, depth: int, bound: Bindings | None) -> Pins | None:
@@ -270,7 +424,7 @@ class SketchValues(SketchSource):
         name = token.text
         if bound is not None and name in bound:
             given = bound[name]
-            return None if isinstance(given, str) else given
+            return given if isinstance(given, frozenset) else None
         if name in self.parameters.get(function, ()):
             index = self.parameters[function].index(name)
             calls = self.callers[function]
@@ -284,10 +438,15 @@ class SketchValues(SketchSource):
             return None
         if name in self.expressions:
             found = self.expressions[name]
+            if scope := self.scopes.get(function, ""):
+                # A member that another class has too.
+                found = [each for each in found if self.scopes.get(each[1], "") == scope] or found
             return union(self.values(each, inside, depth + 1, bound) for each, inside in found)
         if name in self.arrays:
             items = (item for row in self.arrays[name] for item in row)
             return union(self.values(item, "", depth + 1) for item in items)
+        if made := [each for each in self.objects_with(name, function) if name in each.members]:
+            return union(self.member(each, token, depth) for each in made)
         if name in _NAMED:
             return Pins({self.kind.led if name == "LED_BUILTIN" else _NAMED[name]})
         analog = _ANALOG_PIN.fullmatch(name)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection
 
-from simmer_tui.sketch.cpp_text import code_text, line_at, without_comments
+from simmer_tui.sketch.cpp_text import code_text, line_at, with_inserted, without_comments
 
 PACKING = "Packing.h"
 """The header of the core from which on structs are packed."""
@@ -36,12 +36,7 @@ def with_board_layout(source: str, own: Collection[str]) -> str:
         mark = f'#line {line} "{file}"'
         added.append((begin, f"#pragma pack(push, {_WIDEST})\n{mark}\n"))
         added.append((end, f"\n#pragma pack(pop)\n{mark}\n"))
-    made: list[str] = []
-    done = 0
-    for place, text in sorted(added):
-        made += [source[done:place], text]
-        done = place
-    return "".join((*made, source[done:]))
+    return with_inserted(source, added)
 
 
 def _is_short(plain: str, match: re.Match[str]) -> bool:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
-from simmer_tui.sketch.cpp_text import code_text
+from simmer_tui.sketch.cpp_text import closing_place, code_text, with_inserted
 
 _SWITCH = re.compile(r"\bswitch\b\s*\(")
 _LABEL = re.compile(r"\b(?:case\b|default\s*(?=:))")
@@ -31,27 +31,12 @@ def with_case_scopes(source: str) -> str:
     plain = code_text(source)
     added: list[tuple[int, str]] = []
     for match in _SWITCH.finditer(plain):
-        opened = plain.find("{", _closing(plain, match.end() - 1, "()"))
+        opened = plain.find("{", closing_place(plain, match.end() - 1, "()"))
         if opened < 0:
             continue
-        for begin, end in _scopes(plain, opened + 1, _closing(plain, opened, "{}")):
+        for begin, end in _scopes(plain, opened + 1, closing_place(plain, opened, "{}")):
             added += [(begin, " {"), (end, "} ")]
-    made: list[str] = []
-    done = 0
-    for place, text in sorted(added):
-        made += [source[done:place], text]
-        done = place
-    return "".join((*made, source[done:]))
-
-
-def _closing(plain: str, place: int, pair: str) -> int:
-    """The place of the sign that closes the one at a place; the end if none does."""
-    depth = 0
-    for at in range(place, len(plain)):
-        depth += (plain[at] == pair[0]) - (plain[at] == pair[1])
-        if depth == 0:
-            return at
-    return len(plain)
+    return with_inserted(source, added)
 
 
 def _scopes(plain: str, begin: int, end: int) -> Iterator[tuple[int, int]]:

@@ -758,13 +758,18 @@ class _WiringReader:
 
     def _wheel_index(self, name: str, place: str) -> int | None:
         """The index of a wheel by name; None, and a problem, if the set has none such."""
+        word = name.strip().lower()
+        layouts = [layout for layout, names in WHEEL_NAMES.items() if word in names]
         if not self._wheels:
-            what = "the set has no wheels; set [wheels] layout in settings.toml, such as diff"
+            usual = next(iter(layouts), WheelLayout.DIFF)
+            what = f"the set has no wheels; set [wheels] layout in settings.toml, such as {usual}"
             self._file.add_problem(place, what)
             return None
-        word = name.strip().lower()
         if word not in self._wheels:
             hint = did_you_mean(name, self._wheels) or f"; there are {', '.join(self._wheels)}"
+            if layouts:
+                there = ", ".join(self._wheels)
+                hint = f"; [wheels] layout in settings.toml has {there}, and {layouts[0]} has it"
             self._file.add_problem(place, f'there is no wheel "{cut(name)}"{hint}')
             return None
         return self._wheels.index(word)

@@ -12,7 +12,7 @@ from typing import Any
 from simmer_tui.config import drive_csv, maze_csv, mission_toml, robot_csv, sensors_csv
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.set_sketches import WIRING_FILE
-from simmer_tui.config.settings import all_settings, value_of
+from simmer_tui.config.settings import SettingsTable, all_settings, tables, value_of
 from simmer_tui.document.formats import COUNT, ESTIMATE, TYPED, Format, estimate, number, numbers
 from simmer_tui.document.model import DataColumn, DataTable, Document, Paragraph, data_table
 from simmer_tui.errors import TrialsError
@@ -195,8 +195,6 @@ def _means(pairs: list[RunPair]) -> DataTable:
 _OF_THE_TASK = (*mission_toml.OVERRIDDEN, "blocksize", "motion.block_solid")
 _NOT_OF_A_RUN = ("seed", "randerror", "sim", "plot_robot", "plot_sense")
 """Settings that trials do not use, or set themselves."""
-_TABLES_NOT_OF_A_RUN = ("server", "serial", "screen", "keys", "web")
-"""Tables of settings that change neither task nor robot: links to the program, the screen and the page."""
 
 _ROBOT_FILES: dict[str, Callable[[SimulationSpec], object]] = {
     robot_csv.FILE: attrgetter("robot"),
@@ -254,7 +252,7 @@ def _wiring(configuration: Configuration) -> dict[str, Any]:
 
 def _is_of_the_robot(name: str) -> bool:
     table = name.partition(".")[0]
-    return name not in (*_OF_THE_TASK, *_NOT_OF_A_RUN) and table not in _TABLES_NOT_OF_A_RUN
+    return name not in (*_OF_THE_TASK, *_NOT_OF_A_RUN) and tables().get(table, SettingsTable).is_of_robot
 
 
 def _settings(one: Configuration, other: Configuration, matters: Callable[[str], bool]) -> list[str]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import statistics
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from itertools import zip_longest
 from typing import Any, TypeVar
 
@@ -22,25 +22,6 @@ from simmer_tui.trials.trial import Ending, TrialResult
 UNKNOWN = "not known"
 _Item = TypeVar("_Item")
 _Key = TypeVar("_Key")
-COLORS: Mapping[str, str] = {
-    Kind.WIRE: "#ffffff",
-    Kind.REFUSED: "#12507f",
-    Kind.CRASHED: "#17becf",
-    Kind.MOVED: "#5a3e1b",
-    Kind.SILENCE: "#e377c2",
-    Kind.UNREAD: "#ff6f61",
-    Kind.KNOWN_WALL: "#8b4513",
-    Kind.SENSOR_WRONG: "#c2187a",
-    Kind.DRIVE_WRONG: "#b36b00",
-    Kind.MISSED_GRIP: "#1f69c8",
-    Kind.DROPPED_OUTSIDE: "#0a968c",
-    Kind.LOST: "#8a2be2",
-    Kind.TOO_CLOSE: "#d00000",
-    Kind.GOT_NOWHERE: "#a8a800",
-    Kind.TOO_SLOW: "#2f4f4f",
-    Kind.ENDED: "#aec7e8",
-    Kind.UNKNOWN: "#7f7f7f",
-}
 _OTHER = "#999999"
 _CHANGED = Format(lambda runs: f"{len(runs)}: {NUMBERS.text(runs)}" if runs else "")
 
@@ -106,7 +87,8 @@ def cause_name(result: TrialResult) -> str:
 
 def color_of(name: str) -> str:
     """The colour of a cause on the map."""
-    return COLORS.get(name, _OTHER)
+    kind = cause_kind(name)
+    return _OTHER if kind is None else kind.color
 
 
 def cause_kind(name: str) -> Kind | None:

@@ -374,7 +374,7 @@ def _judged_figures(state: MissionState) -> dict[str, Any]:
     """The figures of a mission as its referee counts them, by the fields of the run's result."""
     same = ("reason", "time", "distance", "commands", "contacts", "contact_points")
     figures = {name: getattr(state, name) for name in same}
-    goals = {goal.name.lower(): time for goal, time in state.goals.items()}
+    goals = {goal.key: time for goal, time in state.goals.items()}
     return figures | goals | {"end": structs.astuple(state.pose)}
 
 

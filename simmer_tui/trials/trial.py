@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Self
 
 import numpy as np
 from msgspec import Meta, Struct
@@ -17,6 +17,7 @@ from simmer_tui.config.dialects import TEAM
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.mission_plan import MissionPlan, mission_problems
 from simmer_tui.config.settings import AUTO_CLOCK, ELSE_REAL, with_any_ports
+from simmer_tui.document.model import Tone
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.run.mission import plan_run, planned
 from simmer_tui.run.phrases import NOTHING_SENT, computing_text
@@ -177,16 +178,26 @@ def timed_seconds(configuration: Configuration) -> float:
 class Ending(StrEnum):
     """Ending of a run."""
 
-    SUCCESS = "success"
-    CONTACTS = "contacts"
-    TIME_LIMIT = "time limit"
-    EXIT = "program ended"
-    BOARDS = "board ended"
+    words: str
+    """Words for it after the number of runs."""
+    tone: Tone
+
+    def __new__(cls, value: str, words: str = "", tone: Tone = Tone.PLAIN) -> Self:
+        """A member with its row of the table below."""
+        ending = str.__new__(cls, value)
+        ending._value_, ending.words, ending.tone = value, words, tone
+        return ending
+
+    SUCCESS = "success", "succeeded", Tone.GOOD
+    CONTACTS = "contacts", "touched a wall", Tone.BAD
+    TIME_LIMIT = "time limit", "ran out of time", Tone.MIXED
+    EXIT = "program ended", "ended before the goal"
+    BOARDS = "board ended", "lost a board"
     """A board died or hung."""
-    SILENCE = NOTHING_SENT
+    SILENCE = NOTHING_SENT, "sent no command"
     """The program ended with exit code 0 without sending a command."""
-    REAL_TIME_LIMIT = "real time limit"
-    FAULT = "fault"
+    REAL_TIME_LIMIT = "real time limit", "ran out of real time", Tone.MIXED
+    FAULT = "fault", "had a fault of the simulator"
     """The simulator itself, or its process, failed."""
 
 

@@ -34,17 +34,8 @@ from simmer_tui.trials.trials_summary import ports_advice, success_texts, trials
 _MAPS = 12
 """Most mazes drawn: the page stays one that can be scrolled through."""
 _PER_RUN = number(".2g")
-_ENDINGS = {
-    Ending.SUCCESS: ("succeeded", Tone.GOOD),
-    Ending.CONTACTS: ("touched a wall", Tone.BAD),
-    Ending.TIME_LIMIT: ("ran out of time", Tone.MIXED),
-    Ending.REAL_TIME_LIMIT: ("ran out of real time", Tone.MIXED),
-    Ending.EXIT: ("ended before the goal", Tone.PLAIN),
-    Ending.BOARDS: ("lost a board", Tone.PLAIN),
-    Ending.SILENCE: ("sent no command", Tone.PLAIN),
-    Ending.FAULT: ("had a fault of the simulator", Tone.PLAIN),
-}
-"""Endings as the bar of outcomes words them, after a number."""
+_ENDINGS = sorted(Ending, key=lambda ending: (Tone.GOOD, Tone.BAD, Tone.MIXED, Tone.PLAIN).index(ending.tone))
+"""Endings in the order of the bar of outcomes."""
 # In the order in which a reader looks for them.
 _SHOWN = (CAUSES.key, DEVICES.key, WHY_FAILED.key)
 
@@ -68,7 +59,7 @@ def trials_page(folder: TrialFolder, run_pages: Mapping[int, str], required: flo
     parts: list[DocumentPart] = [
         run_line(folder),
         _verdict(results, required),
-        ShareBar([(endings[ending], *words) for ending, words in _ENDINGS.items()]),
+        ShareBar([(endings[each], each.words, each.tone) for each in _ENDINGS]),
         key_figures(SHARE.text(success_rate(results).value), f"succeeded{asked}", results),
         Paragraph("" if folder.plan.sketches else ports_advice(results), kind="warning"),
         *beside(failures, first_map),

@@ -104,7 +104,8 @@ RUNS_TABLE = data_table(
     *map(DataColumn, ("exit_code", "time_s", "distance_in", "commands", "contacts")),
     *(DataColumn(key, Format(str, POSE.suffixes, tuple)) for key in ("start", "end")),
     *(DataColumn(key, Format(str, ("_x_in", "_y_in"), tuple)) for key in ("block", "drop_zone")),
-    *map(DataColumn, ("reached_s", "taken_s", "delivered_s", "output", "clock", "log")),
+    *(DataColumn(f"{goal.key}_s") for goal in Goal),
+    *map(DataColumn, ("output", "clock", "log")),
     hidden=True,
 )
 _RUN = (DataColumn("run", COUNT), DataColumn("time_s", LENGTH))
@@ -202,7 +203,8 @@ def runs_table(folder: TrialFolder) -> DataTable:
                 *(each.number, each.seed, each.maze, each.success, each.ending.value, each.reason),
                 *(each.cause, each.why, each.exit_code, each.time, each.distance, each.commands),
                 *(each.contacts, each.start, each.end, each.block, each.drop_zone),
-                *(each.reached, each.taken, each.delivered, each.last_output, each.clock),
+                *(getattr(each, goal.key) for goal in Goal),
+                *(each.last_output, each.clock),
                 f"{RUNS}/{folder.log(each.number).name}",
                 *(point.get(name) for name in varied),
             )
@@ -258,9 +260,9 @@ def _goals(results: list[TrialResult]) -> DataTable:
     """Goals of the mission; no rows without one."""
     if all(result.drop_zone is None for result in results):
         return GOALS
-    met = zip(*((result.reached, result.taken, result.delivered) for result in results), strict=True)
     rows = []
-    for goal, moments in zip(Goal, met, strict=True):
+    for goal in Goal:
+        moments = (getattr(result, goal.key) for result in results)
         times = [time for time in moments if time is not None]
         rows.append((goal.value, len(times), len(times) / len(results), median(times)))
     return GOALS.filled(rows)

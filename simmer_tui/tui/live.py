@@ -44,7 +44,7 @@ class LiveSource:
         server = self._server
         if server.engine.timed and time.monotonic() - self._asked >= _CLOCK_TICK:
             return True  # simulated time continues
-        return server.recorder.number != known or server.moving
+        return server.newest != known or server.moving
 
     async def snapshot(self, since: int, true_values: bool) -> Snapshot:
         self._asked = time.monotonic()
@@ -68,7 +68,6 @@ async def why_text(saved: SavedRun, width: int, plain: bool, show: Callable[[str
     Raises:
         OSError: if no process can be started.
     """
-    await asyncio.to_thread(saved.flush)
     jobs = max((os.cpu_count() or 1) - 1, 1)
     words = ("why", str(saved.path), "--yes", "--jobs", str(jobs))
     process = await _started(words, width, plain)
@@ -115,7 +114,6 @@ async def report_text(saved: SavedRun, width: int, plain: bool) -> str:
     Raises:
         OSError: if no process can be started.
     """
-    await asyncio.to_thread(saved.flush)
     process = await _started(("report", str(saved.path)), width, plain)
     try:
         out, err = await process.communicate()

@@ -14,7 +14,7 @@ from textual.widget import Widget
 from simmer_tui.config.loader import Configuration
 from simmer_tui.live.operating.switches import SWITCHES
 from simmer_tui.live.snapshot import LogEntry, Snapshot
-from simmer_tui.run.events import ActionDone, Event
+from simmer_tui.run.events import ActionDone, Event, Goal
 from simmer_tui.sim.command import PEOPLE, counted
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.wheels import WheelKinematics
@@ -78,8 +78,8 @@ PANELS = (
     PanelKind("boards", 0, board_lines),
 )
 """Panels beside the maze, in the order in which they get room."""
-# A heading, three goals, the time, and the time spent in two lines.
-_MISSION_ROWS = 7
+# A heading, the goals, the time, and the time spent in two lines.
+_MISSION_ROWS = 4 + len(Goal)
 # Heading, pose and state; beside a radar there is room for the belief as well.
 _BRIEF_ROBOT, _TALL_ROBOT, _TALL = 3, 4, 45
 """Rows of the robot's panel beside that of a mission: usually, and on a screen of at least so many rows."""

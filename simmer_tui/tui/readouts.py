@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from msgspec import Struct, field
 
 from simmer_tui.live.snapshot import LogEntry, Snapshot
-from simmer_tui.run.events import EventHandler, Goal, Notice, NoticeKind, Result
+from simmer_tui.run.events import EventHandler, Notice, NoticeKind, Result
 from simmer_tui.run.mission import MissionState
 from simmer_tui.run.phrases import obstacles_text, progress_text, side_text, velocity_text
 from simmer_tui.run.state import State, TimeSpent
@@ -212,12 +212,6 @@ def _shares(spent: TimeSpent) -> Sequence[tuple[float, str, str]]:
     return driving, sensing, (spent.link, "link", "link")
 
 
-_GOALS = {
-    Goal.REACHED: ("reach the loading zone", "reached the loading zone"),
-    Goal.TAKEN: ("pick the block up", "picked the block up"),
-    Goal.DELIVERED: ("set it down at {x:g}, {y:g}", "set it down at {x:g}, {y:g}"),
-}
-"""Words for a goal before and after it is met."""
 # Judged: a last tenth of the time is enough to stop, and too little for a detour.
 _HURRY = 0.9
 """Share of the time limit from which the time stands out."""
@@ -229,7 +223,7 @@ def mission_lines(mission: MissionState, room: Room) -> list[StyledLine]:
     drop, limit = mission.plan.drop_zone, mission.plan.time_limit
     missed = mission.result is Result.FAILED
     for goal, when in mission.goals.items():
-        text = _GOALS[goal][when is not None].format(x=drop.x, y=drop.y)
+        text = (goal.aim if when is None else goal.done).format(x=drop.x, y=drop.y)
         if when is not None:
             sign: StyledLine = (("+ " if room.plain else "✓ ", "good"), (text, "value"))
             lines.append(between(sign, ((clock_text(when), "label"),), room.width))
@@ -242,16 +236,13 @@ def mission_lines(mission: MissionState, room: Room) -> list[StyledLine]:
     return [*lines, (("time".ljust(LABEL), "label"), *track, (said, number))]
 
 
-_GOAL_WORDS = {Goal.REACHED: "loading zone", Goal.TAKEN: "picked up", Goal.DELIVERED: "delivered"}
-
-
 def goals_line(mission: MissionState) -> StyledLine:
     """The goals met so far in one line: `✓ loading zone 00:19 ✓ picked up 00:33`."""
     pieces: list[tuple[str, str]] = []
     for goal, when in mission.goals.items():
         if when is not None:
             time = clock_text(when).partition(".")[0]
-            pieces += [("✓ ", "good"), (f"{_GOAL_WORDS[goal]} ", "value"), (f"{time}   ", "label")]
+            pieces += [("✓ ", "good"), (f"{goal.short} ", "value"), (f"{time}   ", "label")]
     return tuple(pieces)
 
 

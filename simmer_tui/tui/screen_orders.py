@@ -110,6 +110,7 @@ class OrderingShell(Shell):
         # Shown before the machine is busy with making it.
         await self.push_screen(screen)
         try:
+            await self.server.flush_saved_run()
             text = await report_text(saved, self.size.width - PAGE_FRAME, self._plain)
         except OSError as error:
             text = f"The report cannot be made: {reason_of(error)}"
@@ -139,6 +140,7 @@ class OrderingShell(Shell):
         screen = ReportScreen("Starting ...", title, "Esc closes, and ends the runs")
         await self.push_screen(screen, lambda _: worker.cancel())
         try:
+            await self.server.flush_saved_run()
             text = await why_text(saved, room, self._plain, screen.replace)
         except OSError as error:
             text = f"The runs cannot be started: {reason_of(error)}"

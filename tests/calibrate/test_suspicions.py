@@ -13,7 +13,7 @@ from benchmarks.emulated_robots import draw_robot, placed, record, set_with, wan
 from simmer_tui.calibrate.fit import Fit, fit
 from simmer_tui.calibrate.measured_run import read_runs
 from simmer_tui.calibrate.suspicions import suspicions, suspicions_without_path
-from simmer_tui.cli.log_commands import build_report
+from simmer_tui.cli.log_reports import build_report
 from simmer_tui.cli.main import main
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_folder

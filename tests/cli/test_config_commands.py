@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from simmer_tui.cli.config_commands import run_check, run_init
+from simmer_tui.cli.check_command import run_check
+from simmer_tui.cli.init_command import run_init
 from simmer_tui.cli.main import main
 from simmer_tui.config.loader import load
 from simmer_tui.config.set_summary import summarize

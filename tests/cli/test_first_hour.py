@@ -18,11 +18,13 @@ import shtab
 from msgspec.structs import replace
 
 from simmer_tui import platform_has
-from simmer_tui.cli.config_commands import run_check, run_init
-from simmer_tui.cli.help_command import SHELLS, run_completion, whole_parser
-from simmer_tui.cli.log_commands import run_report
-from simmer_tui.cli.machine_commands import run_doctor, run_ports
+from simmer_tui.cli.check_command import run_check
+from simmer_tui.cli.completion_command import SHELLS, run_completion, whole_parser
+from simmer_tui.cli.doctor_command import run_doctor
+from simmer_tui.cli.init_command import run_init
 from simmer_tui.cli.main import SUBCOMMANDS, main
+from simmer_tui.cli.ports_command import run_ports
+from simmer_tui.cli.report_command import run_report
 from simmer_tui.config import drive_csv, maze_csv, mission_toml, sensors_csv, settings_file
 from simmer_tui.config.loader import load
 from simmer_tui.config.new_set import mission_schema, schemas, settings_schema
@@ -317,7 +319,7 @@ def test_doctor_says_that_the_size_in_the_environment_is_wrong(
 ) -> None:
     for stream in ("stdin", "stdout", "stderr"):
         monkeypatch.setattr(f"sys.{stream}.isatty", lambda: True)
-    monkeypatch.setattr("simmer_tui.cli.machine_commands.window_of", lambda _: (90, 30))
+    monkeypatch.setattr("simmer_tui.cli.doctor_command.window_of", lambda _: (90, 30))
     monkeypatch.setenv("COLUMNS", columns)
     monkeypatch.delenv("LINES", raising=False)
     run_doctor([])
@@ -362,7 +364,7 @@ def test_doctor_says_which_extras_of_the_package_are_missing(
     extras -= {"sketch"}  # a compiler of the system does as well: the line before says which
     for there in (True, False):
         monkeypatch.setattr(
-            "simmer_tui.cli.machine_commands.find_spec", lambda name, there=there: there or None
+            "simmer_tui.cli.doctor_command.find_spec", lambda name, there=there: there or None
         )
         run_doctor([])
         (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("ok  extras")]

@@ -19,7 +19,7 @@ from pathlib import Path
 import pytest
 
 from simmer_tui.cli.headless import READY, EventLines, LinePrinter
-from simmer_tui.cli.log_commands import build_report
+from simmer_tui.cli.log_reports import build_report
 from simmer_tui.cli.main import main
 from simmer_tui.config.sets import bundled_sets, init_set
 from simmer_tui.report.verdict import Outcome

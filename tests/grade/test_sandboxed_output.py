@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from simmer_tui.cli.log_commands import build_report
+from simmer_tui.cli.log_reports import build_report
 from simmer_tui.grade.course import read_course
 from simmer_tui.grade.grade_folder import GradeFolder
 from simmer_tui.grade.grade_run import GradeRun

@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from simmer_tui.cli.machine_commands import run_ports
+from simmer_tui.cli.ports_command import run_ports
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.config.settings_file import Override

@@ -28,8 +28,7 @@ class Run:
         self.engine = Engine(Simulator(spec, 5), **options)  # type: ignore[arg-type]
         self.reducer = Reducer(checkpoint_of(self.engine.simulator))
         self.recorder = Recorder(self.engine, self.reducer)
-        self.engine.watch(self.reducer.apply)
-        self.engine.watch(self.recorder.watch)
+        self.engine.watch(self.recorder.apply)
         self._session = self.engine.session(answer_at_end=False)
 
     def give(self, *commands: str) -> Snapshot:
@@ -217,15 +216,14 @@ def test_a_new_verdict_waits_for_its_line_on_a_slow_screen(course_spec: Simulati
 
     def run() -> Notice:
         for kind in (NoticeKind.CONNECTED, NoticeKind.LEFT):
-            live.watch(Notice(kind, "robot.py"))
+            live.apply(Notice(kind, "robot.py"))
         done, found = calls.get(timeout=120)
         done(*found)
         assert isinstance(told[-1], Notice)
         return told[-1]
 
     def show(event: Event) -> Snapshot:
-        reducer.apply(event)
-        recorder.watch(event)
+        recorder.apply(event)
         return recorder.snapshot()
 
     assert show(run()).verdict is live.verdict is not None

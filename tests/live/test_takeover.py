@@ -12,8 +12,9 @@ from typing import Any, cast
 import pytest
 from msgspec.structs import replace
 
-from simmer_tui.cli.log_commands import build_report, run_rerun
+from simmer_tui.cli.log_reports import build_report
 from simmer_tui.cli.replay_command import run_replay
+from simmer_tui.cli.rerun_command import run_rerun
 from simmer_tui.config import load_default
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.sets import bundled_sets
@@ -99,6 +100,27 @@ def answered(index: RunLogIndex) -> list[int]:
         if not is_open:
             found.append(entry)
     return found
+
+
+def test_a_saved_run_has_the_real_times_of_the_part_that_was_replayed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("platformdirs.user_data_path", lambda *_, **__: tmp_path)
+    mission_log(tmp_path / "run.jsonl")
+    with RunLogIndex(tmp_path / "run.jsonl") as index:
+        chosen = TakeOver(tmp_path / "run.jsonl", after(index, index.count - 1))
+    server, rerun = chosen.serve()
+    server.save_run()
+    server.start_log(str(tmp_path / "log.jsonl"))
+    chosen.advance(server, rerun)
+    server.stop()
+    assert server.saved_run is not None
+    times = []
+    for path in (tmp_path / "log.jsonl", server.saved_run.path):
+        with RunLogIndex(path) as found:
+            times.append([found.record(entry).real_time for entry in range(found.count)])
+    assert len(set(times[0])) > 3
+    assert times[0] == times[1]
 
 
 @pytest.mark.slow

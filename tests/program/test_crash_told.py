@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from simmer_tui.cli.log_commands import run_report
+from simmer_tui.cli.report_command import run_report
 from simmer_tui.cli.trials_command import run_trials
 from tests.in_process import simmer
 from tests.program.crash_kinds import KINDS, QUICK, CrashKind

@@ -73,6 +73,41 @@ def measured(page: Path, size: str) -> dict[str, Any]:
     return made
 
 
+_SLIDE = """<script>
+  const slider = document.querySelector(".timeline input"), seen = [];
+  for (const t of TIMES) {
+    slider.value = t;
+    slider.dispatchEvent(new Event("input"));
+    seen.push(EACH);
+  }
+  const made = document.createElement("pre");
+  made.id = "seen";
+  made.textContent = JSON.stringify([seen, LAST]);
+  document.body.append(made);
+</script></body>"""
+
+
+def slid(text: str, folder: Path, times: list[float], each: str, last: str = "null") -> tuple[list[Any], Any]:
+    """The values of an expression of JavaScript while a player's slider stands at each of these times, as a
+    person would move it, and that of a last one.
+
+    Args:
+        text: The page.
+        folder: The folder for its file.
+        times: Seconds.
+        each: The expression at each time.
+        last: The one after them.
+    """
+    script = _SLIDE.replace("TIMES", str(times)).replace("EACH", each).replace("LAST", last)
+    page = folder / "run.html"
+    page.write_text(text.replace("</body>", script), "utf-8")
+    document = opened(page)
+    found = re.search(r'<pre id="seen">(.*?)</pre>', document, re.DOTALL)
+    assert found is not None, document[-2000:]
+    seen, final = json.loads(html.unescape(found[1]))
+    return seen, final
+
+
 def opened(page: Path) -> str:
     """The document as it stands after its scripts have run."""
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:

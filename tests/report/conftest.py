@@ -14,7 +14,7 @@ from msgspec.structs import replace
 from simmer_tui.config import load_default
 from simmer_tui.config.loader import Configuration
 from simmer_tui.robot.engine import Engine
-from simmer_tui.robot.sessions import LinkDelay
+from simmer_tui.robot.link_delay import LinkDelay
 from simmer_tui.run.events import Action, ActionName, Belief, Notice, NoticeKind
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.sim import CommandResult, Pose, Simulator, parse_command

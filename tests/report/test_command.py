@@ -16,12 +16,13 @@ import pytest
 from msgspec import structs
 from rich.console import Console
 
-from simmer_tui.cli.log_commands import build_report, run_report
+from simmer_tui.cli.log_reports import build_report
+from simmer_tui.cli.report_command import run_report
 from simmer_tui.document.as_terminal import print_document
 from simmer_tui.document.svg import PICTURE_WIDTH, shade
 from simmer_tui.report.content import report_document, report_tables, svg_picture
 from simmer_tui.report.page import report_page
-from simmer_tui.robot.sessions import LinkDelay
+from simmer_tui.robot.link_delay import LinkDelay
 from simmer_tui.run.events import ActionName, Belief, CommandResult, MissionEvent, Notice, NoticeKind, Result
 from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.sim import Pose

@@ -9,9 +9,9 @@ from msgspec.structs import replace
 
 from simmer_tui.report.audit import audit
 from simmer_tui.report.cause_order import cause_of
-from simmer_tui.report.causes import Kind
+from simmer_tui.report.causes import Cause, Kind
 from simmer_tui.report.moments import moments_of
-from simmer_tui.report.verdict import verdict_of
+from simmer_tui.report.verdict import Verdict, verdict_of
 from simmer_tui.run.events import Action, ActionName, ProgramEnded
 from simmer_tui.sim.specs import EMPTY, WALL, GripperSpec, SensorSpec, SimulationSpec
 from tests.report.test_causes import begin
@@ -79,13 +79,18 @@ def test_a_wall_that_the_nominal_maze_does_not_have_is_told_at_the_contact() -> 
     assert "there is no wall" not in mission.why().text
 
 
-def test_time_that_went_to_no_one_thing_is_told_by_its_parts() -> None:
+def cause_of_slowness() -> Cause:
+    """The cause of a run that reads and moves by turns until its time limit, 62 s, is over."""
     mission = begin(limit=62.0, change=lambda sensor: replace(sensor, read_time=0.4))
     for second in range(51, 64):
         mission.give("u5", "w1-1" if second % 2 else "s1-1")
         mission.simulator.advance(float(second))
     mission.give("u5")
-    cause = mission.why()
+    return mission.why()
+
+
+def test_time_that_went_to_no_one_thing_is_told_by_its_parts() -> None:
+    cause = cause_of_slowness()
     assert cause.kind is Kind.TOO_SLOW
     assert "Its 62 s went to " in cause.text
     assert cause.advice == "Save time where most of it goes."
@@ -157,12 +162,16 @@ def test_a_belief_that_is_wrong_since_a_person_moved_the_robot_was_right_before(
     assert not any("never found its place" in each for each in texts)
 
 
-def test_a_question_to_nobody_is_taken_out() -> None:
+def verdict_after(error: str) -> Verdict:
+    """The verdict on a run whose program ended by an error after its first command."""
     mission = begin()
     mission.give("u1")
-    error = "EOFError: EOF when reading a line"
     mission.engine.tell(ProgramEnded(mission.simulator.time, 1, error=error, place="robot.py:8"))
-    verdict = verdict_of(mission.history, mission.task)
+    return verdict_of(mission.history, mission.task)
+
+
+def test_a_question_to_nobody_is_taken_out() -> None:
+    verdict = verdict_after("EOFError: EOF when reading a line")
     assert verdict.advice == "Try: take the question out of your program: nobody can type under --run."
 
 
@@ -180,12 +189,7 @@ def test_the_line_at_which_a_silent_program_was_ended_is_told() -> None:
 
 
 def test_a_short_time_limit_is_told_first() -> None:
-    mission = begin(limit=62.0, change=lambda sensor: replace(sensor, read_time=0.4))
-    for second in range(51, 64):
-        mission.give("u5", "w1-1" if second % 2 else "s1-1")
-        mission.simulator.advance(float(second))
-    mission.give("u5")
-    cause = mission.why()
+    cause = cause_of_slowness()
     assert cause.text.startswith("The time limit was 62 s, in the set mission 300 s. ")
     assert not any("time limit" in each for each in cause.evidence)
 
@@ -248,9 +252,6 @@ def test_movements_to_and_fro_have_both_signs() -> None:
     ],
 )
 def test_an_interrupt_and_a_reply_that_did_not_come_are_no_error_of_a_line(error: str, advice: str) -> None:
-    mission = begin()
-    mission.give("u1")
-    mission.engine.tell(ProgramEnded(mission.simulator.time, 1, error=error, place="robot.py:8"))
-    verdict = verdict_of(mission.history, mission.task)
+    verdict = verdict_after(error)
     assert verdict.advice.startswith(advice)
     assert "robot.py" not in verdict.advice

@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 import pytest
 from PIL import Image
 
-from simmer_tui.cli.log_commands import run_export
+from simmer_tui.cli.export_command import run_export
 from simmer_tui.report.animation import shots
 from simmer_tui.report.run_statistics import RunStatistics
 

@@ -18,7 +18,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from simmer_tui.cli.log_commands import build_report
+from simmer_tui.cli.log_reports import build_report
 from simmer_tui.config.loader import find_set, load
 from simmer_tui.document.formats import HISTOGRAM
 from simmer_tui.report import recording, run_statistics

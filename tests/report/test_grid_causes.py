@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from simmer_tui.cli.log_commands import build_report
+from simmer_tui.cli.log_reports import build_report
 from simmer_tui.report.causes import Kind
 from simmer_tui.report.content import report_tables
 from simmer_tui.run.belief_grid import grid_belief

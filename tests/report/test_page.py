@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from simmer_tui.cli.log_commands import build_report
+from simmer_tui.cli.log_reports import build_report
 from simmer_tui.cli.main import main
 from simmer_tui.document.page_style import STYLE
 from simmer_tui.document.svg import SHADES, shade

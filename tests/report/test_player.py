@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from simmer_tui import read_log
-from simmer_tui.cli.log_commands import build_report
+from simmer_tui.cli.log_reports import build_report
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_sets
 from simmer_tui.report import keyframes, recording
@@ -33,7 +33,7 @@ from simmer_tui.runlog.index import RunLogIndex
 from simmer_tui.runlog.playback import Playback
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.sim import Pose, SimulationSpec, Simulator, parse_command
-from tests.report.browser import opened
+from tests.report.browser import opened, slid
 
 HOSTILE = "</script><script>document.title='taken'</script>\u2028\x07<b>"
 TIMES = 20
@@ -103,33 +103,15 @@ def test_a_browser_shows_the_poses_of_the_log(tmp_path: Path) -> None:
     text = page_of(log)
     end = recorded(text)["end"] / 1000
     times = [round(end * (each + 0.37) / TIMES, 2) for each in range(TIMES)]
-    # As a person would: the slider is moved, and what is drawn is looked at.
-    script = f"""<script>
-      const slider = document.querySelector(".timeline input"), seen = [];
-      for (const t of {times}) {{
-        slider.value = t;
-        slider.dispatchEvent(new Event("input"));
-        seen.push([document.querySelector(".live .robot").getAttribute("transform"),
-          document.querySelector(".clock").textContent, document.querySelector(".words").textContent]);
-      }}
-      const made = document.createElement("pre");
-      made.id = "seen";
-      made.textContent = JSON.stringify({{ seen, title: document.title,
-        scripts: document.scripts.length, marks: document.querySelectorAll(".marks button").length }});
-      document.body.append(made);
-    </script></body>"""
-    page = tmp_path / "run.html"
-    page.write_text(text.replace("</body>", script), encoding="utf-8")
-    dom = opened(page)
-    found = re.search(r'<pre id="seen">(.*?)</pre>', dom, re.DOTALL)
-    assert found is not None, dom[-2000:]
-    shown = json.loads(html.unescape(found[1]))
+    each = """[document.querySelector(".live .robot").getAttribute("transform"),
+      document.querySelector(".clock").textContent, document.querySelector(".words").textContent]"""
+    last = """{ title: document.title, scripts: document.scripts.length,
+      marks: document.querySelectorAll(".marks button").length }"""
+    seen, shown = slid(text, tmp_path, times, each, last)
     assert shown["title"] == "Run run.jsonl"
     assert shown["scripts"] == 3, "nothing of the log became a script"
     assert shown["marks"] == len(recorded(text)["marks"]) > 10
-    for time, pose, (transform, clock, words) in zip(
-        times, logged_poses(log, times), shown["seen"], strict=True
-    ):
+    for time, pose, (transform, clock, words) in zip(times, logged_poses(log, times), seen, strict=True):
         x, y, heading = map(float, re.findall(r"-?[\d.]+(?:e-?\d+)?", transform))
         assert math.hypot(x - pose.x, y - pose.y) < 0.05, time
         assert abs((heading - pose.heading + 180) % 360 - 180) < 0.5, time

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import asyncio
-import html
-import json
-import re
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
 
-from simmer_tui.cli.log_commands import build_report
+from simmer_tui.cli.log_reports import build_report
 from simmer_tui.document.model import Code
 from simmer_tui.report.content import try_again
 from simmer_tui.report.page import report_page
@@ -22,7 +19,7 @@ from simmer_tui.runlog.index import RunLogIndex
 from simmer_tui.runlog.writer import CHECKPOINT_EVERY
 from simmer_tui.sketch.board_view import BoardView
 from simmer_tui.tui.recorded import RecordedRun
-from tests.report.browser import opened
+from tests.report.browser import slid
 from tests.report.test_player import recorded
 
 EMPTY, FULL = (("    ",),), (("1 in", "\x1b[2J" + 100 * "x", *5 * ("row",)),)
@@ -109,25 +106,10 @@ def test_a_browser_shows_the_boards_of_the_moment(start_run: Any, tmp_path: Path
     run.send("d1-5")
     shown(run, led=True, displays=((" <b>one", "two"),))
     run.send("d1-5")
-    script = f"""<script>
-      const slider = document.querySelector(".timeline input"), seen = [];
-      for (const t of [0.1, {run.simulator.time}, 0.1]) {{
-        slider.value = t;
-        slider.dispatchEvent(new Event("input"));
-        seen.push([document.querySelector(".boards").textContent,
-          [...document.querySelectorAll(".boards pre")].map((each) => each.textContent)]);
-      }}
-      const made = document.createElement("pre");
-      made.id = "seen";
-      made.textContent = JSON.stringify(seen);
-      document.body.append(made);
-    </script></body>"""
-    page = tmp_path / "run.html"
     text = report_page(build_report(run.path), "run")
-    page.write_text(text.replace("</body>", script), encoding="utf-8")
-    found = re.search(r'<pre id="seen">(.*?)</pre>', opened(page), re.DOTALL)
-    assert found is not None
-    first, last, again = json.loads(html.unescape(found[1]))
+    each = """[document.querySelector(".boards").textContent,
+      [...document.querySelectorAll(".boards pre")].map((each) => each.textContent)]"""
+    (first, last, again), _ = slid(text, tmp_path, [0.1, run.simulator.time, 0.1], each)
     assert first == again == ["rover  ·  LED 13 off", []]
     assert last == ["rover  ·  LED 13 on <b>one\ntwo", [" <b>one\ntwo"]]
 

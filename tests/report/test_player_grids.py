@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import html
-import json
 import re
 from pathlib import Path
 from typing import Any
@@ -11,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from simmer_tui.cli.log_commands import build_report
+from simmer_tui.cli.log_reports import build_report
 from simmer_tui.report.page import report_page
 from simmer_tui.run.belief_grid import Probabilities, grid_belief, small_map
 from simmer_tui.run.events import Belief
 from simmer_tui.sim import Pose
 from simmer_tui.sim.specs import MazeSpec
-from tests.report.browser import opened
+from tests.report.browser import slid
 from tests.report.test_player import recorded
 
 WHOLE = (0.0, 0.0, 96.0, 48.0)
@@ -77,26 +75,12 @@ def test_a_browser_shows_the_map_of_the_moment(start_run: Any, tmp_path: Path) -
     run = start_run()
     data = played(run)
     times = [row[0] / 1000 for row in data["beliefs"]]
-    script = f"""<script>
-      const slider = document.querySelector(".timeline input"), seen = [];
-      for (const t of {[times[0], times[-1]]}) {{
-        slider.value = t;
-        slider.dispatchEvent(new Event("input"));
-        seen.push([document.querySelector(".heat-d").getAttribute("d"),
-          document.querySelector(".believed").classList.contains("headless"),
-          document.querySelector(".words").textContent]);
-      }}
-      const made = document.createElement("pre");
-      made.id = "seen";
-      made.textContent = JSON.stringify(seen);
-      document.body.append(made);
-    </script></body>"""
-    page = tmp_path / "run.html"
     text = report_page(build_report(run.path), "run")
-    page.write_text(text.replace("</body>", script), encoding="utf-8")
-    found = re.search(r'<pre id="seen">(.*?)</pre>', opened(page), re.DOTALL)
-    assert found is not None
-    (small, headless, words), (large, headless_too, _) = json.loads(html.unescape(found[1]))
+    each = """[document.querySelector(".heat-d").getAttribute("d"),
+      document.querySelector(".believed").classList.contains("headless"),
+      document.querySelector(".words").textContent]"""
+    seen, _ = slid(text, tmp_path, [times[0], times[-1]], each)
+    (small, headless, words), (large, headless_too, _) = seen
     assert (small, headless) == ("M12 48h12v-12h-12z", True)
     assert (large, headless_too) == ("M94 2h2v-2h-2z", False)
     assert "best cell 100 %, true cell 0 %, entropy 0.0 bit" in words

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import json
 import math
 import re
@@ -14,7 +13,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from simmer_tui.cli.log_commands import build_report, run_export
+from simmer_tui.cli.export_command import run_export
+from simmer_tui.cli.log_reports import build_report
 from simmer_tui.config import load_default
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.sets import bundled_folder, init_set
@@ -30,7 +30,7 @@ from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.records import CommandResult, LidarScan, Reading
 from simmer_tui.sim.scan_rays import rays_of
 from simmer_tui.sim.sensors import Lidar, LidarSpec
-from tests.report.browser import opened
+from tests.report.browser import slid
 from tests.report.test_player import recorded
 
 MAZE = load_default().simulation.maze
@@ -174,23 +174,9 @@ def test_a_browser_shows_the_scan_of_the_moment(written: Written, tmp_path: Path
     path, results = written("d1-4", "sc", "r1-60", "sc", "d1-3")
     report = build_report(path)
     times = [each.time for each, _ in scans_of(results)]
-    script = f"""<script>
-      const slider = document.querySelector(".timeline input"), seen = [];
-      for (const t of {[times[0] - 0.05, times[0] + 0.01, times[1] + 0.01]}) {{
-        slider.value = t;
-        slider.dispatchEvent(new Event("input"));
-        seen.push([...document.querySelectorAll(".scans")].map((path) => path.getAttribute("d")));
-      }}
-      const made = document.createElement("pre");
-      made.id = "seen";
-      made.textContent = JSON.stringify(seen);
-      document.body.append(made);
-    </script></body>"""
-    page = tmp_path / "run.html"
-    page.write_text(report_page(report, "run").replace("</body>", script), encoding="utf-8")
-    found = re.search(r'<pre id="seen">(.*?)</pre>', opened(page), re.DOTALL)
-    assert found is not None
-    before, *shown = json.loads(html.unescape(found[1]))
+    moments = [times[0] - 0.05, times[0] + 0.01, times[1] + 0.01]
+    each = '[...document.querySelectorAll(".scans")].map((path) => path.getAttribute("d"))'
+    (before, *shown), _ = slid(report_page(report, "run"), tmp_path, moments, each)
     assert not any(before)
     for (rim, dots), trace in zip(shown, report.recording.scans.items, strict=True):
         assert rim == dots

@@ -14,7 +14,8 @@ from typing import Any
 import pytest
 from msgspec import structs
 
-from simmer_tui.cli.log_commands import build_report, run_report
+from simmer_tui.cli.log_reports import build_report
+from simmer_tui.cli.report_command import run_report
 from simmer_tui.client import Robot
 from simmer_tui.config.dialects import COMMANDS, REPLIES
 from simmer_tui.config.loader import Override, find_set, load
@@ -410,7 +411,7 @@ def test_contacts_after_the_mission_change_no_verdict_on_screen(mission_run: Any
         lambda *call: calls.put(call),
         lambda event: None,
     )
-    engine.watch(live.watch)
+    engine.watch(live.apply)
     engine.tell(MissionEvent(0.0, Result.UNDER_WAY, "mission: begun"))
     texts = []
     mission_run.send("u1", "d1-60")
@@ -457,7 +458,7 @@ def test_a_program_that_ends_with_its_mission_is_told_one_verdict(mission_run: A
         lambda *call: calls.put(call),
         told.append,
     )
-    engine.watch(live.watch)
+    engine.watch(live.apply)
     engine.tell(MissionEvent(0.0, Result.UNDER_WAY, "mission: begun"))
     mission_run.send("u1")
     for ends in (ProgramEnded(8.0, 0), SUCCESS):  # the second comes while the first is searched

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from simmer_tui.cli import log_commands
+from simmer_tui.cli import log_reports
 from simmer_tui.cli.main import main
 
 pytestmark = pytest.mark.posix
@@ -20,7 +20,7 @@ def limited(monkeypatch: pytest.MonkeyPatch, before: bool, *words: str | Path) -
     which unpacks its set."""
     usual = resource.getrlimit(resource.RLIMIT_FSIZE)
 
-    class Limited(log_commands.LogReader):
+    class Limited(log_reports.LogReader):
         def __init__(self, path: Path) -> None:
             if before:
                 limit()
@@ -30,7 +30,7 @@ def limited(monkeypatch: pytest.MonkeyPatch, before: bool, *words: str | Path) -
     def limit() -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (200, usual[1]))
 
-    monkeypatch.setattr(log_commands, "LogReader", Limited)
+    monkeypatch.setattr(log_reports, "LogReader", Limited)
     try:
         return main([str(word) for word in words])
     finally:

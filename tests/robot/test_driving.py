@@ -23,7 +23,8 @@ from simmer_tui.config.loader import Configuration, find_set, load
 from simmer_tui.errors import RunLogError
 from simmer_tui.live.snapshot import Recorder
 from simmer_tui.robot.engine import Engine
-from simmer_tui.robot.sessions import LinkDelay, Session
+from simmer_tui.robot.link_delay import LinkDelay
+from simmer_tui.robot.sessions import Session
 from simmer_tui.run.events import (
     Action,
     ActionName,
@@ -483,8 +484,7 @@ def test_a_robot_that_steers_leaves_a_trail_whose_last_seconds_are_bright() -> N
     bench = Bench()
     reducer = Reducer(checkpoint_of(bench.simulator))
     recorder = Recorder(bench.engine, reducer)
-    bench.engine.watch(reducer.apply)
-    bench.engine.watch(recorder.watch)
+    bench.engine.watch(recorder.apply)
     for step in range(300):
         bench.send(f"vv-0.2;0;{step % 7}", "wt-0.02")
     bench.send("vv-0.2;0;0", "wt-15")

@@ -11,7 +11,8 @@ import pytest
 from msgspec.structs import replace
 
 from simmer_tui.robot.engine import Engine
-from simmer_tui.robot.sessions import SLICE, SLICE_SECONDS, LinkDelay, Session
+from simmer_tui.robot.link_delay import LinkDelay
+from simmer_tui.robot.sessions import SLICE, SLICE_SECONDS, Session
 from simmer_tui.run.events import (
     Action,
     ActionDone,

@@ -14,7 +14,8 @@ from msgspec.structs import replace
 from simmer_tui.config import load_default
 from simmer_tui.robot import driving
 from simmer_tui.robot.engine import Engine
-from simmer_tui.robot.sessions import LinkDelay, Session
+from simmer_tui.robot.link_delay import LinkDelay
+from simmer_tui.robot.sessions import Session
 from simmer_tui.run.events import Action, ActionName, CommandResult, Event
 from simmer_tui.sim import SimulationSpec, Simulator, parse_command
 from simmer_tui.sim.sensors import Lidar, LidarSpec

@@ -10,13 +10,14 @@ import pytest
 from msgspec.structs import replace
 from rich.console import Console
 
-from simmer_tui.cli.log_commands import build_report
+from simmer_tui.cli.log_reports import build_report
 from simmer_tui.config.loader import Configuration, Override, load
 from simmer_tui.config.sets import bundled_folder, init_set
 from simmer_tui.document.as_terminal import print_document
 from simmer_tui.report.content import report_document
 from simmer_tui.robot.engine import Engine
-from simmer_tui.robot.sessions import LinkDelay, Session
+from simmer_tui.robot.link_delay import LinkDelay
+from simmer_tui.robot.sessions import Session
 from simmer_tui.run.events import Action, ActionName, CommandResult, Event, MovementEnded
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import State, checkpoint_of

@@ -51,9 +51,8 @@ class Watched:
         self.throttle: PlaybackThrottle = self.engine.paced(self.clock, self.pace)
         self.throttle.watchers.add(self.shown.append)
         reducer = Reducer(checkpoint_of(self.simulator))
-        self.throttle.watchers.add(reducer.apply)
         self.recorder = Recorder(self.engine, reducer)
-        self.throttle.watchers.add(self.recorder.watch)
+        self.throttle.watchers.add(self.recorder.apply)
         self.engine.start(self.clock)
 
     def session(self) -> Session:

@@ -11,7 +11,7 @@ import pytest
 from msgspec.structs import replace
 
 from simmer_tui.cli.headless import EventLines
-from simmer_tui.cli.log_commands import build_report
+from simmer_tui.cli.log_reports import build_report
 from simmer_tui.config import load_default
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import find_set

@@ -16,7 +16,7 @@ from msgspec.structs import replace
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.sets import find_set, init_set
 from simmer_tui.robot.engine import Engine
-from simmer_tui.robot.sessions import LinkDelay
+from simmer_tui.robot.link_delay import LinkDelay
 from simmer_tui.run.belief_grid import grid_belief
 from simmer_tui.run.events import (
     Action,

@@ -182,7 +182,7 @@ def test_a_log_is_only_appended_to(
     if kind == "saved":
         run = Saving(tmp_path, configuration, monkeypatch).run
         os.truncate(run.path, 10)
-        run(notice)
+        run.apply(notice)
         run.flush()
         data = run.path.read_bytes()
         run.close()
@@ -374,7 +374,7 @@ class Saving:
     def tell(self, size: int) -> None:
         """Write a line of this many bytes."""
         line = b'{"kind":"notice","t":0.0,"real":0.0,"about":"fault","text":""}\n'
-        self.run(Notice(NoticeKind.FAULT, "x" * (size - len(line))))
+        self.run.apply(Notice(NoticeKind.FAULT, "x" * (size - len(line))))
 
 
 @pytest.mark.parametrize("more", [0, 1])
@@ -400,13 +400,13 @@ def test_a_saved_run_has_64_megabytes_at_most(
     threads = [each.daemon for each in threading.enumerate() if each.name == "saved run"]
     assert threads
     assert all(threads), "a disk that hangs does not keep the process from ending"
-    saving.run(Notice(NoticeKind.FAULT, "a"))
+    saving.run.apply(Notice(NoticeKind.FAULT, "a"))
     saving.run.flush()
     line = len(saving.run.path.read_bytes().splitlines(keepends=True)[1])
     monkeypatch.setattr(saved_runs, "LARGEST_RUN", saving.size + line - less)
-    saving.run(Notice(NoticeKind.FAULT, "a"))
+    saving.run.apply(Notice(NoticeKind.FAULT, "a"))
     assert bool(saving.stopped) == bool(less)
-    saving.run(Notice(NoticeKind.FAULT, "a"))
+    saving.run.apply(Notice(NoticeKind.FAULT, "a"))
     assert saving.stopped[0].endswith("it has reached 0 MB, the most that is saved of a run")
     saving.run.close()
 

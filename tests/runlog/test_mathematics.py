@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from simmer_tui.cli.log_commands import run_rerun
+from simmer_tui.cli.rerun_command import run_rerun
 from simmer_tui.sim.fingerprint import math_fingerprint
 
 # Takes from glibc what its sines are made with on most machines.

@@ -14,7 +14,8 @@ from typing import Any
 
 import pytest
 
-from simmer_tui.cli.log_commands import build_report, run_rerun
+from simmer_tui.cli.log_reports import build_report
+from simmer_tui.cli.rerun_command import run_rerun
 from simmer_tui.errors import RunLogError
 from simmer_tui.run.events import ActionName
 from simmer_tui.runlog.header import rebuild

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
-from simmer_tui.cli.log_commands import run_rerun
+from simmer_tui.cli.rerun_command import run_rerun
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.robot.engine import Engine

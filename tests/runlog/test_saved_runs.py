@@ -12,7 +12,8 @@ from typing import Any
 
 import pytest
 
-from simmer_tui.cli.log_commands import run_report, run_rerun
+from simmer_tui.cli.report_command import run_report
+from simmer_tui.cli.rerun_command import run_rerun
 from simmer_tui.config import load_default
 from simmer_tui.config.loader import Override, load
 from simmer_tui.config.sets import bundled_folder
@@ -41,7 +42,7 @@ class Saved:
         self.engine = Engine(self.simulator)
         self.stopped: list[str] = []
         self.run = SavedRun(log_of(configuration, self.simulator, self.stopped.append))
-        self.engine.watch(self.run)
+        self.engine.watch(self.run.apply)
         self._session = self.engine.session()
 
     def give(self, *commands: str) -> None:

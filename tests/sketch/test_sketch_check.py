@@ -14,6 +14,8 @@ from simmer_tui.sim.specs import WheelLayout, WheelsSpec
 from simmer_tui.sketch.boards import MEGA, UNO
 from simmer_tui.sketch.sketch_check import facts_of, sketch_problems
 from simmer_tui.sketch.sketch_scan import SketchFacts
+from simmer_tui.sketch.sketch_steps import deep_steps
+from simmer_tui.sketch.sketch_values import MOST_LOOKUPS
 from simmer_tui.sketch.wiring import WiringParts, read_wiring
 
 WIRING = """\
@@ -118,6 +120,13 @@ def found(folder: Path, parts: WiringParts, wiring: str, rover: str, eyes: str) 
 
 def test_a_wiring_that_fits_its_sketches_has_no_problem(tmp_path: Path, parts: WiringParts) -> None:
     assert found(tmp_path, parts, WIRING, ROVER, EYES) == []
+
+
+def test_analog_read_of_a_channel_reads_its_pin(tmp_path: Path, parts: WiringParts) -> None:
+    row = '[[sensors]]\ncode = "i1"\nboard = "eyes"\npart = "analog"\npin = "A2"\npoints = [[0, 0], [1, 9]]\n'
+    channel = EYES.replace("void loop() {", "void loop() { analogRead(2);")
+    assert found(tmp_path, parts, WIRING + row, ROVER, channel) == []
+    assert len(found(tmp_path, parts, WIRING + row, ROVER, EYES)) == 1
 
 
 @pytest.mark.parametrize(
@@ -344,6 +353,14 @@ def test_values_of_pins_are_followed() -> None:
         "{" * 20_000 + "}" * 20_000,
         "int a[n = 2] = {1, 2}; void loop() { digitalWrite(a[n = 1], 1); }",
         'x = "' + "\\" * 20_001,
+        "#define a() b()\n#define b() a()\nvoid loop() { a(); digitalWrite(b(), 1); }",
+        "struct W { int p; void on() { digitalWrite(p, 1); } };\n"
+        + "".join(
+            f"W w{at} = {{w{at + 1}.p}};\nvoid f{at}(W w) {{ w.on(); f{at}(w{at}); }}\n" for at in range(300)
+        ),
+        "class W { W *w; int p; public: W(int a) : w(this), p(w->p) {} int q() { return w->q(); } };\n"
+        "W w(w.q());\nvoid loop() { digitalWrite(w.p, w.w->p); }",
+        "int f(int a) { return f(a) + f(a + 1); }\nvoid loop() { digitalWrite(f(f(f(2))), 1); }",
         "int a = " + "(" * 20_000 + "1" + ")" * 20_000 + "; void loop() { digitalWrite(a, 1); }",
     ],
 )
@@ -351,4 +368,5 @@ def test_hostile_sketches_end(text: str) -> None:
     facts = SketchFacts({"s.ino": text}, UNO)
     for call in facts.named("digitalWrite"):
         facts.pins(call)
+    assert sum(1 for _ in deep_steps(facts)) < MOST_LOOKUPS
     assert facts.ports() == []

@@ -18,6 +18,7 @@ from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim.specs import WheelLayout, WheelsSpec
 from simmer_tui.sketch.boards import UNO
 from simmer_tui.sketch.sketch_scan import SketchFacts
+from simmer_tui.sketch.wheel_draft import layout_with
 from simmer_tui.sketch.wiring import WiringParts, missing_sketches, read_wiring
 from simmer_tui.sketch.wiring_draft import draft
 from tests.sketch.running import FORMS
@@ -32,10 +33,12 @@ def drafted(folder: Path, *texts: str) -> dict[str, Any]:
         paths[-1].write_text(text, "utf-8")
     made = draft(paths, folder, ["u1", "u2"], ["i1", "i2"])
     problems: list[Problem] = []
-    read_wiring(made, WiringParts((), WheelsSpec(layout=WheelLayout.DIFF)), problems)
+    lines = [line for line in made.splitlines() if line.startswith("wheel = ")]
+    layout = layout_with(line.split('"')[1] for line in lines)
+    read_wiring(made, WiringParts((), WheelsSpec(layout=layout or WheelLayout.DIFF)), problems)
     assert [str(each) for each in problems if "no row of sensors.csv has" not in each.what] == []
-    marks = ("# ? which wheel", '"  # ? which\n', "  # by the names in the sketch\n")
-    assert made.count("wheel =") == sum(map(made.count, marks))
+    marks = ("# ? which wheel of [wheels] in settings.toml", "# ? which", "# by the names in the sketch")
+    assert all(line.endswith(marks) for line in lines)
     return tomllib.loads(made)
 
 
@@ -44,6 +47,10 @@ def pins(row: dict[str, Any]) -> tuple[Any, ...]:
     return tuple(row[name] for name in names if name in row)
 
 
+_WHEEL_CLASS = (
+    "class Wheel { int p, m, s; public: Wheel(int pp, int mm, int ss) { p = pp; m = mm; s = ss; }"
+    " void run(int v) { digitalWrite(p, v > 0); digitalWrite(m, v < 0); analogWrite(s, v); } };\n"
+)
 MOTORS = {
     "levels, then duties": (
         "void f() { digitalWrite(2, 1); digitalWrite(4, 0); digitalWrite(7, 1); digitalWrite(8, 0);"
@@ -189,6 +196,72 @@ MOTORS = {
         " analogWrite(motors[i].en, v); }\nvoid loop() { run(0, 9); run(1, 9); }",
         [("hbridge", 7, 8, 5), ("hbridge", 2, 4, 6)],
     ),
+    "macros": (
+        "#define IN1 8\n#define forward() { digitalWrite(IN1, 1); digitalWrite(9, 0); \\\n"
+        " digitalWrite(10, 1); digitalWrite(11, 0); }\n#define halt digitalWrite(IN1, LOW)\n"
+        "#define unused(p) digitalWrite(p, 1)\nvoid loop() { forward(); halt; }",
+        [("hbridge", 8, 9), ("hbridge", 10, 11)],
+    ),
+    "macros with parameters, one in another": (
+        "#define MOTOR(f, r, v) do { analogWrite(f, v); analogWrite(r, 0); } while (0)\n"
+        "#define DRIVE(l, r) MOTOR(5, 6, l); MOTOR(9, 10, r)\nvoid loop() { DRIVE(90, 90); }",
+        [("pwm2", 5, 6), ("pwm2", 9, 10)],
+    ),
+    "structs by reference": (
+        "struct Motor { byte en; uint8_t a, b; int speed = 0; };\nMotor one = {5, 7, 8};\n"
+        "const Motor two = {.en = 6, .a = 2, .b = 4};\n"
+        "void run(const Motor &m, int v) { digitalWrite(m.a, v > 0); digitalWrite(m.b, v < 0);"
+        " analogWrite(m.en, v); }\nvoid loop() { run(one, 9); run(two, 9); }",
+        [("hbridge", 7, 8, 5), ("hbridge", 2, 4, 6)],
+    ),
+    "structs by pointer, with a typedef": (
+        "typedef struct { int a; int b; int en; } motor_t;\nmotor_t one{7, 8, 5}, two{2, 4, 6};\n"
+        "void run(motor_t *m, int v) { digitalWrite(m->a, v > 0); digitalWrite(m->b, v < 0);"
+        " analogWrite(m->en, v); }\nvoid loop() { run(&one, 9); run(&two, 9); }",
+        [("hbridge", 7, 8, 5), ("hbridge", 2, 4, 6)],
+    ),
+    "objects behind pointers": (
+        f"{_WHEEL_CLASS}Wheel *one = new Wheel(7, 8, 5);\nWheel *two;\n"
+        "void setup() { two = new Wheel(2, 4, 6); }\nvoid loop() { one->run(9); two->run(9); }",
+        [("hbridge", 7, 8, 5), ("hbridge", 2, 4, 6)],
+    ),
+    "objects that are members of another": (
+        f"{_WHEEL_CLASS}class Car {{ Wheel one, two; public: Car(int a) : one(7, a, 5), two(2, 4, 6) {{}}"
+        " void go() { one.run(9); this->two.run(9); } };\nCar car(8);\nvoid loop() { car.go(); }",
+        [("hbridge", 7, 8, 5), ("hbridge", 2, 4, 6)],
+    ),
+    "an array of objects": (
+        f"{_WHEEL_CLASS}Wheel wheels[] = {{Wheel(7, 8, 5), {{2, 4, 6}}}};\n"
+        "void loop() { for (int i = 0; i < 2; i++) wheels[i].run(9); }",
+        [("hbridge", 7, 8, 5), ("hbridge", 2, 4, 6)],
+    ),
+    "methods of the same name in two classes": (
+        f"{_WHEEL_CLASS}class Lamp {{ int p; public: Lamp(int pin) : p(pin) {{}}"
+        " void run(int v) { half(v); } void half(int v) { digitalWrite(p, v); } };\n"
+        "Lamp lamp(13);\nWheel one(7, 8, 5), two(2, 4, 6);\nvoid run() { one.run(9); two.run(9); }\n"
+        "void loop() { lamp.run(1); run(); }",
+        [("hbridge", 7, 8, 5), ("hbridge", 2, 4, 6)],
+    ),
+    "pins that functions and macros return": (
+        "#define DIR(m) (4 + 3 * (m))\n#define LEFT 0\nint pwm(int m) { return m == LEFT ? 5 : 6; }\n"
+        "void run(int m, int v) { digitalWrite(DIR(m), v > 0); analogWrite(pwm(m), v); }\n"
+        "void loop() { run(LEFT, 9); run(1, 9); }",
+        [("shield", 4, 5), ("shield", 7, 6)],
+    ),
+    "a method with a pin of the base class": (
+        "class Part { protected: int pin; public: Part(int p) : pin(p) {} };\n"
+        "class Wheel : public Part { int way; public: Wheel(int en, int dir) : Part(en), way(dir) {}\n"
+        " void run(int v) { digitalWrite(way, v > 0); analogWrite(pin, v); } };\n"
+        "Wheel one(5, 4), two(6, 7);\nvoid loop() { one.run(9); two.run(9); }",
+        [("shield", 4, 5), ("shield", 7, 6)],
+    ),
+    "numbers of pins in the blocks of one function": (
+        "void setup() { pinMode(11, OUTPUT); pinMode(10, OUTPUT); pinMode(9, OUTPUT); pinMode(8, OUTPUT); }\n"
+        "void loop() { if (t == 'F') { digitalWrite(11, 1); digitalWrite(9, 1); }"
+        " else if (t == 'W') { digitalWrite(7, 1); } else { digitalWrite(11, 0); digitalWrite(9, 0);"
+        " digitalWrite(10, 0); digitalWrite(8, 0); } }",
+        [("hbridge", 11, 10), ("hbridge", 9, 8)],
+    ),
     "lamps and relays": (
         "int led1 = 8, led2 = 9, pump = 4, valve = 5;\n"
         "void f() { digitalWrite(led1, 1); digitalWrite(led2, 0);"
@@ -317,6 +390,58 @@ SENSORS = {
         "void setup() { attachInterrupt(0, left, RISING); attachInterrupt(1, right, CHANGE); }",
         [(2, 4), (3,)],
     ),
+    "encoders whose pins are members": (
+        "class Encoder { public: Encoder(int p) { pin = p; } int pin; long n; };\nEncoder one(2);\n"
+        "struct Pair { byte a, b; } two = {3, 5};\nvoid up() { one.n++; } void tick() { digitalRead(two.b); }"
+        "\nvoid setup() { attachInterrupt(digitalPinToInterrupt(one.pin), up, RISING);"
+        " attachInterrupt(digitalPinToInterrupt(two.a), tick, RISING); }",
+        [(2,), (3, 5)],
+    ),
+    "encoders that are polled": (
+        "#define ENC_L 8\n#define ENC_R_A 10\n#define ENC_R_B 11\n"
+        "void loop() { digitalRead(ENC_L); digitalRead(ENC_R_A); digitalRead(ENC_R_B); digitalRead(4); }",
+        [(8,), (10, 11), (4,)],
+    ),
+    "encoders of structs that enumerators pick": (
+        "struct Side { byte en, enc; };\nSide s[] = {{5, 2}, {6, 3}};\nenum { L, R };\n"
+        "void l() { n++; } void r() { m++; }\nvoid setup() {"
+        " attachInterrupt(digitalPinToInterrupt(s[L].enc), l, RISING);"
+        " attachInterrupt(digitalPinToInterrupt(s[R].enc), r, RISING); }",
+        [(2,), (3,)],
+    ),
+    "encoders in a loop": (
+        "const byte enc[] = {3, 2};\nvoid up() { n++; } void tick() { m++; }\n"
+        "void (*isr[])() = {up, tick};\nvoid setup() { for (int i = 0; i < 2; i++)"
+        " attachInterrupt(digitalPinToInterrupt(enc[i]), isr[i], RISING); }",
+        [(3,), (2,)],
+    ),
+    "line sensors in the order of their array": (
+        "const int eyes[] = {A2, A0, A1};\n"
+        "void loop() { for (int i = 0; i < 3; i++) { digitalRead(eyes[i]); } digitalRead(4); }",
+        [("A2",), ("A0",), ("A1",), (4,)],
+    ),
+    "line sensors in the order of calls": (
+        "bool dark(int pin) { return analogRead(pin) > 500; }\nvoid loop() { dark(A3); dark(A1); }",
+        [("A3",), ("A1",)],
+    ),
+    "the second channel in a lambda": (
+        "void setup() { attachInterrupt(digitalPinToInterrupt(2), []() { digitalRead(4) ? n++ : n--; }, LOW);"
+        " attachInterrupt(digitalPinToInterrupt(3), [] { m++; }, RISING); }",
+        [(2, 4), (3,)],
+    ),
+    "line sensors that are objects": (
+        "struct Eye { int pin; bool dark() const { return digitalRead(pin); } };\n"
+        "Eye eyes[] = {{A2}, {A0}};\nvoid loop() { eyes[0].dark(); eyes[1].dark(); }",
+        [("A2",), ("A0",)],
+    ),
+    "line sensors by macros, in their own order": (
+        "#define EYE_L analogRead(A2)\n#define EYE_R analogRead(A0)\nvoid loop() { if (EYE_R || EYE_L) {} }",
+        [("A2",), ("A0",)],
+    ),
+    "line sensors by the numbers of channels": (
+        "void loop() { analogRead(2); for (int i = 0; i < 2; i++) analogRead(i); }",
+        [("A2",), ("A0",), ("A1",)],
+    ),
     "line sensors": ("void loop() { digitalRead(A1); analogRead(A0); }", [("A1",), ("A0",)]),
 }
 
@@ -325,6 +450,13 @@ SENSORS = {
 def test_sensors_are_read_off_calls(tmp_path: Path, form: str) -> None:
     text, expected = SENSORS[form]
     assert [pins(row) for row in drafted(tmp_path, text)["sensors"]] == expected
+
+
+def test_line_sensors_beside_motors_have_the_codes_of_the_set(tmp_path: Path) -> None:
+    text = (
+        "void f() { analogWrite(5, 9); analogWrite(6, 0); digitalRead(2); digitalRead(3); digitalRead(4); }"
+    )
+    assert [row["code"] for row in drafted(tmp_path, text)["sensors"]] == ["i1", "i2", "i3"]
 
 
 def test_boards_their_lines_and_a_gripper_are_read(tmp_path: Path) -> None:
@@ -349,6 +481,11 @@ def test_a_sensor_whose_row_is_not_there_has_one_to_add(tmp_path: Path) -> None:
 
 
 def test_the_board_and_the_line_are_those_that_the_sketch_uses(tmp_path: Path) -> None:
+    for mega in (
+        "NewPing far(24, 25, 200);",
+        "void setup() { attachInterrupt(digitalPinToInterrupt(18), f, 3); }",
+    ):
+        assert drafted(tmp_path, mega)["boards"]["sketch1"]["board"] == "mega"
     duties = "void f() { digitalWrite(4, 1); analogWrite(2, 9); digitalWrite(5, 1); analogWrite(7, 9); }"
     assert drafted(tmp_path, duties)["boards"]["sketch1"]["board"] == "mega"
     unused = "SoftwareSerial eyes(10, 11);\nvoid setup() { Serial.begin(9600); }"
@@ -445,6 +582,36 @@ def test_the_gripper_is_the_servo_that_is_named_so(
     assert [row["pin"] for row in made if "gripper" in row] == ([] if gripper is None else [gripper])
 
 
+def test_the_gripper_among_servos_in_an_array_is_told_by_its_functions(tmp_path: Path) -> None:
+    text = (
+        "#include <Servo.h>\nServo all[2];\nconst int pin[] = {9, 10};\n"
+        "void setup() { for (int i = 0; i < 2; i++) all[i].attach(pin[i]); }\n"
+        "void armUp() { all[0].write(90); }\nvoid openGripper() { all[1].write(30); }\n"
+        "void closeGripper() { all[1].write(100); }\nvoid loop() {}\n"
+    )
+    made = drafted(tmp_path, text)["servos"]
+    assert [row.get("gripper") for row in made] == [None, {"open": 30, "closed": 100}]
+
+
+_MEASURE = "int ping() { digitalWrite(7, HIGH); return pulseIn(8, HIGH); }\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "is_gripper"),
+    [
+        ("void lookLeft() { s.write(170); }\nvoid loop() {}", False),
+        ("int at(int a) { s.write(a); delay(300); return ping(); }\nvoid loop() { at(20); }", False),
+        ("void loop() { for (int a = 15; a < 165; a++) { s.write(a); delay(30); ping(); } }", False),
+        ("void loop() { s.write(10); delay(9); ping(); s.write(170); delay(9); ping(); }", False),
+        ("void loop() { if (ping() < 100) s.write(20); else s.write(90); ping(); }", True),
+    ],
+)
+def test_a_servo_that_turns_a_sonar_is_no_gripper(tmp_path: Path, text: str, is_gripper: bool) -> None:
+    head = "#include <Servo.h>\nServo s;\nvoid setup() { s.attach(3); }\n"
+    (row,) = drafted(tmp_path, f"{head}{_MEASURE}{text}")["servos"]
+    assert ("gripper" in row) is is_gripper
+
+
 STEPPERS = {
     "objects": (
         "#include <AccelStepper.h>\n#define EN 8\nAccelStepper left(AccelStepper::DRIVER, 2, 5);\n"
@@ -476,6 +643,12 @@ STEPPERS = {
         "void loop() { digitalWrite(STEP_R, HIGH); digitalWrite(STEP_L, HIGH); delayMicroseconds(500);\n"
         "digitalWrite(STEP_R, LOW); digitalWrite(STEP_L, LOW); delayMicroseconds(500); }",
         [("step_dir", 9, 4, 8), ("step_dir", 3, 10, 8)],
+    ),
+    "pulses of a class": (
+        "class Step { byte pin, dir; public: Step(byte p, byte d) : pin(p), dir(d) {}\n"
+        "void one(bool ahead) { digitalWrite(dir, ahead); digitalWrite(pin, HIGH); delayMicroseconds(9);"
+        " digitalWrite(pin, LOW); } };\nStep a(2, 5), b(3, 6);\nvoid loop() { a.one(true); b.one(true); }",
+        [("step_dir", 2, 5), ("step_dir", 3, 6)],
     ),
     "pulses of a parameter": (
         "void one(int pin, int dirPin, bool ahead) { digitalWrite(dirPin, ahead); digitalWrite(pin, HIGH);\n"
@@ -596,6 +769,28 @@ def test_a_drafted_set_is_its_own_nominal_one(tmp_path: Path) -> None:
     other = nominal_of(configuration, "mission")
     assert other is not None
     assert other.name == "mission"
+
+
+def test_check_tells_the_nominal_set_of_a_set_that_got_its_wiring_later(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("PATH", "")  # without a compiler nothing is run
+    (tmp_path / "eyes.ino").write_text(EYES, "utf-8")
+    made = tmp_path / "set"
+    assert main(["init", str(made)]) == 0
+    assert main(["init", str(made), "--sketch", str(tmp_path / "eyes.ino")]) == 0
+    settings = made / "settings.toml"
+    text = settings.read_text("utf-8")
+    (named,) = (line for line in text.splitlines() if line.startswith("nominal = "))
+    for line, count in ((named, 1), ('nominal = ""', 0)):
+        settings.write_text(text.replace(named, line), "utf-8")
+        capsys.readouterr()
+        main(["check", str(made)])
+        said = capsys.readouterr().out
+        assert said.count("reports compare this robot with that set") == count
+    nominal = nominal_of(load(made))
+    assert nominal is not None
+    assert nominal.name == str(made)
 
 
 def test_init_drafts_where_the_set_is(
@@ -726,7 +921,7 @@ def test_a_note_tells_the_enables_of_steppers(tmp_path: Path) -> None:
         "void setup() { analogWrite(10, 150); }\nvoid loop() {}\n",
         "utf-8",
     )
-    note = "# ? rover has analogWrite on 10 as well: a stepper's enable (then no row), a motor, or a lamp"
+    note = "# ? rover writes 10 as well, in no row: a motor (add [[motors]] by hand), or an enable"
     assert note in draft([tmp_path / "rover.ino"], tmp_path, [], [])
 
 

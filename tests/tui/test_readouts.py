@@ -76,8 +76,7 @@ class Run:
         self.engine = Engine(Simulator(spec, 5))
         reducer = Reducer(checkpoint_of(self.engine.simulator))
         self.recorder = Recorder(self.engine, reducer)
-        self.engine.watch(reducer.apply)
-        self.engine.watch(self.recorder.watch)
+        self.engine.watch(self.recorder.apply)
         self._session = self.engine.session()
 
     def give(self, *commands: str, source: str = "client") -> Run:

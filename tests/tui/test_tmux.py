@@ -23,7 +23,7 @@ import pyte
 import pytest
 from msgspec.structs import replace
 
-from simmer_tui.cli.log_commands import build_report
+from simmer_tui.cli.log_reports import build_report
 from simmer_tui.config import load_default
 from simmer_tui.robot.engine import Engine
 from simmer_tui.runlog.rerun import Rerun

@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from simmer_tui.cli.log_commands import build_report
+from simmer_tui.cli.log_reports import build_report
 from simmer_tui.config.sets import bundled_sets
 from simmer_tui.report.page import report_page
 from simmer_tui.run.events import Action, ActionDone, ActionName, Belief, MovementEnded

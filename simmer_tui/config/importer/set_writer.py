@@ -12,13 +12,12 @@ from simmer_tui.config.importer.imported import Imported
 from simmer_tui.config.sets import write_files
 from simmer_tui.config.settings_file import settings_text
 from simmer_tui.sim.columns import (
-    ACCELERATION,
     BASE,
     FIELD_OF_VIEW,
     GRIPPER,
+    LESS_USUAL,
     MOVEMENT,
     REACH,
-    START_LAG,
     THRESHOLD,
     WIDTH,
     CsvColumn,
@@ -74,7 +73,7 @@ def drive_csv_text(
     specs: tuple[DriveSpec, ...], gripper: GripperSpec | None = None, velocities: Sequence[VelocitySpec] = ()
 ) -> str:
     """drive.csv for these drives, without optional columns that are not used here."""
-    unused = [] if any(spec.start_lag or spec.acceleration for spec in specs) else [START_LAG, ACCELERATION]
+    unused = [] if any(getattr(spec, each.field) for spec in specs for each in LESS_USUAL) else [*LESS_USUAL]
     unused += [REACH, WIDTH] if gripper is None else []
     _, *columns = (column for column in drive_csv.COLUMNS if column not in unused)
     rows: list[list[float | str]] = [[ID, *(column.name for column in columns)]]

@@ -326,6 +326,16 @@ class ObservingSensor(Sensor, ABC):
     def _with(self, field: str, value: float) -> ObservingSensor:
         return type(self)(with_parameters(self.spec, {field: value}))
 
+    def variances(self, proportional: FloatArray) -> tuple[FloatArray, float, float]:
+        """Variances of readings around their expected values, to be added: by the Percent Error of
+        `proportional` values, (n,), by the Absolute Error, and by rounding and the least error."""
+        spec = self.spec
+        return (
+            (spec.gain * spec.error * proportional) ** 2,
+            spec.absolute_error**2,
+            self.least_error**2 + spec.resolution**2 / 12.0,
+        )
+
     def within_limits(self, expected: FloatArray, margin: FloatArray) -> np.ndarray[Any, np.dtype[np.bool_]]:
         """True where readings up to `margin` off the expected ones are within the sensor's limits, (n,)."""
         return np.ones(len(expected), bool)

@@ -169,7 +169,7 @@ class Lidar(RangeSensor):
             distances = world.maze.cast_free(rays)
             if block_from < math.inf:
                 _meet(world.block, rays, distances, block_from)
-        return self.echoes(world, rays, distances, block_from) if self.least_cosine else distances
+        return self.echoes(world, rays, distances, block_from) if self.loses_echoes else distances
 
     def ranges_said(
         self, true: FloatArray, moments: FloatArray, random: np.random.Generator | None
@@ -188,7 +188,7 @@ class Lidar(RangeSensor):
             said = self.limited(said)
         if random is not None and spec.dropout:
             np.putmask(said, random.random(rays) < spec.dropout, math.inf)
-        if self.least_cosine:
+        if self.loses_echoes:
             # Without an echo no error makes a range.
             said[np.isinf(true)] = math.inf
         if spec.missed_as_zero:

@@ -94,6 +94,8 @@ class RangeSensor(ObservingSensor):
         limit = spec.incidence_limit
         self.least_cosine = math.cos(math.radians(limit)) if limit else 0.0
         """Of the angle between a ray and a face's normal, for an echo; 0 if there always is one."""
+        self.loses_echoes = bool(limit)
+        """True if `echoes` may change the distances of rays; only then it is called."""
 
     def fan(self) -> FloatArray:
         """Directions of the rays of one reading, degrees from the sensor's direction."""
@@ -129,7 +131,7 @@ class RangeSensor(ObservingSensor):
         directions = [(cos * a - sin * b, sin * a + cos * b) for a, b in self._directions]
         block_from = self.block_from(world.block.size)
         distances = world.fan(x, y, directions, block_from)
-        if self.least_cosine:
+        if self.loses_echoes:
             dx, dy = np.array(directions).T
             rays = np.full(len(dx), x), np.full(len(dx), y), dx, dy
             distances = self.echoes(world, rays, np.array(distances), block_from).tolist()
@@ -151,7 +153,7 @@ class RangeSensor(ObservingSensor):
             *((cos * a - sin * b).ravel(), (sin * a + cos * b).ravel()),
         )
         fans = world.fans(rays, block_from)
-        if self.least_cosine:
+        if self.loses_echoes:
             fans = self.echoes(world, rays, fans, block_from)
         ranges[free] = self.combined_many(fans.reshape(len(free), count))
         return ranges
@@ -185,7 +187,8 @@ class RangeSensor(ObservingSensor):
         return above / self._slope if self._slope else math.inf
 
     def echoes(self, world: World, rays: Rays, distances: FloatArray, block_from: float) -> FloatArray:
-        """The distances of rays, infinite where one meets a face too obliquely for an echo."""
+        """The distances of rays as their echoes have them, for all ranges, of a lidar and in analyses too:
+        infinite where a ray meets a face too obliquely."""
         cosines = world.incidence(rays, distances, block_from)
         return np.where(cosines >= self.least_cosine, distances, math.inf)
 
@@ -240,7 +243,7 @@ class TimeOfFlight(RangeSensor):
 
     def combined(self, distances: Sequence[float]) -> float:
         """The mean distance, inches."""
-        if self.least_cosine:
+        if self.loses_echoes:
             # The mean of the echoes only.
             distances = [each for each in distances if math.isfinite(each)]
             if not distances:

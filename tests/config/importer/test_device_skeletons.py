@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from simmer_tui.cli.config_commands import run_import
+from simmer_tui.cli.import_command import run_import
 from simmer_tui.cli.main import main
 from simmer_tui.config.importer.files import read_path
 from simmer_tui.config.importer.set_writer import write_set

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from simmer_tui.cli.config_commands import run_import
+from simmer_tui.cli.import_command import run_import
 from simmer_tui.config.importer.imported import COURSE_MAZE, Imported, SettingValue
 from simmer_tui.config.importer.set_writer import settings_text, write_set
 from simmer_tui.config.loader import load

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from simmer_tui.cli.config_commands import run_import
+from simmer_tui.cli.import_command import run_import
 from simmer_tui.config.importer.imported import Imported
 from simmer_tui.config.importer.set_writer import write_set
 from simmer_tui.config.importer.simmer_python import read_simmer_python

@@ -1,4 +1,4 @@
-"""The commands about this machine: `doctor` (what it can do) and `ports`."""
+"""`simmer-tui doctor`: a check of this terminal and machine."""
 
 from __future__ import annotations
 
@@ -18,7 +18,6 @@ from simmer_tui.cli.command_line import (
     add_json_option,
     print_json,
     print_lines,
-    say,
     subcommand,
     window_of,
 )
@@ -39,21 +38,28 @@ from simmer_tui.version import __version__, requirement
 
 # Packages whose version affects the picture or the results, for bug reports.
 _LIBRARIES = ("textual", "rich", "numpy", "shapely", "pyserial", "msgspec")
+
+
 _EXTRAS = {"calibrate": "scipy", "dask": "distributed", "export": "PIL", "web": "websockets"}
 """A module of each extra of the package that users may need (pyproject.toml)."""
+
+
 _SAMPLES = {
     GlyphMode.ASCII: "#o->",
     GlyphMode.HALF: "\N{UPPER HALF BLOCK}\N{LOWER HALF BLOCK}\N{FULL BLOCK}",
 }
+
+
 _SAMPLE = "\N{QUADRANT UPPER LEFT}\N{QUADRANT LOWER RIGHT}\N{FULL BLOCK}\N{BRAILLE PATTERN DOTS-1245}"
 """Characters that the maze is drawn with: people see at once if they are displayed."""
+
+
 # The size of a VT100's screen, which most terminal programs still have at their start.
 _USUAL = (80, 24)
 
+
 CHECKS = data_table("checks", "Checks", DataColumn("about"), DataColumn("ok"), DataColumn("text"))
-PORTS = data_table(
-    "ports", "Serial ports", DataColumn("device"), DataColumn("description"), DataColumn("leads_to")
-)
+
 
 Check = tuple[bool, str]
 """True if all is well, and the text."""
@@ -222,21 +228,3 @@ def _extras() -> str:
 
 def _is_there(*programs: str) -> bool:
     return any(shutil.which(each) is not None for each in programs)
-
-
-@subcommand("ports", add_json_option)
-def run_ports(options: argparse.Namespace) -> int:
-    """List the serial ports of this machine."""
-    ports = port_list.list_ports()
-    if options.json:
-        rows = [(port.device, port.description, port.mark) for port in ports]
-        print_json(Document("Serial ports", [PORTS.filled(rows)]))
-    elif ports:
-        width = max(len(port.device) for port in ports)
-        for port in ports:
-            mark = f"[{port.mark}]" if port.mark else ""
-            shown = "  ".join(filter(None, (port.device.ljust(width), mark, port.description)))
-            print_lines(shown.rstrip())
-    else:
-        say("no serial port found: plug the robot in, or pair it and connect its Bluetooth port first")
-    return ExitCode.DONE if ports else ExitCode.NO

@@ -1,5 +1,4 @@
-"""The commands for authors of programs: `examples` copies samples to be changed, `env` prints the environment
-variables with which a program in an IDE finds a running simulator, and knows its mission."""
+"""`simmer-tui env`: the variables for programs that an IDE starts."""
 
 from __future__ import annotations
 
@@ -10,7 +9,6 @@ import shlex
 import socket
 import sys
 from collections.abc import Callable, Mapping
-from pathlib import Path
 
 from simmer_tui import platform_has
 from simmer_tui.cli.command_line import (
@@ -25,49 +23,31 @@ from simmer_tui.cli.command_line import (
 )
 from simmer_tui.config.device_trust import DeviceUse
 from simmer_tui.config.dialects import SERIAL, TEAM
-from simmer_tui.config.examples import EXAMPLE, copy_examples
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.sets import find_set
 from simmer_tui.config.variables import HOST, SERIAL_NAMES
 from simmer_tui.document.as_data import json_text
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.program.program_command import with_hook
-from simmer_tui.sim.command import counted
 
 # Loopback answers in less than a millisecond, another machine of the same network in a few.
 _LOOK = 0.5
 """Seconds within which a running simulator must answer."""
+
+
 # Paths have at most 4,096 bytes, and there are fewer than 20 variables.
 _LONGEST_ANSWER = 128 * 1024
 """Longest answer of a simulator, bytes."""
+
+
 _FORMS: dict[str, Callable[[str, str], str]] = {
     "sh": lambda name, value: f"export {name}={shlex.quote(value)}",
     "powershell": lambda name, value: "$env:{} = '{}'".format(name, value.replace("'", "''")),
     "cmd": lambda name, value: f'set "{name}={value}"',
 }
+
+
 _JSON = "json"
-
-
-def _examples_options(parser: OneLineParser) -> None:
-    parser.add_argument(
-        "directory", metavar="DIR", type=Path, help="the folder to write; made if it does not exist"
-    )
-
-
-@subcommand("examples", _examples_options)
-def run_examples(options: argparse.Namespace) -> int:
-    """Copy the sample programs into a folder, to be changed there: wander.py to begin with, the programs of
-    the course, a whole mission, the client libraries for Python, C and MATLAB, and sketches for an Arduino.
-    Files that are there already stay as they are."""
-    written = copy_examples(options.directory)
-    where = options.directory
-    result = f"{counted(len(written), 'file')} written to {where}" if written else f"{where} has all of them"
-    print_lines(
-        result,
-        "Start simmer-tui in one terminal and a program in another:",
-        f"  python {options.directory / EXAMPLE}",
-    )
-    return ExitCode.DONE
 
 
 def _env_options(parser: OneLineParser) -> None:
