@@ -87,6 +87,7 @@ def _sketches(configuration: Configuration) -> tuple[list[str], list[Problem]]:
     none for a set without a wiring. Raises ConfigurationError if the wiring itself has mistakes."""
     if WIRING_FILE not in configuration.files:
         return [], []
+    from simmer_tui.cli.sketch_option import tell_long_build
     from simmer_tui.config.nominal import nominal_note
     from simmer_tui.sketch.bench_check import bench_lines
     from simmer_tui.sketch.gripper_draft import guess_lines
@@ -103,6 +104,7 @@ def _sketches(configuration: Configuration) -> tuple[list[str], list[Problem]]:
     guesses = guess_lines(wiring, configuration.files[WIRING_FILE])
     note = nominal_note(configuration.settings.nominal)
     lines = [*wiring_lines(wiring), *([note] if note else ()), *guesses, *motor_lines(wiring, wheels)]
+    tell_long_build()
     return [*lines, *bench_lines(configuration, wiring, problems)], problems
 
 

@@ -70,8 +70,10 @@ def run_rerun(options: argparse.Namespace) -> int:
 def _rerun_boards(path: Path, folder: Path) -> int:
     """Run the boards of a log again. Returns the exit code."""
     # Few logs have boards, and a compiler takes its time.
+    from simmer_tui.cli.sketch_option import tell_long_build
     from simmer_tui.runlog.board_rerun import BoardRerun
 
+    tell_long_build()
     with BoardRerun(path, folder) as rerun:
         difference = rerun.difference()
         say(difference or f"{path}: {counted(rerun.count, 'fact')} of the boards repeated, all the same")

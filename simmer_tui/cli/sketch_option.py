@@ -6,12 +6,14 @@ import argparse
 from collections.abc import Mapping
 from pathlib import Path
 
+from simmer_tui.cli.command_line import say
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.set_sketches import WIRING_FILE
 from simmer_tui.config.sets import has_set, set_in
 from simmer_tui.config.settings_file import Override
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim.command import typed_path
+from simmer_tui.sketch.build import long_build_notice
 from simmer_tui.sketch.sketch_robot import SketchSet, compile_set, with_boards
 from simmer_tui.sketch.wiring import wiring_of
 
@@ -46,10 +48,18 @@ def sketch_set(
     return str(options.sketch)
 
 
+def tell_long_build() -> None:
+    """Tell a build that takes minutes before it begins."""
+    notice = long_build_notice()
+    if notice:
+        say(notice)
+
+
 def compiled(configuration: Configuration) -> tuple[Configuration, SketchSet]:
     """A set's configuration with its boards, and their compiled sketches. Raises ConfigurationError."""
     wiring = wiring_of(configuration)
     if wiring is None:
         what = f"the set {configuration.name} has no {WIRING_FILE}, which says what runs on its boards"
         raise ConfigurationError([Problem("--sketch", what)])
+    tell_long_build()
     return with_boards(configuration), compile_set(wiring, configuration.directory)

@@ -111,7 +111,7 @@ _COMMANDS = data_table(
 )
 _MESSAGES = data_table(
     "messages",
-    "Messages of the dialect",
+    "Messages to the robot",
     DataColumn("message", QUOTED),
     DataColumn("sent", COUNT),
     DataColumn("text", PASSAGE, "not understood", wraps=True),
@@ -218,9 +218,13 @@ def report_document(run: RunStatistics, name: str, path: str | None = None) -> D
 
 def try_again(run: RunStatistics, name: str) -> Paragraph:
     """The command that finds the change which saves a failed run; empty if it cannot be run again."""
-    if not (run.failed and run.header.can_run_again):
+    header = run.header
+    if not run.failed or not (header.can_run_again or header.sketches):
         return Paragraph("")
     command = f"simmer-tui why {typed_path(name)}" if name else "simmer-tui why"
+    if header.sketches:
+        # A log has no sketches, only their hashes.
+        command = f"simmer-tui trials --sketch DIR {'--run CMD ' if header.run is not None else ''}--why"
     return Paragraph(("Try again with one change: ", Code(command)), kind="note")
 
 

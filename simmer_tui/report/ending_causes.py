@@ -45,6 +45,9 @@ _TURNED = 45.0
 """Degrees by which a heading is another direction, not an error: half of a quarter turn."""
 _KEEP_OPEN = "Keep one connection open for all commands."
 _WAITS_AT = "Find out what your program waits for, or repeats, at {place}."
+_LOOK_AT_SKETCH = (
+    "Find out what the sketch waits for; simmer-tui check DIR compares its pins with wiring.toml."
+)
 _MANY_TRIES = "Count the tries of your program: after three, back up and look for the block again."
 _NOT_NEAR = "Search for the block before you close the gripper: it was not near."
 _TRIES = 10
@@ -140,6 +143,9 @@ def silence_fact(run: RunEvidence) -> Fact | None:
         return None
     if seen.is_silent:
         text = "The program sent no command at all."
+        if seen.history.displays.first.given and run.exit_code is None:
+            text = "No board set a motor or read a sensor."
+            return Fact(text, since=seen.elapsed, advice=_LOOK_AT_SKETCH)
         if run.exit_code:
             text = f"{capitalized(exit_text(run.exit_code))} before it sent a command."
         return Fact(text, since=seen.elapsed, advice=f"{capitalized(CONNECT_ADVICE)}")

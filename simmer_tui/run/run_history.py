@@ -643,7 +643,9 @@ class RunHistory:
         if message.reply:
             return
         is_unknown = message.meaning.startswith(UNKNOWN_MESSAGE)
-        key = (message.data.strip(), message.meaning) if is_unknown else (message.meaning, "")
+        # A line to a board has no meaning that is known here.
+        named = message.meaning or message.data.strip()
+        key = (message.data.strip(), message.meaning) if is_unknown else (named, "")
         counts = self._totals.messages
         if key not in counts and len(counts) >= KEPT_MESSAGES:
             key = (OTHER_CODES, "")

@@ -120,3 +120,7 @@ def _readings(engine: Engine, wiring: Wiring) -> Iterator[str]:
                 f"analogRead gives {analog_counts(part, value, wiring.boards[part.board].kind.most_counts)}"
             )
         yield f"{part.label} {part.code}: {shown} at the start, {made}"
+    wired = {each.code for each in wiring.sensors if not isinstance(each, WiredEncoder)}
+    rows = [each.code for each in engine.simulator.spec.sensors if each.enabled and each.code not in wired]
+    if rows:
+        yield f"No part of wiring.toml is {', '.join(rows)} of sensors.csv: no sketch can read them"

@@ -168,7 +168,7 @@ class BoardFacts:
             text = f"an edge at pin {pin} was lost{where}: {because}"
         else:
             share = f", {most} of them{where}" if where and most < lost else where
-            text = f"{lost} of {edges} edges at pin {pin} were lost{share}: {because}"
+            text = f"{lost} of the first {edges} edges at pin {pin} were lost{share}: {because}"
         self._tell(f"board {name}: {text}", line, time)
 
     def _is_due(self, kind: str, line: str) -> bool:

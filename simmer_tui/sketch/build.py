@@ -17,7 +17,7 @@ from msgspec import Struct
 from simmer_tui import platform_has
 from simmer_tui.config.set_sketches import library_paths, main_files, source_paths
 from simmer_tui.errors import ConfigurationError, Problem, reason_of
-from simmer_tui.sketch.boards import BoardKind
+from simmer_tui.sketch.boards import BOARDS, BoardKind
 from simmer_tui.sketch.compiler import NO_COMPILER, Compiler, find_compiler, links_at_fixed_addresses
 from simmer_tui.sketch.compiler_messages import (
     compiler_errors,
@@ -307,7 +307,10 @@ def _compile(
     objects = []
     for number, unit in enumerate(units):
         made = f"{number}.o"
-        flags = [*_flags(kind), *_instrumented(compiler), *_include_paths(work, sources), *_packed(kind)]
+        # Without it gcc says nothing of 40000 in 16 bits with a sign.
+        warned = ["-Wconversion"] if compiler.is_gcc else []
+        paths = _include_paths(work, sources)
+        flags = [*_flags(kind), *warned, *_instrumented(compiler), *paths, *_packed(kind)]
         told += _run(compiler, [*flags, "-x", "c++", "-c", unit, "-o", made], work, files, kind)
         objects.append(made)
     fixed = ["-no-pie"] if links_at_fixed_addresses() else []
@@ -335,8 +338,7 @@ def _move(made: Path, target: Path) -> None:
 
 def runtime_object(compiler: Compiler, kind: BoardKind) -> Path:
     """The runtime, compiled for a kind of board. Raises ConfigurationError, OSError."""
-    key = hashlib.sha256(f"{_runtime_digest()}\0{compiler.identity}\0{kind.macro}".encode()).hexdigest()
-    made = build_folder() / f"runtime-{key[:20]}.o"
+    made = _runtime_file(compiler, kind)
     if not made.exists():
         made.parent.mkdir(parents=True, exist_ok=True)
         part = made.with_suffix(f".{os.getpid()}.o")
@@ -346,6 +348,22 @@ def runtime_object(compiler: Compiler, kind: BoardKind) -> Path:
         part.chmod(0o644)  # a sandbox reads it with another user ID
         part.replace(made)
     return made
+
+
+def _runtime_file(compiler: Compiler, kind: BoardKind) -> Path:
+    key = hashlib.sha256(f"{_runtime_digest()}\0{compiler.identity}\0{kind.macro}".encode()).hexdigest()
+    return build_folder() / f"runtime-{key[:20]}.o"
+
+
+def long_build_notice() -> str:
+    """The sentence about a build that takes minutes: ziglang compiles its own libraries first. Empty for
+    others."""
+    compiler = find_compiler()
+    if compiler is None or not compiler.is_package:
+        return ""
+    if any(_runtime_file(compiler, kind).exists() for kind in BOARDS.values()):
+        return ""
+    return "ziglang compiles its libraries now, which takes minutes; later sketches take seconds"
 
 
 def _flags(kind: BoardKind) -> list[str]:
@@ -419,4 +437,4 @@ def _run(
         missing = missing_header(done.stderr, files, kind) if files else None
         found = [missing] if missing else list(compiler_errors(done.stderr, compiler, files, kind))
         raise ConfigurationError(found)
-    return compiler_warnings(done.stderr)
+    return compiler_warnings(done.stderr, files)

@@ -69,12 +69,16 @@ def draft_rangers(facts: SketchFacts) -> list[DraftRanger]:
     pins: dict[str, list[int | None]] = {}
     named: dict[str, list[int | None]] = {}
     released: list[list[int | None]] = []
+    edged = {pin for each in facts.interrupts() for pin in each.pins or ()}
     function = ""
     for call in facts.calls:
         if call.function != function:
             function, released = call.function, []
         if _releases(facts, call):
-            released.append(_elements(facts, call.arguments[0], call.function))
+            freed = _elements(facts, call.arguments[0], call.function)
+            # An input with a pull-up is mostly an encoder's.
+            if edged.isdisjoint(each for each in freed if each is not None):
+                released.append(freed)
         elif _holds(facts, call):
             held = _elements(facts, call.arguments[0], call.function)
             released = [each for each in released if each != held]

@@ -38,10 +38,15 @@ class Compiler(Struct, frozen=True, dict=True):
     @cached_property
     def name(self) -> str:
         """Its name for people. The command's own may be that of another: macOS calls its clang g++."""
-        if len(self.command) > 1:
+        if self.is_package:
             return "ziglang"
         told = self.version
         return "clang++" if "clang" in told else "g++" if told else Path(self.command[0]).stem
+
+    @property
+    def is_package(self) -> bool:
+        """True for that of the package ziglang."""
+        return len(self.command) > 1
 
     @property
     def is_gcc(self) -> bool:
@@ -67,7 +72,7 @@ class Compiler(Struct, frozen=True, dict=True):
             encoding="utf-8",
             errors="replace",
             # Its messages are read here, in English.
-            env=os.environ | {"LC_ALL": "C"} | (_zig_cache() if len(self.command) > 1 else {}),
+            env=os.environ | {"LC_ALL": "C"} | (_zig_cache() if self.is_package else {}),
             stdin=subprocess.DEVNULL,
             timeout=COMPILE_LIMIT,
             check=False,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_right
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from functools import cache
 from pathlib import Path
@@ -60,9 +60,13 @@ _OWN_TYPES = {
 """Number types of an AVR by those that stand for them."""
 _WIDE_TYPES = {"int32_t": "int", "uint32_t": "unsigned int"}
 """Those that differ with an `int` of 32 bits."""
+_NO_FIT = "this number does not fit"
+# gcc writes a character by its octal code in 32 bits.
+_CHANGED = re.compile(r"changes value from '?(-?[0-9]+)'? to '?(?:'\\([0-7]+)'|(-?[0-9]+))")
+_BITS = re.compile(r"\b(?:0[xX][0-9a-fA-F']+|0?[bB][01']+)\b")
+"""A number that a sketch gives by its bits: all of a variable's are meant to be used, the sign too."""
 _WARNINGS = {
-    "-Woverflow": "this number does not fit",
-    "-Wconstant-conversion": "this number does not fit",
+    **dict.fromkeys(("-Woverflow", "-Wconversion", "-Wconstant-conversion"), _NO_FIT),
     "-fpermissive": "a text or an address is taken for a number: 'a' is a letter, \"a\" is a text",
     "-Wreturn-type": "this function ends without its return",
 }
@@ -258,9 +262,7 @@ def compiler_errors(
         # A brace that is not closed leaves the end of ours inside a function.
         if kind != "error" or "sketch_start" in text or (unclosed and _NO_CLOSING.match(text)):
             continue
-        name, _, number = place.rpartition(":")
-        lines = texts.get(name, [])
-        line = lines[int(number) - 1].strip() if 0 < int(number) <= len(lines) else ""
+        line = _line(texts, place)
         text = _with_own_types(text, line, board)
         told = _of_no_board(text, line, board) or _of_no_library(text) or _of_no_port(text, board)
         problem = Problem(place, told or (f"{text}: {line}" if line else text))
@@ -287,11 +289,45 @@ def compiler_errors(
         yield Problem(files[0].name if files else compiler.name, what)
 
 
-def compiler_warnings(output: str) -> list[str]:
-    """The warnings of a compiler that are passed on, with their lines."""
-    return [
-        f"{place}: {sentence}: {text}"
-        for place, kind, text in _messages(output)
-        for option, sentence in _WARNINGS.items()
-        if kind == "warning" and option in text and (option != "-fpermissive" or _of_pointers(text))
-    ]
+def compiler_warnings(output: str, files: Sequence[Path] = ()) -> list[str]:
+    """The warnings of a compiler that are passed on, with their lines. `files` are those of the sketch whose
+    lines it cannot show."""
+    texts = {each.name: sketch_text(each).split("\n") for each in files}
+    lines = output.splitlines()
+    found = []
+    for at, shown in enumerate(lines):
+        for place, kind, text in _messages(shown):
+            line = _line(texts, place) or "".join(lines[at + 1 : at + 2])
+            told = _warning(text, line) if kind == "warning" else ""
+            found += [f"{place}: {told}"] if told else []
+    return found
+
+
+def _line(texts: Mapping[str, Sequence[str]], place: str) -> str:
+    """The line of a sketch at a place; empty if there is none."""
+    name, _, number = place.rpartition(":")
+    lines = texts.get(name, ())
+    return lines[int(number) - 1].strip() if 0 < int(number) <= len(lines) else ""
+
+
+def _warning(text: str, line: str) -> str:
+    """The sentence about what a compiler warns of, at a line of the sketch; empty if it is not passed on."""
+    option = next((each for each in _WARNINGS if f"[{each}]" in text), "")
+    if not option or (option == "-fpermissive" and not _of_pointers(text)):
+        return ""
+    if _WARNINGS[option] != _NO_FIT:
+        return f"{_WARNINGS[option]}: {text}"
+    changed = _CHANGED.search(text)
+    if changed is None:
+        # With this option gcc warns of all numbers that might not fit.
+        return "" if option == "-Wconversion" else f"{_NO_FIT}: {text}"
+    number, octal, made = changed.groups()
+    if option == "-Wconversion" and int(number) in map(_of_bits, _BITS.findall(line)):
+        return ""
+    return f"{_NO_FIT}: {number} becomes {made or int(octal, 8) - (1 << 32)}"
+
+
+def _of_bits(text: str) -> int:
+    """The number that is given by its bits."""
+    digits = text.replace("'", "").lower().lstrip("0")
+    return int(digits[1:], 16 if digits[0] == "x" else 2)

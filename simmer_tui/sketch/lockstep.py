@@ -260,7 +260,15 @@ class Lockstep:
         return until
 
     def reset(self, board: Board) -> None:
-        """A board begins again at its clock, in another process."""
+        """A board begins again at its clock, in another process. What waited to leave its ports is gone."""
+        now = board.process.now
+        for lines in board.lines.values():
+            for other, rx in lines:
+                other.events[:] = [
+                    each for each in other.events if each.time <= now or (each.kind, each.pin) != (BYTE, rx)
+                ]
+        if self._laptop is not None and self._laptop[0] is board:
+            self.sent[:] = [each for each in self.sent if each[0] <= now]
         board.records.clear()
         board.pins.clear()
         board.baud.clear()

@@ -5,6 +5,7 @@ Only for the robot's thread. Nobody else drives: console and programs over TCP m
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from heapq import heappop, heappush
@@ -85,7 +86,6 @@ from simmer_tui.sketch.wiring import (
     read_wiring,
 )
 
-"""The pins of the port that is at the USB line too."""
 _TYPED = "binary"
 """The dialect of typed commands."""
 # Two byte times of silence: a sketch that prints without line ends pauses for much longer.
@@ -160,6 +160,8 @@ class SentMessages:
     def __init__(self) -> None:
         self._text = ""
         self._last = self._byte = 0
+        self._times: list[int] = []
+        """The times at which the bytes arrive whose messages are not told yet."""
         self._whole: list[tuple[int, str]] = []
         self.next_due = NEVER
         """Time at which the first message is over, unless another byte comes."""
@@ -169,6 +171,7 @@ class SentMessages:
         if self._text and time > self._last + _GAP * byte:
             self._end(self._last + _GAP * self._byte)
         self._text += chr(value)
+        self._times.append(time)
         self._last, self._byte = time, byte
         if value == _LINE_END or len(self._text) >= _LONGEST_MESSAGE:
             self._end(time)
@@ -180,8 +183,21 @@ class SentMessages:
             self._end(self._last + _GAP * self._byte)
         whole = [each for each in self._whole if each[0] <= time]
         self._whole = self._whole[len(whole) :]
+        del self._times[: sum(len(text) for _, text in whole)]
         self._plan()
         return whole
+
+    def cut(self, time: int) -> None:
+        """End at a time, and forget the bytes that would arrive later: their port has been reset."""
+        del self._times[bisect_right(self._times, time) :]
+        left = len(self._times)
+        messages = [*self._whole, (time, self._text)]
+        self._whole, self._text = [], ""
+        for end, text in messages:
+            if left:
+                self._whole.append((min(end, time), text[:left]))
+            left -= min(len(text), left)
+        self._plan()
 
     def _plan(self) -> None:
         if self._whole:
@@ -361,6 +377,7 @@ class SketchRobot(LockstepWorld):
             for each in states:
                 each.add(BoardRecord(now, Told.LEVEL, pin, 0, 0))
         self._set_levels(board)
+        self._messages.cut(now)
         try:
             self.lockstep.reset(board)
         except BoardError as error:

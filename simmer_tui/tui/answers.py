@@ -136,6 +136,28 @@ def first_steps(example: str, command: str, drive_keys: str, variable: str = "")
     return AnswerCard("start", "", (*steps, (("  ", "plain"), *more)), tuple(in_brief))
 
 
+def board_steps(*, has_line: bool) -> AnswerCard:
+    """Advice for a beginning with boards, which alone drive the robot.
+
+    Args:
+        has_line: True if a board has a line to the laptop's program.
+    """
+    pins: StyledLine = ((":pins", "mark"), (" shows the pins of a board", "value"))
+    more: StyledLine = ((":help", "mark"), (" shows all there is to do", "value"))
+    runs = ('--run "python laptop.py"', "mark")
+    if not has_line:
+        lines: list[StyledLine] = _numbered((("the boards run by themselves", "value"),), pins)
+        return AnswerCard("start", "", (*lines, (("  ", "plain"), *more)), (*lines, (("  ", "plain"), *more)))
+    send: StyledLine = ((r":send F\n", "mark"), (" sends a board the line F", "value"))
+    program: StyledLine = (("or with the laptop's program:", "value"),)
+    steps = _numbered(send, program, pins)
+    # Of 36 columns.
+    steps[2:2] = [(("  simmer-tui --sketch DIR", "mark"),), (("    ", "plain"), runs)]
+    brief: StyledLine = (*program, (" --sketch DIR ", "mark"), runs)
+    in_brief = _numbered(send, brief, (*pins, (";  ", "value"), *more))
+    return AnswerCard("start", "", (*steps, (("  ", "plain"), *more)), tuple(in_brief))
+
+
 def _numbered(*lines: StyledLine) -> list[StyledLine]:
     return [((f"{number} ", "bold"), *line) for number, line in enumerate(lines, 1)]
 

@@ -145,6 +145,9 @@ class SimmerApp(OrderingShell):
         return super().check_action(action, parameters)
 
     def _first_steps(self) -> answers.AnswerCard:
+        sketches = self.server.sketches
+        if sketches is not None:
+            return answers.board_steps(has_line=sketches.wiring.laptop is not None)
         drives = [drive for drive in self._spec.drives if drive.enabled]
         drives.sort(key=lambda drive: drive.kind is not DriveKind.RIGHT)  # forward, if it can
         command = f"{drives[0].code}-3" if drives else "u1"
@@ -155,9 +158,10 @@ class SimmerApp(OrderingShell):
 
     @property
     def _can_run_example(self) -> bool:
-        """True while a simulated robot, on the ports that the sample program knows, waits for a program."""
+        """True while a simulated robot, on the ports that the sample program knows, waits for a program. One
+        with boards is not driven by it."""
         server = self.server
-        is_simulated = server.robot is None and self._settings.sim
+        is_simulated = server.robot is None and server.sketches is None and self._settings.sim
         is_waiting = self._panes.phase is RunPhase.WAITING
         return (
             self.run_program is not None and is_simulated and is_waiting and COMMANDS.purpose in server.ports

@@ -36,6 +36,9 @@ _LEAST_EVENTS = 3
 # Its outer ring is then ten columns from the middle: 3.6 in a column.
 _RADAR = (40, 13)
 """Least columns and rows of the radar."""
+# A name of nine characters, its clock, busy share and LED.
+_LEAST_BOARDS = 40
+"""Columns of the panel with boards."""
 # A heading, place, direction, reading and last values of a sensor.
 _FACTS_ROWS = 5
 # A heading and two lines of output: fewer say nothing.
@@ -96,7 +99,8 @@ def arrangement(
     if width >= _FULL[0] and height >= _FULL[1]:
         return Arrangement(boxes | _full(maze, width, height, sensors, panels, answer), False)
     if page == "maze":
-        return Arrangement(boxes | _brief(maze, width, height, answer), True)
+        brief = _brief(maze, width, height, answer)
+        return Arrangement(boxes | _with_boards(brief, sensors, dict(panels).get("boards", 0)), True)
     body = Box(0, 1, width, height - 2 - _CONTROLS)
     boxes |= {"console": Box(0, body.bottom, width, _CONTROLS)}
     if page == "robot":
@@ -142,6 +146,15 @@ def _brief(maze: MazeSpec, width: int, height: int, answer: int) -> dict[str, Bo
         if events is not None:
             boxes["events"] = events._replace(y=events.y + 1, height=events.height - 1)
     return boxes
+
+
+def _with_boards(boxes: dict[str, Box], sensors: int, rows: int) -> dict[str, Box]:
+    """The boxes of a small screen, with the boards in the rows that the sensors leave free."""
+    beside = boxes.get("sensors")
+    if not rows or beside is None or beside.width < _LEAST_BOARDS or beside.height - sensors < rows:
+        return boxes
+    sensed = beside._replace(height=beside.height - rows)
+    return boxes | {"sensors": sensed, "boards": Box(beside.x, sensed.bottom, beside.width, rows)}
 
 
 def _full(

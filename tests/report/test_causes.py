@@ -27,6 +27,7 @@ from simmer_tui.run.events import (
     Action,
     ActionName,
     Belief,
+    DisplayChanged,
     Notice,
     NoticeKind,
     OutputLine,
@@ -506,6 +507,14 @@ def test_a_crash_is_told_from_giving_up(code: int, error: str, words: str, kind:
 def test_nothing_sent_is_silence() -> None:
     cause = begin().why()
     assert (cause.kind, cause.text) == (Kind.SILENCE, "The program sent no command at all.")
+
+
+def test_boards_alone_that_do_nothing_are_no_program_without_commands() -> None:
+    mission = begin()
+    mission.engine.tell(DisplayChanged(mission.simulator.time, "rover"))
+    mission.referee.end("the time limit of 300 s")
+    cause = cause_of(RunEvidence(mission.attempt, None))
+    assert (cause.kind, cause.text) == (Kind.SILENCE, "No board set a motor or read a sensor.")
 
 
 @pytest.mark.parametrize("limit", ["the time limit", "the real time limit"])

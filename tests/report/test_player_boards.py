@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import asyncio
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
 
 from simmer_tui.cli.log_reports import build_report
+from simmer_tui.document.model import Code
+from simmer_tui.report.content import try_again
 from simmer_tui.report.page import report_page
+from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.run.events import Action, ActionName, DisplayChanged
 from simmer_tui.runlog.index import RunLogIndex
 from simmer_tui.runlog.writer import CHECKPOINT_EVERY
@@ -108,3 +112,22 @@ def test_a_browser_shows_the_boards_of_the_moment(start_run: Any, tmp_path: Path
     (first, last, again), _ = slid(text, tmp_path, [0.1, run.simulator.time, 0.1], each)
     assert first == again == ["rover  ·  LED 13 off", []]
     assert last == ["rover  ·  LED 13 on <b>one\ntwo", [" <b>one\ntwo"]]
+
+
+@pytest.mark.parametrize(
+    ("sketches", "program", "command"),
+    [
+        ({}, True, "simmer-tui why run.jsonl"),
+        ({}, False, ""),
+        ({"rover": "rover.ino 12"}, True, "simmer-tui trials --sketch DIR --run CMD --why"),
+        ({"rover": "rover.ino 12"}, False, "simmer-tui trials --sketch DIR --why"),
+    ],
+)
+def test_a_failed_run_of_boards_is_explained_by_trials(
+    sketches: dict[str, str], program: bool, command: str
+) -> None:
+    header = SimpleNamespace(sketches=sketches, can_run_again=program, run="CMD" if program else None)
+    told = try_again(cast(RunStatistics, SimpleNamespace(failed=True, header=header)), "run.jsonl")
+    words = [each.words if isinstance(each, Code) else str(each) for each in told.text]
+    assert "".join(words).endswith(command)
+    assert bool(told.text) == bool(command)

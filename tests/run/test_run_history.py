@@ -10,7 +10,15 @@ from msgspec.structs import replace
 from simmer_tui.config import load_default
 from simmer_tui.robot.engine import Engine
 from simmer_tui.run import run_history, table
-from simmer_tui.run.events import Action, ActionName, Belief, CommandResult, Event, MovementEnded
+from simmer_tui.run.events import (
+    Action,
+    ActionName,
+    Belief,
+    CommandResult,
+    Event,
+    MovementEnded,
+    WireMessage,
+)
 from simmer_tui.run.facts import SAME_PLACE
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.run_history import RunHistory
@@ -176,3 +184,11 @@ def test_a_history_is_bounded_by_bytes_a_command(monkeypatch: pytest.MonkeyPatch
     packed = sum(each.columns().nbytes for each in (history.commands, history.readings, history.movements))
     assert packed / len(history.commands) < 0.95 * MOST
     assert np.isfinite(history.readings.columns()["error"]).any()
+
+
+def test_lines_to_a_board_are_counted_by_their_text_and_others_by_their_meaning() -> None:
+    followed = Followed()
+    lines = (("g 20\n", ""), ("s\n", ""), ("g 20\n", ""), ("w 3", "w {n}"), ("w 4", "w {n}"))
+    for data, meaning in lines:
+        followed.engine.tell(WireMessage(0.0, data, meaning=meaning))
+    assert followed.history.totals.messages == {("g 20", ""): 2, ("s", ""): 1, ("w {n}", ""): 2}

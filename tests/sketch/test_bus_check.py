@@ -202,6 +202,11 @@ DRAFTED = {
         "Adafruit_MPU6050 mpu, other;\nvoid setup() { mpu.begin(); other.begin(0x69); }",
         [("mpu6050", None, None), ("mpu6050", None, 0x69)],
     ),
+    "a ranger begun after an encoder's input": (
+        "VL53L0X lox;\nvoid tick() {}\nvoid setup() { pinMode(3, INPUT_PULLUP);"
+        " attachInterrupt(digitalPinToInterrupt(3), tick, CHANGE); lox.init(); }",
+        [("encoder", None, None), ("vl53l0x", None, None)],
+    ),
     "a gyro whose argument is the bus": ("MPU6050 mpu(Wire);\nvoid setup() {}", [("mpu6050", None, None)]),
     "two gyros": (
         "MPU6050 mpu;\nMPU6050 second(MPU6050_ADDRESS_AD0_HIGH);\nvoid setup() {}",
@@ -228,6 +233,18 @@ def test_parts_on_a_bus_are_read_off_their_objects(tmp_path: Path, form: str) ->
         (row["part"], row.get("xshut", row.get("int")), row.get("address"))
         for row in tomllib.loads(made)["sensors"]
     ] == expected
+
+
+def test_a_sensor_beside_a_motor_has_its_code(tmp_path: Path) -> None:
+    text = (
+        "void setup() { pinMode(4, OUTPUT); }\nvoid loop() { analogRead(A3); digitalWrite(4, HIGH);"
+        " analogWrite(5, 90); }\n"
+    )
+    (tmp_path / "s.ino").write_text(text, "utf-8")
+    for lines, code in ((["i1", "i2"], "i1"), ([], "i1")):
+        made = tomllib.loads(draft([tmp_path / "s.ino"], tmp_path, [], lines, [], []))
+        assert [row["pwm"] for row in made["motors"]] == [5]
+        assert [row["code"] for row in made["sensors"]] == [code]
 
 
 def test_a_draft_of_eight_rangers_is_their_wiring(tmp_path: Path) -> None:

@@ -87,6 +87,32 @@ def test_errors_are_told_by_the_lines_of_the_sketch(
     assert lines[1].endswith(": sped = 2;")
 
 
+NUMBERS = """int most = 40000;
+const unsigned int table[] = {100, 70000};
+int bits = 0xFFFF, more = B11111111;
+char letter = 200;
+int sum(int a, int b) { return a + b; }
+\tint both(int a) { return a > 50000 ? 3 : 60000; }
+double small = 3.7; int whole = 3.7;
+void setup() { analogWrite(5, 300); delay(70000); tone(3, 40000); Serial.write(0xFE); most *= 2; }
+void loop() { unsigned int fits = 65535, wraps = -1; byte full = 256; }
+"""
+
+
+@pytest.mark.slow
+def test_numbers_that_do_not_fit_are_told_by_each_compiler(
+    compiler: Compiler, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(build, "find_compiler", lambda: compiler)
+    sketch = tmp_path / "rover.ino"
+    sketch.write_text(NUMBERS, "utf-8")
+    told = "rover.ino:{}: this number does not fit: {} becomes {}"
+    assert list(build_sketch(sketch, UNO).warnings) == [
+        told.format(*each)
+        for each in ((1, 40000, -25536), (2, 70000, 4464), (4, 200, -56), (6, 60000, -5536), (9, 256, 0))
+    ]
+
+
 @pytest.mark.slow
 def test_a_function_that_is_nowhere_is_named(
     compiler: Compiler, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -126,7 +152,12 @@ def test_without_a_compiler_of_the_system_the_package_is_used(
     package = tmp_path / "ziglang"
     package.mkdir()
     (package / "__init__.py").write_text("", "utf-8")
-    (package / "__main__.py").write_text("print('clang version 20.1.2')\n", "utf-8")
+    # It makes the runtime alone.
+    (package / "__main__.py").write_text(
+        "import sys\nprint('clang version 20.1.2')\n"
+        "if 'runtime-' in sys.argv[-1]:\n    open(sys.argv[-1], 'w').close()\n",
+        "utf-8",
+    )
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join((str(tmp_path), os.environ.get("PYTHONPATH", ""))))
     found = find_compiler()
@@ -134,3 +165,9 @@ def test_without_a_compiler_of_the_system_the_package_is_used(
     assert (found.command, found.name, found.is_gcc) == (ZIGLANG, "ziglang", False)
     main(["doctor"])
     assert "compiled by ziglang: clang version 20.1.2" in capsys.readouterr().out
+    # Its first build takes minutes, which is told before.
+    monkeypatch.setattr(platform_has, "data_folder", lambda: tmp_path / "data")
+    folder = set_of(FORMS / "delay_only", tmp_path / "set").directory
+    main(["check", str(folder)])
+    assert capsys.readouterr().err.startswith("ziglang compiles its libraries now, which takes minutes")
+    assert build.long_build_notice() == ""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import re
 from pathlib import Path
 
 import pytest
@@ -10,7 +11,7 @@ import pytest
 from simmer_tui.errors import ConfigurationError
 from simmer_tui.links.backend import Message
 from simmer_tui.links.protocol.replies import ReplyForm, ReplyFormat
-from simmer_tui.run.events import Action, ActionName, CommandResult, LegEnded
+from simmer_tui.run.events import Action, ActionName, CommandResult, LegEnded, WireMessage
 from simmer_tui.sim.command import parse_command
 from simmer_tui.sim.records import Status
 from simmer_tui.sketch.compiler import find_compiler
@@ -117,6 +118,42 @@ def test_the_busy_share_begins_again_with_a_reset_by_usb(tmp_path: Path) -> None
         boards.close()
 
 
+TALKER = """
+#include <SoftwareSerial.h>
+SoftwareSerial link(7, 8);
+void setup() { Serial.begin(9600); link.begin(9600);
+  Serial.println("begins with a line, and then another one");
+  link.print("ab"); Serial.println("next"); }
+void loop() {}
+"""
+HEARER = """
+#include <SoftwareSerial.h>
+SoftwareSerial link(7, 8);
+void setup() { link.begin(9600); }
+void loop() { if (link.available()) analogWrite(5, link.read()); }
+"""
+
+
+def test_bytes_that_wait_to_leave_a_port_are_gone_with_its_reset(tmp_path: Path) -> None:
+    """Else they would arrive among those of the new beginning."""
+    wiring = JOINED.partition("[[motors]]")[0]
+    boards = Boards(made_set(tmp_path / "set", wiring, {"sensor.ino": TALKER, "rover.ino": HEARER}))
+    try:
+        boards.run_to(0.0205)
+        boards.robot.reset_by_usb()
+        boards.run_to(0.2)
+        sent = boards.robot.lockstep.sent
+    finally:
+        boards.close()
+    lines = [event for event in boards.events if isinstance(event, WireMessage)]
+    whole = "begins with a line, and then another one\r\n"
+    # 19 bytes have arrived after 20.5 ms, and the next one never does.
+    assert [event.data for event in lines] == [whole[:19], whole, "next\r\n"]
+    assert [event.time for event in lines] == sorted(event.time for event in lines)
+    assert sent == sorted(sent)
+    assert bytes(value for _, value in sent).decode() == f"{whole[:19]}{whole}next\r\n"
+
+
 def test_others_may_read_and_not_drive(tmp_path: Path) -> None:
     boards = Boards(made_set(tmp_path / "set", ROVER + MOTORS, {"rover.ino": STOPPABLE}))
     engine = boards.robot.engine
@@ -158,6 +195,8 @@ def test_edges_are_lost_while_an_interrupt_writes(tmp_path: Path) -> None:
     # 12 in/s with 200 edges an inch are 2,400 edges; a line of 4 to 6 bytes keeps interrupts off for 5 ms.
     assert 1000 < counted < 2000
     assert any("an edge at pin 2 was lost at rover.ino:5" in text for text in run.notices), run.notices
+    # Edges after the last lost one are not counted.
+    assert any(re.search(r": 10 of the first [0-9]+ edges at pin 2 were", text) for text in run.notices)
 
 
 @pytest.mark.parametrize(

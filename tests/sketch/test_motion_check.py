@@ -156,7 +156,8 @@ def test_check_runs_the_boards_and_reads_each_part(
     (tmp_path / "set" / "wiring.toml").write_text('[boards.main]\nsketch = "../bad"\nboard = "uno"\n')
     assert main(["check", "set"]) == 1
     out = capsys.readouterr().out
-    assert "bad.ino:1: this number does not fit" in out
+    assert "bad.ino:1: this number does not fit: 70000 becomes 4464" in out
+    assert "No part of wiring.toml is u1, u2, " in out
     assert "board main died at bad.ino:3 after 0.2" in out
 
 

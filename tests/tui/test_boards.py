@@ -16,7 +16,7 @@ from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import checkpoint_of
 from simmer_tui.sim import Simulator
 from simmer_tui.sketch.board_view import BoardView, PinView, PortView
-from simmer_tui.tui.answers import pins_answer
+from simmer_tui.tui.answers import board_steps, pins_answer
 from simmer_tui.tui.line_panel import text_of
 from simmer_tui.tui.readouts import Room, board_lines
 
@@ -87,6 +87,24 @@ def test_pins_are_listed_with_their_use() -> None:
 def test_text_is_sent_as_typed(typed: str, text: str) -> None:
     spec = load(bundled_sets()[MISSION_SET]).simulation
     assert read_console_command(typed, spec) == Local("send", text)
+
+
+@pytest.mark.parametrize("has_line", [True, False])
+def test_the_first_steps_with_boards_are_orders_that_boards_take(has_line: bool) -> None:
+    """Nobody else drives: neither a typed command, nor a key, nor the sample program."""
+    spec = load(bundled_sets()[MISSION_SET]).simulation
+    card = board_steps(has_line=has_line)
+    for lines in (card.lines, card.brief):
+        shown = [text_of(line).strip() for line in lines]
+        text = "\n".join(shown)
+        assert (":send" in text) == ("--sketch DIR" in text) == has_line
+        assert ":pins" in text
+        assert ":help" in text
+        assert not any(each in text for each in ("d1-3", "F5", "w a s d", "wander"))
+        assert max(map(len, shown)) <= (78 if lines is card.brief else 40)
+    if has_line:
+        typed = text_of(card.lines[0]).removeprefix("1 ").partition(" sends")[0]
+        assert read_console_command(typed, spec) == Local("send", "F\n")
 
 
 def test_nothing_to_send_is_refused() -> None:

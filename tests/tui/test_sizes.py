@@ -14,9 +14,11 @@ from simmer_tui.tui.panes import PANELS
 from simmer_tui.tui.sizes import PAGES, Arrangement, Box, arrangement
 
 
-def planned(maze: MazeSpec, width: int, height: int, *, sensors: int = 17, page: str = "maze") -> Arrangement:
-    """Arrangement with the panels of the app."""
-    panels = [(kind.name, kind.rows) for kind in PANELS]
+def planned(
+    maze: MazeSpec, width: int, height: int, *, sensors: int = 17, page: str = "maze", boards: int = 0
+) -> Arrangement:
+    """Arrangement with the panels of the app, and that of so many boards."""
+    panels = [(kind.name, kind.rows or 2 * boards + bool(boards)) for kind in PANELS]
     return arrangement(maze, width, height, sensors=sensors, panels=panels, page=page)
 
 
@@ -150,6 +152,17 @@ def test_boards_of_a_mission_are_seen_before_the_last_sensors(course_spec: Simul
     assert {name: page.boxes[name].height for name, _ in panels} == dict(panels)
 
 
+def test_boards_are_below_few_sensors_on_a_small_screen(course_spec: SimulationSpec) -> None:
+    maze = MazeSpec(((1,) * 4,) * 4)
+    panels = (("robot", 6), ("run", 4), ("boards", 3))
+    for rows, is_seen in ((14, True), (16, False)):
+        boxes = arrangement(maze, 80, 24, sensors=rows, panels=panels).boxes
+        assert ("boards" in boxes) == is_seen
+        assert sum(boxes[name].height for name in ("sensors", "boards") if name in boxes) == 18
+    # Beside the maze of the course there is no room for them.
+    assert "boards" not in arrangement(course_spec.maze, 80, 24, sensors=2, panels=panels).boxes
+
+
 def test_every_page_has_its_pane_and_the_console(course_spec: SimulationSpec) -> None:
     for page in PAGES[1:]:
         boxes = planned(course_spec.maze, 80, 24, page=page).boxes
@@ -173,11 +186,13 @@ def overlaps(plan: Arrangement) -> list[tuple[str, str]]:
     st.integers(1, 80),
     st.integers(1, 40),
     st.sampled_from(PAGES),
+    st.integers(0, 3),
 )
 def test_no_box_overlaps_another_or_leaves_the_screen(
-    width: int, height: int, rows: int, columns: int, sensors: int, page: str
+    width: int, height: int, rows: int, columns: int, sensors: int, page: str, boards: int
 ) -> None:
-    plan = planned(MazeSpec(((1,) * columns,) * rows), width, height, sensors=sensors, page=page)
+    maze = MazeSpec(((1,) * columns,) * rows)
+    plan = planned(maze, width, height, sensors=sensors, page=page, boards=boards)
     for name, box in plan.boxes.items():
         assert box.width >= 1, name
         assert box.height >= 1, name
