@@ -202,7 +202,7 @@ def _of_sensors(model: Model, state: Iterate, rows: Rows) -> Iterator[Effect]:
         if isinstance(sensor, CountingSensor) and sensor.slips:
             begin, end = model.counted_between(index)
             yield effect(COUNTED_TURNS, (turned[end] - turned[begin]) / _QUARTER)
-        elif sensor.spec.unit == "deg" and not isinstance(sensor, CountingSensor):
+        elif sensor.spec.kind.is_heading:
             yield effect(IRON, *_waves(np.radians(state.chain[stops, 2])))
 
 

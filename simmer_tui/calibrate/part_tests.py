@@ -129,9 +129,9 @@ def stuck(sample: SensorSample) -> Iterator[Alternative]:
 
 
 def inverted_compass(sample: SensorSample, base: FloatArray) -> Iterator[Alternative]:
-    """A compass that counts in the other direction, from any zero. Ranges have no sign."""
+    """A compass that counts in the other direction, from any zero."""
     spec, period = sample.sensor.spec, sample.sensor.period
-    if spec.kind.is_range or not period or not len(base):
+    if not spec.kind.is_heading or not len(base):
         return
     turn = 2j * np.pi / period
     mirrored = np.exp(turn * (sample.values + spec.gain * base)).mean()

@@ -153,15 +153,15 @@ class BeliefFacts:
     def _compasses(self) -> tuple[str, ...]:
         """Codes of the compasses that were read."""
         read = set(self._seen.history.sensor_codes)
-        made = ((each, modelled_sensor(each)) for each in self._seen.spec.sensors if each.code in read)
-        return tuple(each.code for each, it in made if isinstance(it, ObservingSensor) and it.period)
+        return tuple(
+            each.code for each in self._seen.spec.sensors if each.kind.is_heading and each.code in read
+        )
 
     @property
     def unread_compass(self) -> str:
         """Code of a compass of the set that was never read; empty without one, or if another was read."""
-        made = ((each, modelled_sensor(each)) for each in self._seen.spec.sensors if each.enabled)
-        codes = [each.code for each, it in made if isinstance(it, ObservingSensor) and it.period]
-        return "" if self._compasses or not codes else codes[0]
+        there = (each.code for each in self._seen.spec.sensors if each.kind.is_heading and each.enabled)
+        return "" if self._compasses else next(there, "")
 
     @cached_property
     def steps(self) -> list[Disagreement]:

@@ -16,7 +16,9 @@ from simmer_tui.calibrate.part_tests import (
 )
 from simmer_tui.config.loader import find_set, load
 from simmer_tui.report.finding import Basis, Device, Finding, FindingKind
+from simmer_tui.sim import SensorSpec
 from simmer_tui.sim.sensors import Sensor, modelled_sensor
+from tests.report.test_differences import Bearing
 
 SPEC = load(find_set("mission")).simulation
 
@@ -30,6 +32,13 @@ def test_at_one_heading_no_sign_can_be_told_from_an_offset(headings: tuple[float
     base = np.array(headings * 12)
     sample = SensorSample(sensor_of("c1"), 300.0 - base, base, np.full(len(base), 5.0))
     assert len(list(inverted_compass(sample, base))) == found
+
+
+def test_only_of_a_heading_the_direction_is_tested() -> None:
+    base = np.array((0.0, 90.0, 200.0) * 12)
+    bearing = Bearing(SensorSpec(kind=Bearing, number=1, code="b1", wrap=360.0))
+    sample = SensorSample(bearing, 300.0 - base, base, np.full(len(base), 5.0))
+    assert list(inverted_compass(sample, base)) == []
 
 
 def test_a_compass_that_is_half_a_turn_off_is_not_said_to_have_the_wrong_sign() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import pytest
@@ -13,6 +14,7 @@ from simmer_tui.report.device_differences import device_findings
 from simmer_tui.report.moments import moments_of
 from simmer_tui.report.verdict import Verdict, verdict_of
 from simmer_tui.run.events import Action, ActionName, ProgramEnded
+from simmer_tui.sim import ObservingSensor, Pose, World
 from simmer_tui.sim.specs import EMPTY, WALL, GripperSpec, SensorSpec, SimulationSpec
 from tests.report.test_causes import begin
 
@@ -217,6 +219,32 @@ def test_a_compass_that_was_never_read_is_told_beside_a_heading_that_was_assumed
     mission.give("u1", "u2", "u4", "c1")
     mission.believe(turn=90.0)
     assert "was never read" not in mission.why(1, words="failed").text
+
+
+class Bearing(ObservingSensor):
+    """The bearing of the maze's corner, degrees: its readings are cyclic, and it is no compass."""
+
+    name = "bearing"
+    meaning = "bearing of a corner"
+    unit = "deg"
+    columns = ()
+    period = 360.0
+
+    def observe(self, world: World, pose: Pose) -> tuple[float, None]:
+        return math.degrees(math.atan2(-pose.y, -pose.x)) - pose.heading, None
+
+
+def test_a_cyclic_sensor_is_no_compass() -> None:
+    def without_compass(spec: SimulationSpec) -> SimulationSpec:
+        others = (each for each in spec.sensors if not each.kind.is_heading)
+        return replace(spec, sensors=(*others, SensorSpec(kind=Bearing, number=1, code="b1")))
+
+    mission = begin(own=without_compass)
+    mission.give("u1", "u2", "u4")
+    mission.believe(turn=90.0)
+    cause = mission.why(1, words="failed")
+    assert cause.kind is Kind.LOST
+    assert "tells the heading" not in f"{cause.text} {cause.advice}"
 
 
 def test_a_reset_that_took_the_block_out_of_the_gripper_is_told() -> None:

@@ -256,8 +256,9 @@ class Sensor(SensorKind):
 
     @property
     def period(self) -> float:
-        """Period of the readings: those that differ by it are the same; 0 if there is none."""
-        return self.spec.wrap
+        """Period of the readings: those that differ by it are the same; 0 if there is none. That of a heading
+        is a whole turn: headings of a log may differ by whole turns from the robot's count."""
+        return self.spec.wrap or (360.0 if self.is_heading else 0.0)
 
     def wrapped(self, difference: _Difference) -> _Difference:
         """A difference of readings, with whole periods taken off."""

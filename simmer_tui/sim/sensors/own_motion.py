@@ -162,11 +162,6 @@ class Compass(ObservingSensor):
     # -- for calibration --------------------------------------------------------------------------
 
     @property
-    def period(self) -> float:
-        """A whole turn: headings of a log may differ by whole turns from the robot's count."""
-        return self.spec.wrap or 360.0
-
-    @property
     def span(self) -> float:
         """A whole turn, degrees."""
         return 360.0
