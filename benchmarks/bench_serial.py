@@ -30,11 +30,11 @@ sys.path.append(str(Path(__file__).resolve().parent.parent))
 import serial
 
 from simmer_tui.config.loader import load
+from simmer_tui.config.reply_formats import ReplyForm, ReplyFormat
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.config.settings import SerialSettings
 from simmer_tui.config.settings_file import Override
 from simmer_tui.links.backend import BackendSwitch, Message
-from simmer_tui.links.protocol.replies import ReplyForm, ReplyFormat
 from simmer_tui.links.serial_bridge import SerialBridge
 from simmer_tui.links.serial_link import SerialLink
 from simmer_tui.live.server import Server

@@ -21,9 +21,9 @@ sys.path.append(str(Path(__file__).resolve().parent.parent / "scripts"))
 from robot_emulator import Oddities, Robot
 
 from simmer_tui.config.loader import Configuration, load
+from simmer_tui.config.reply_formats import ReplyForm, ReplyFormat
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.links.backend import BackendSwitch, Message
-from simmer_tui.links.protocol.replies import ReplyForm, ReplyFormat
 from simmer_tui.links.serial_bridge import SerialBridge
 from simmer_tui.links.serial_link import LinkListener
 from simmer_tui.robot.engine import Engine

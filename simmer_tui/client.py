@@ -47,6 +47,9 @@ _REPLY_CONNECT_TIMEOUT = 3.0  # s
 _BELIEF_TIMEOUT = 0.2  # s; a program must not wait for what is only drawn
 _QUESTION_TIMEOUT = 1.0  # s; older simulators never answer this question, and are asked only once
 _MOST_RANGES = 4000  # ranges of a scan; a larger number is no count
+# The simulator's config/reply_formats.py: formats of a number and orders of its bytes, in struct's letters.
+_NUMBER_LETTERS = {"float64": "d", "float32": "f"}
+_BYTE_ORDERS = {"big": ">", "little": "<"}
 _MOST_STATES, _MOST_ROWS, _MOST_HEADINGS = 65536, 1000, 360  # of a grid; the simulator takes no more
 # The simulator's protocol/mission_query.py; its mission.py has the order of the facts.
 _MISSION_QUERY = "?m"
@@ -160,8 +163,8 @@ class Robot:
         token: str | None = None,
     ) -> None:
         _one_of("protocol", protocol, ("binary", "packets"))
-        _one_of("reply_format", reply_format, ("float64", "float32"))
-        _one_of("byte_order", byte_order, ("big", "little"))
+        _one_of("reply_format", reply_format, tuple(_NUMBER_LETTERS))
+        _one_of("byte_order", byte_order, tuple(_BYTE_ORDERS))
         if not 0 < _finite("timeout", timeout) <= _LONGEST_TIMEOUT:
             allowed = f"a number of seconds above 0, at most {_LONGEST_TIMEOUT:.0f}"
             raise InvalidInputError(f"timeout is {timeout!r}: it must be {allowed}")
@@ -187,9 +190,7 @@ class Robot:
             usual = DEFAULT_REPLY_PORT if self.port == DEFAULT_PORT else 0
             reply_port = _port("reply_port", reply_port, "SIMMER_REPLY_PORT", usual, lowest=0)
             # Big-endian doubles by default: what MATLAB's tcpip objects read.
-            number = struct.Struct(
-                (">" if byte_order == "big" else "<") + ("d" if reply_format == "float64" else "f")
-            )
+            number = struct.Struct(_BYTE_ORDERS[byte_order] + _NUMBER_LETTERS[reply_format])
             self._link = _BinaryLink(dial, self.port, reply_port, self.timeout, number, self._reasons)
 
     @overload

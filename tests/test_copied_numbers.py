@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import ast
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args, get_type_hints
 
 import pytest
 
 from simmer_tui import client
-from simmer_tui.config import dialects
+from simmer_tui.config import dialects, reply_formats
 from simmer_tui.config.settings import ServerSettings
 from simmer_tui.links.protocol import binary, replies
 from simmer_tui.live.server import TOKEN
@@ -48,6 +48,11 @@ def test_the_python_client_has_the_defaults_and_limits_of_the_simulator() -> Non
         assert found[name] == port.default, name
         assert f'"{port.variable}"' in Path(client.__file__).read_text("utf-8")
     assert found["_MOST_RANGES"] == replies.MOST_RANGES
+    assert client._NUMBER_LETTERS == reply_formats.NUMBER_LETTERS
+    assert client._BYTE_ORDERS == reply_formats.BYTE_ORDERS
+    given = get_type_hints(client.Robot.__init__)
+    assert get_args(given["reply_format"]) == tuple(reply_formats.NUMBER_LETTERS)
+    assert get_args(given["byte_order"]) == tuple(reply_formats.BYTE_ORDERS)
     assert found["_MOST_STATES"] == belief_grid.MOST_STATES
     assert (found["_MOST_ROWS"], found["_MOST_HEADINGS"]) == (
         belief_grid.MOST_ROWS,

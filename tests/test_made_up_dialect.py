@@ -13,13 +13,13 @@ import pytest
 from simmer_tui.cli.main import main
 from simmer_tui.config.dialects import DIALECTS, Dialect, DialectPort
 from simmer_tui.config.loader import load
+from simmer_tui.config.reply_formats import ReplyForm, ReplyFormat
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.config.settings import ServerSettings, Settings, settings_from
 from simmer_tui.config.settings_file import Override
 from simmer_tui.links.backend import Message
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.peer import PIECE, Peer, ReadBudget
-from simmer_tui.links.protocol.replies import ReplyForm, ReplyFormat
 from simmer_tui.live.server import Server
 from simmer_tui.sim import CommandResult, parse_command
 

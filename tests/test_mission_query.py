@@ -23,11 +23,11 @@ from simmer_tui.cli.main import main
 from simmer_tui.client import InvalidInputError, Mission, NoMissionError, Robot
 from simmer_tui.config.dialects import BELIEFS, COMMANDS, PACKET_REPLIES, PACKETS
 from simmer_tui.config.loader import load
+from simmer_tui.config.reply_formats import ReplyForm, ReplyFormat
 from simmer_tui.config.sets import bundled_folder, find_set
 from simmer_tui.config.settings_file import Override
 from simmer_tui.links.backend import Backend, BackendSwitch, Message
 from simmer_tui.links.protocol.mission_query import MissionQuery
-from simmer_tui.links.protocol.replies import ReplyForm, ReplyFormat
 from simmer_tui.live.operating.robot_operator import Operator
 from simmer_tui.live.server import Server
 from simmer_tui.robot.engine import Engine

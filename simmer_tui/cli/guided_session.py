@@ -21,9 +21,9 @@ from simmer_tui.calibrate.fit import Fit, fit
 from simmer_tui.calibrate.guided import WANTED, SessionPlanner, drive_guided, guided_run, where_to_put
 from simmer_tui.calibrate.measured_run import read_runs
 from simmer_tui.config.loader import Configuration
+from simmer_tui.config.reply_formats import ReplyForm, ReplyFormat
 from simmer_tui.errors import CalibrationError
 from simmer_tui.links.backend import BackendSwitch, Message
-from simmer_tui.links.protocol.replies import ReplyForm, ReplyFormat
 from simmer_tui.links.robot_bridge import bridge_to
 from simmer_tui.links.serial_link import SerialLink
 from simmer_tui.robot.engine import Engine

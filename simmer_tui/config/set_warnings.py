@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 from simmer_tui.config.loader import Configuration
+from simmer_tui.config.reply_formats import NUMBER_SIZES
 from simmer_tui.config.settings import BITS_OF_A_BYTE, USUAL_BAUD
 from simmer_tui.sim.distance_errors import stretches_per_second
 from simmer_tui.sim.maze import looks_inverted
@@ -18,7 +19,6 @@ _SLOW_LINK = "hc-05"
 # Judged: a robot whose program waits so long for each scan drives past the things it should see.
 _LONG = 0.5
 """Seconds on a real robot's line from which a scan is slow."""
-_SIZES = {"float32": 4, "float64": 8}
 
 # Measured: 0.05 ms each in an empty maze. A tenth of a core is left for one robot on a page or in trials.
 MOST_STRETCHES = 2000
@@ -66,7 +66,7 @@ def _lidars(configuration: Configuration) -> Iterator[str]:
                 f"{sensor.id} has {sensor.rays} rays, and a packet of more than {MOST_IN_A_PACKET} is not "
                 "read by one recv(1024): read on up to the closing bracket, or set Rays lower"
             )
-        size = _SIZES.get(server.reply_format, 0)
+        size = NUMBER_SIZES.get(server.reply_format, 0)
         if settings.link_profile == _SLOW_LINK and size and "binary" in server.listeners:
             seconds = (sensor.rays + 1) * size * BITS_OF_A_BYTE / USUAL_BAUD
             yield (
@@ -74,7 +74,9 @@ def _lidars(configuration: Configuration) -> Iterator[str]:
                 "which the simulated link knows nothing: set Rays lower, or ask for single rays"
             )
         serial = settings.serial
-        size = _SIZES.get(serial.robot_reply if serial.robot_reply != "same" else server.reply_format, 0)
+        size = NUMBER_SIZES.get(
+            serial.robot_reply if serial.robot_reply != "same" else server.reply_format, 0
+        )
         seconds = (sensor.rays + 1) * size * BITS_OF_A_BYTE / serial.baud
         if serial.port and seconds > _LONG:
             yield (

@@ -14,6 +14,7 @@ from msgspec import Struct
 from msgspec.structs import asdict, replace
 
 from simmer_tui.config import dialects
+from simmer_tui.config.reply_formats import BYTE_ORDERS, NUMBER_LETTERS, ReplyEnd
 from simmer_tui.sim.noise import SEEDS
 from simmer_tui.sim.rules import (
     LARGEST_PORT,
@@ -28,6 +29,7 @@ from simmer_tui.sim.rules import (
     PortOrOffRule,
     SeveralRule,
     TextRule,
+    listed,
 )
 from simmer_tui.sim.specs import WheelLayout
 from simmer_tui.sim.values import CourseRule, Value
@@ -99,6 +101,7 @@ class SettingsTable(Struct, frozen=True, kw_only=True):
 
 _Pair = tuple[float, float]
 _Names = tuple[str, ...]
+_NUMBERS, _ORDERS = tuple(NUMBER_LETTERS), tuple(BYTE_ORDERS)
 # Names of [serial] that other tables have too, or that are unclear alone.
 _SERIAL = "--serial-"
 # Free for a course's robot: they only concern the communication of its program.
@@ -147,8 +150,8 @@ class ServerSettings(SettingsTable, frozen=True, kw_only=True):
     listeners: Annotated[_Names, _talk(SeveralRule(()), "dialects that are served")] = ("binary",)
     port: Annotated[int, _port(dialects.COMMANDS)] = dialects.COMMANDS.default
     reply_port: Annotated[int, _port(dialects.REPLIES)] = dialects.REPLIES.default
-    reply_format: Annotated[str, _talk(ChoiceRule(("float64", "float32")), "size of a reply")] = "float64"
-    byte_order: Annotated[str, _talk(ChoiceRule(("big", "little")), "order of a reply's bytes")] = "big"
+    reply_format: Annotated[str, _talk(ChoiceRule(_NUMBERS), "size of a reply")] = "float64"
+    byte_order: Annotated[str, _talk(ChoiceRule(_ORDERS), "order of a reply's bytes")] = "big"
     # Programs of Sep and Oct 2020 send no newline, and one command a write: after 5 ms nothing more comes.
     grace: Annotated[
         float, _talk(NumberRule(0, 10), "silence after which bytes without a newline are a command", "s")
@@ -157,7 +160,7 @@ class ServerSettings(SettingsTable, frozen=True, kw_only=True):
     packet_reply_port: Annotated[int, _port(dialects.PACKET_REPLIES)] = dialects.PACKET_REPLIES.default
     legacy_reply: Annotated[
         str,
-        _talk(ChoiceRule(("float64", "float32", "text")), "form of the reply to a packet without brackets"),
+        _talk(ChoiceRule((*_NUMBERS, "text")), "form of the reply to a packet without brackets"),
     ] = "float64"
     idle: Annotated[
         float, _number(0.1, 3600, "silence after which a program that sends packets has left", "s")
@@ -327,19 +330,19 @@ class SerialSettings(SettingsTable, frozen=True, kw_only=True):
     reply_end: Annotated[
         str,
         _choice(
-            "auto float64 float32 newline bracket quiet",
+            " ".join(("auto", *ReplyEnd)),
             "end of a reply of the robot; auto: as robot_reply or the program's dialect has it",
         ),
     ] = "auto"
     robot_reply: Annotated[
         str,
         _choice(
-            "same text float32 float64",
+            " ".join(("same", "text", *reversed(_NUMBERS))),
             "form of the robot's replies, converted for the program unless the same",
         ),
     ] = "same"
     robot_byte_order: Annotated[
-        str, _choice("big little", "order of the bytes in such a float32 or float64 reply")
+        str, _choice(" ".join(_ORDERS), f"order of the bytes in such a {listed(reversed(_NUMBERS))} reply")
     ] = "little"
     record: Annotated[str, _text("file for the bytes to and from the real robot", "FILE")] = ""
     velocity: Annotated[bool, _flag("the robot knows the commands of continuous motion", _SERIAL)] = False

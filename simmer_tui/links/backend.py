@@ -13,8 +13,8 @@ from typing import Protocol
 
 from msgspec import Struct
 
+from simmer_tui.config.reply_formats import ReplyForm
 from simmer_tui.links.protocol.mission_query import MissionQuery
-from simmer_tui.links.protocol.replies import ReplyForm
 from simmer_tui.robot.engine import Engine
 from simmer_tui.robot.sessions import Answered, Foreign, Queued, Session
 from simmer_tui.run.events import Notice, NoticeKind

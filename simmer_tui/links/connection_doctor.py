@@ -10,12 +10,12 @@ import asyncio
 from collections.abc import Mapping
 
 from simmer_tui.config.dialects import BELIEFS, COMMANDS, PACKETS, REPLIES
+from simmer_tui.config.reply_formats import ReplyForm, ReplyFormat
 from simmer_tui.links.peer import Peer
 from simmer_tui.links.ports import Listener
 from simmer_tui.links.processes import ProcessLookup
 from simmer_tui.links.protocol import diagnosis
 from simmer_tui.links.protocol.diagnosis import Diagnosis
-from simmer_tui.links.protocol.replies import ReplyForm, ReplyFormat
 from simmer_tui.robot.engine import Engine
 from simmer_tui.robot.timers import LoopTimer
 from simmer_tui.run.events import Notice, NoticeKind

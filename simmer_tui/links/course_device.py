@@ -8,13 +8,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import partial
 
+from simmer_tui.config.reply_formats import ReplyForm, ReplyFormat
 from simmer_tui.dialect.dialect_rules import CourseProtocol
 from simmer_tui.dialect.frames import FrameKind, Framing
 from simmer_tui.links.backend import CommandBudget, Message
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.protocol.binary import CommandReader, NumberEncoder
 from simmer_tui.links.protocol.packets import Request, RequestReader, encode
-from simmer_tui.links.protocol.replies import ReplyForm, ReplyFormat
 from simmer_tui.robot.sessions import Answered, Session
 from simmer_tui.run.events import WireMessage
 from simmer_tui.sim.command import Command

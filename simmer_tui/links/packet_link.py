@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from functools import partial
 
 from simmer_tui.config.dialects import PACKETS
+from simmer_tui.config.reply_formats import ReplyForm, ReplyFormat
 from simmer_tui.links.access import RefusalNotices
 from simmer_tui.links.backend import CommandBudget, Message
 from simmer_tui.links.connection_doctor import ConnectionDoctor
@@ -29,7 +30,6 @@ from simmer_tui.links.protocol.packets import (
     encode,
     passed_on,
 )
-from simmer_tui.links.protocol.replies import ReplyForm, ReplyFormat
 from simmer_tui.robot.timers import LoopTimer
 from simmer_tui.sim.records import CommandResult, Status
 

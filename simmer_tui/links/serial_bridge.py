@@ -16,18 +16,11 @@ import numpy as np
 from msgspec import Struct, field
 from msgspec.structs import replace
 
+from simmer_tui.config.reply_formats import ReplyEnd, ReplyForm, ReplyFormat
 from simmer_tui.config.settings import BITS_OF_A_BYTE
 from simmer_tui.links.backend import Message
 from simmer_tui.links.protocol.packets import STOP
-from simmer_tui.links.protocol.replies import (
-    GAP,
-    ReplyEnd,
-    ReplyForm,
-    ReplyFormat,
-    ReplyFramer,
-    RobotAnswer,
-    read_numbers,
-)
+from simmer_tui.links.protocol.replies import GAP, ReplyFramer, RobotAnswer, read_numbers
 from simmer_tui.links.real_robot import RealRobot, as_real, real_reading
 from simmer_tui.robot.sessions import Answered, Session
 from simmer_tui.robot.timers import LoopTimer

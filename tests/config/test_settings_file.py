@@ -9,13 +9,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from simmer_tui.config.loader import load
+from simmer_tui.config.reply_formats import NUMBER_LETTERS
 from simmer_tui.config.set_warnings import set_warnings
 from simmer_tui.config.sets import bundled_folder, bundled_sets, init_set
 from simmer_tui.config.settings import MotionSettings, ServerSettings, Settings, all_settings
 from simmer_tui.config.settings_file import Override, load_settings
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim.noise import SEEDS
-from simmer_tui.sim.rules import IntegerRule, describe
+from simmer_tui.sim.rules import ChoiceRule, IntegerRule, describe
 
 Edit = Callable[[str, str, str], None]
 Problems = Callable[..., list[str]]
@@ -85,7 +86,7 @@ def test_all_ways_toml_writes_the_same_settings_mean_the_same(tmp_path: Path, te
         ("server.reply_port = -1", "must be a whole number from 0 to 65535, not -1"),
         (
             "server.reply_format = 'float46'",
-            'must be "float64" or "float32", not "float46"; did you mean "float64"?',
+            f'must be {ChoiceRule(tuple(NUMBER_LETTERS)).allowed}, not "float46"; did you mean "float64"?',
         ),
         ("server.byte_order = 3", 'must be "big" or "little", not 3'),
         ("server.grace = 11", "must be a number from 0 to 10, not 11 (unit: s)"),

@@ -14,12 +14,12 @@ import pytest
 
 from simmer_tui import platform_has
 from simmer_tui.config.loader import load
+from simmer_tui.config.reply_formats import ReplyForm, ReplyFormat
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.config.settings import SerialSettings
 from simmer_tui.links import port_list, serial_link
 from simmer_tui.links.backend import Message
 from simmer_tui.links.port_list import is_usb, open_port
-from simmer_tui.links.protocol.replies import ReplyForm, ReplyFormat
 from simmer_tui.links.serial_bridge import SerialBridge
 from simmer_tui.robot.engine import Engine
 from simmer_tui.run.events import Event, Notice

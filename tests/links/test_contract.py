@@ -12,9 +12,9 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
+from simmer_tui.config.reply_formats import ReplyForm, ReplyFormat
 from simmer_tui.config.settings import SerialSettings
 from simmer_tui.links.backend import BackendSwitch, Message
-from simmer_tui.links.protocol.replies import ReplyForm, ReplyFormat
 from simmer_tui.links.serial_bridge import SerialBridge
 from simmer_tui.robot.engine import Engine
 from simmer_tui.robot.sessions import Answered

@@ -10,10 +10,10 @@ from collections.abc import Awaitable, Callable, Sequence
 import pytest
 
 from simmer_tui.config.loader import load
+from simmer_tui.config.reply_formats import ReplyForm, ReplyFormat
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.config.settings import SerialSettings
 from simmer_tui.links.backend import MOST_COMMANDS, BackendSwitch, CommandBudget, Message
-from simmer_tui.links.protocol.replies import ReplyForm, ReplyFormat
 from simmer_tui.links.serial_bridge import ANSWER_MARGIN, SerialBridge
 from simmer_tui.links.serial_link import LinkListener
 from simmer_tui.robot.engine import Engine

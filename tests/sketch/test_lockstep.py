@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from simmer_tui.config.reply_formats import ReplyForm, ReplyFormat
 from simmer_tui.errors import ConfigurationError
 from simmer_tui.links.backend import Message
-from simmer_tui.links.protocol.replies import ReplyForm, ReplyFormat
 from simmer_tui.run.events import Action, ActionName, CommandResult, LegEnded, WireMessage
 from simmer_tui.sim.command import parse_command
 from simmer_tui.sim.records import Status

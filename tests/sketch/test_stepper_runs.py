@@ -10,8 +10,8 @@ import pytest
 from msgspec.structs import replace
 
 from simmer_tui.config.loader import Configuration
+from simmer_tui.config.reply_formats import ReplyForm, ReplyFormat
 from simmer_tui.links.backend import Message
-from simmer_tui.links.protocol.replies import ReplyForm, ReplyFormat
 from simmer_tui.run.events import Action, ActionName, CommandResult, Notice, ProgramEnded
 from simmer_tui.sim.command import parse_command
 from simmer_tui.sketch.checked_board import CheckedBoard

@@ -3,9 +3,10 @@
 The reply to a lidar's code is a count and so many numbers. A refusal is one NaN, as with every command.
 """
 
+from simmer_tui.config.reply_formats import NUMBER_STRUCTS, ReplyForm, ReplyFormat
 from simmer_tui.config.settings import ServerSettings
 from simmer_tui.links.protocol.line_marks import has_marks_alone, without_marks
-from simmer_tui.links.protocol.replies import NUMBER_STRUCTS, ReplyForm, ReplyFormat, pack_reply
+from simmer_tui.links.protocol.replies import pack_reply
 from simmer_tui.sim.command import Command, parse_command
 from simmer_tui.sim.records import CommandResult
 

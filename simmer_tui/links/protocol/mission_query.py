@@ -11,8 +11,9 @@ from collections.abc import Sequence
 import numpy as np
 from msgspec import Struct
 
+from simmer_tui.config.reply_formats import NUMBER_STRUCTS, ReplyForm, ReplyFormat
 from simmer_tui.links.protocol.packets import number_text, ranges_text
-from simmer_tui.links.protocol.replies import NUMBER_STRUCTS, ReplyForm, ReplyFormat, pack_reply
+from simmer_tui.links.protocol.replies import pack_reply
 from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.command import MISSION_QUERY, Command, parse_value
 

@@ -25,10 +25,11 @@ from itertools import groupby, takewhile
 
 from msgspec import Struct
 
+from simmer_tui.config.reply_formats import NUMBER_STRUCTS, ReplyForm, ReplyFormat
 from simmer_tui.config.settings import ServerSettings
 from simmer_tui.links.protocol.binary import GRACE, LONGEST_COMMAND
 from simmer_tui.links.protocol.line_marks import has_marks_alone, without_marks
-from simmer_tui.links.protocol.replies import NUMBER_STRUCTS, ReplyForm, ReplyFormat, pack_reply
+from simmer_tui.links.protocol.replies import pack_reply
 from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.command import Command, code_problem
 from simmer_tui.sim.records import CommandResult, Status

@@ -1,7 +1,8 @@
-"""Replies in every dialect: their format, and the search for a real robot's replies in the bytes it sends.
+"""Numbers of replies as bytes, in every dialect: packed, searched for in what a real robot sends, and read.
 
-It has no port and no clock. Robots print greetings when they boot, lose bytes and answer late. So a reply is
-searched for only while one is expected; all other bytes are discarded, and counted.
+Their formats are the table of `config/reply_formats.py`. The search has no port and no clock. Robots print
+greetings when they boot, lose bytes and answer late. So a reply is searched for only while one is expected;
+all other bytes are discarded, and counted.
 """
 
 import math
@@ -9,62 +10,13 @@ import re
 import struct
 from collections import deque
 from collections.abc import Iterator, Sequence
-from enum import StrEnum
 from itertools import islice
 
 import numpy as np
-from msgspec import Struct
 
+from simmer_tui.config.reply_formats import NUMBER_SIZES, NUMBER_STRUCTS, ReplyEnd, ReplyForm
 from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.command import NUMBER
-
-NUMBER_STRUCTS = {
-    ("float64", "big"): struct.Struct(">d"),
-    ("float64", "little"): struct.Struct("<d"),
-    ("float32", "big"): struct.Struct(">f"),
-    ("float32", "little"): struct.Struct("<f"),
-}
-"""Floating-point numbers by their format and the order of their bytes."""
-
-
-class ReplyFormat(StrEnum):
-    """Format of a reply. All but `FRAMED` are possible values of `legacy_reply`."""
-
-    FRAMED = "framed"
-    FLOAT64 = "float64"
-    FLOAT32 = "float32"
-    TEXT = "text"
-
-
-class ReplyEnd(StrEnum):
-    """End of a reply: its size, a character, or silence."""
-
-    FLOAT64 = "float64"
-    FLOAT32 = "float32"
-    NEWLINE = "newline"
-    BRACKET = "bracket"
-    QUIET = "quiet"
-
-
-# The end of replies in each dialect; the setting `reply_end` names another.
-_ENDS = {
-    ReplyFormat.FLOAT64: ReplyEnd.FLOAT64,
-    ReplyFormat.FLOAT32: ReplyEnd.FLOAT32,
-    ReplyFormat.TEXT: ReplyEnd.NEWLINE,
-    ReplyFormat.FRAMED: ReplyEnd.BRACKET,
-}
-
-
-class ReplyForm(Struct, frozen=True):
-    """Format of a reply and, for numbers in binary, the order of the bytes."""
-
-    format: ReplyFormat
-    byte_order: str = "little"
-
-    @property
-    def end(self) -> ReplyEnd:
-        """The end of a reply of this form, without another setting."""
-        return _ENDS[self.format]
 
 
 def pack_reply(layout: struct.Struct, number: float, ranges: FloatArray | None = None) -> bytes:
@@ -113,9 +65,6 @@ _LIKELY = 1e-9, 1e9
 """Magnitudes of numbers that may come from a robot even if their bytes are all printable."""
 
 
-_SIZES = {ReplyEnd.FLOAT64: 8, ReplyEnd.FLOAT32: 4}
-
-
 class ReplyFramer:
     """Finds the reply to each command in the bytes of a robot; holds at most `LIMIT` bytes.
 
@@ -162,8 +111,8 @@ class ReplyFramer:
         if not keep:
             self.abandon()
         self._end = end
-        self._size = _SIZES.get(end, 0) * count
-        self._scans = scans if end in _SIZES and any(scans) else ()
+        self._size = NUMBER_SIZES.get(end, 0) * count
+        self._scans = scans if end in NUMBER_SIZES and any(scans) else ()
         if self._scans:
             self._layout = NUMBER_STRUCTS[end.value, byte_order]
 
@@ -217,14 +166,16 @@ class ReplyFramer:
         wanted = 1 + self.following
         if self._scans:
             return self._find_counted(first)
-        if self._end in _SIZES:
+        if self._end in NUMBER_SIZES:
             whole = min(wanted, len(self._buffer) // self._size)
             if not whole:
                 return None
             start = 0 if first else len(self._buffer) - whole * self._size
             stop = start + self._size
             # Arduinos print a greeting when the port is opened, which resets them.
-            if _is_text(self._buffer[start:stop], _SIZES[self._end]):  # a greeting where a number should be
+            if _is_text(
+                self._buffer[start:stop], NUMBER_SIZES[self._end]
+            ):  # a greeting where a number should be
                 self._doubtful = True
                 return None
             return start, stop

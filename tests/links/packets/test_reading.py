@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
+from simmer_tui.config.reply_formats import ReplyFormat
 from simmer_tui.links.backend import MOST_COMMANDS, MOST_REFUSED
 from simmer_tui.links.packet_link import IDLE_LIMIT, MOST_CONNECTIONS
 from simmer_tui.links.protocol.packets import MAX_WAITING, Reply
-from simmer_tui.links.protocol.replies import ReplyFormat
 from simmer_tui.run.events import ActionDone, ActionName
 from simmer_tui.sim import Status
 

@@ -13,18 +13,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from simmer_tui.config.reply_formats import ReplyEnd, ReplyForm, ReplyFormat
 from simmer_tui.config.settings import ServerSettings
 from simmer_tui.links.protocol import binary, packets
 from simmer_tui.links.protocol.binary import CommandReader
 from simmer_tui.links.protocol.packets import Mailbox, Reply, Request, RequestReader, ranges_text
-from simmer_tui.links.protocol.replies import (
-    ReplyEnd,
-    ReplyForm,
-    ReplyFormat,
-    ReplyFramer,
-    pack_reply,
-    read_numbers,
-)
+from simmer_tui.links.protocol.replies import ReplyFramer, pack_reply, read_numbers
 from simmer_tui.sim import Command, parse_command
 from tests.kept_numbers import assert_kept
 

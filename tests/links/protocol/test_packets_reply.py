@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from simmer_tui.config.loader import load
+from simmer_tui.config.reply_formats import ReplyFormat
 from simmer_tui.config.sets import find_set
 from simmer_tui.links.protocol.packets import (
     Mailbox,
@@ -24,7 +25,6 @@ from simmer_tui.links.protocol.packets import (
     number_text,
     passed_on,
 )
-from simmer_tui.links.protocol.replies import ReplyFormat
 from simmer_tui.sim import Simulator
 from simmer_tui.sim.command import Command, parse_value
 from simmer_tui.sim.records import CommandResult, Pose, Reading, Status

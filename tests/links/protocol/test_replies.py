@@ -10,15 +10,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from simmer_tui.links.protocol.binary import CommandReader
-from simmer_tui.links.protocol.replies import (
-    LIMIT,
+from simmer_tui.config.reply_formats import (
+    BYTE_ORDERS,
+    NUMBER_LETTERS,
+    NUMBER_SIZES,
+    NUMBER_STRUCTS,
     ReplyEnd,
     ReplyForm,
     ReplyFormat,
-    ReplyFramer,
-    read_numbers,
 )
+from simmer_tui.links.protocol.binary import CommandReader
+from simmer_tui.links.protocol.replies import LIMIT, ReplyFramer, pack_reply, read_numbers
 
 GREETING = b"\xf8\x00Hello, I am a robot.\r\nversion 1.2\r\n"
 readings = st.floats(min_value=-1e6, max_value=1e6, allow_nan=False)
@@ -42,6 +44,15 @@ def fed(framer: ReplyFramer, data: bytes, cuts: list[int]) -> bytes | None:
         if reply is not None:
             return reply
     return framer.silence()
+
+
+@pytest.mark.parametrize("name", NUMBER_LETTERS)
+def test_each_format_of_a_number_is_a_reply_s_and_ends_by_its_size(name: str) -> None:
+    for order in BYTE_ORDERS:
+        form = ReplyForm(ReplyFormat(name), order)
+        reply = pack_reply(NUMBER_STRUCTS[name, order], 12.5)
+        assert len(reply) == NUMBER_SIZES[form.end]
+        assert read_numbers(reply, form, [True]) == (12.5,)
 
 
 CASES = [

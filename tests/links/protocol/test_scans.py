@@ -11,18 +11,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from simmer_tui.config.reply_formats import NUMBER_STRUCTS, ReplyEnd, ReplyForm, ReplyFormat
 from simmer_tui.links.protocol.binary import NumberEncoder
 from simmer_tui.links.protocol.packets import RequestStyle, encode
-from simmer_tui.links.protocol.replies import (
-    MOST_RANGES,
-    NUMBER_STRUCTS,
-    ReplyEnd,
-    ReplyForm,
-    ReplyFormat,
-    ReplyFramer,
-    pack_reply,
-    read_numbers,
-)
+from simmer_tui.links.protocol.replies import MOST_RANGES, ReplyFramer, pack_reply, read_numbers
 from simmer_tui.sim.command import Command, parse_command
 from simmer_tui.sim.records import CommandResult, LidarScan, Pose, Reading, Status
 from simmer_tui.sim.sensors import Ultrasonic, UltrasonicSpec
