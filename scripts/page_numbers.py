@@ -4,9 +4,9 @@ A number that a page takes from the code has a comment behind it, which readers 
 
     at most 1,000<!--=run.belief_grid.MOST_ROWS:,--> rows
 
-The comment names a constant of the package, or a default below. Behind the name may stand a format (`:,`), or
-`!w` for a number as a word. A number may be multiplied or divided: `100*report.finding.LEAST_SHARE:g`. A
-comment must not begin a line: Markdown would take the line for HTML.
+The comment names a constant of the package, or a default below: `key.pause` is the key of an action. Behind
+the name may stand a format (`:,`), or `!w` for a number as a word. A number may be multiplied or divided:
+`100*report.finding.LEAST_SHARE:g`. A comment must not begin a line: Markdown would take the line for HTML.
 """
 
 from __future__ import annotations
@@ -22,10 +22,11 @@ from typing import Any
 
 from simmer_tui.cli.command_line import ExitCode
 from simmer_tui.config.mission_toml import MissionSpec
-from simmer_tui.config.settings import Settings
+from simmer_tui.config.settings import KeySettings, Settings
 from simmer_tui.sim.sensors import KINDS, LidarSpec
 from simmer_tui.sim.specs import GripperSpec
 from simmer_tui.trials.sequential import REQUIRED_RATE, sequential_test
+from simmer_tui.tui.key_table import shortest_key
 
 ROOT = Path(__file__).resolve().parent.parent
 _NUMBER = re.compile(r"(`[^`\n]*`|[\w.,]*\w)<!--=(.*?)-->")
@@ -72,6 +73,7 @@ def _defaults() -> dict[str, Any]:
         "test": test,
         "runs": {f"at_{true}": round(test.expected_runs(true / 1000)) for true in (0, 750, 825, 900, 1000)},
         "exit": ExitCode,
+        "key": {name: shortest_key(KeySettings(), name) for name in KeySettings.__struct_fields__},
         **{
             path.stem.replace("-", "_"): tomllib.loads(path.read_text("utf-8"))
             for path in (ROOT / "config" / "profiles").rglob("*.toml")

@@ -26,7 +26,7 @@ from simmer_tui.cli.completion_command import whole_parser
 from simmer_tui.config import dialects, drive_csv, sensors_csv
 from simmer_tui.config.maze_csv import CELLS
 from simmer_tui.config.profiles import DRIVE, LINK, SENSOR, profile_names
-from simmer_tui.config.settings import all_settings
+from simmer_tui.config.settings import KeySettings, all_settings
 from simmer_tui.grade import course
 from simmer_tui.live.operating.orders import CONSOLE_COMMANDS
 from simmer_tui.program import keeper
@@ -34,6 +34,7 @@ from simmer_tui.report.causes import Kind
 from simmer_tui.report.verdict import Outcome
 from simmer_tui.sim.sensors import KINDS
 from simmer_tui.sketch.compiler import find_compiler
+from simmer_tui.tui.key_table import shortest_key
 from simmer_tui.version import REPOSITORY, requirement
 from tests.web.browser_tab import tab
 
@@ -193,6 +194,23 @@ def test_pages_state_the_numbers_of_the_code() -> None:
     for marker in ("run.facts.NOSUCH", "run.nowhere.X", "settings.nosuch", "run.facts.SLIGHT:q"):
         with pytest.raises(ValueError, match=r"a page: 7<!--="):
             pages.with_numbers(f"7<!--={marker}-->", "a page")
+
+
+@pytest.mark.parametrize(
+    ("name", "heading"),
+    [
+        ("README.md", "## On the screen"),
+        ("docs/screen.md", "## What is what"),
+        ("docs/cheat-sheet.md", "Keys, after Esc: "),
+    ],
+)
+def test_a_page_takes_each_key_that_it_names_from_the_settings(name: str, heading: str) -> None:
+    """From the heading to the next one: elsewhere codes of sensors are letters as well."""
+    keys = {shortest_key(KeySettings(), action) for action in KeySettings.__struct_fields__}
+    text = (ROOT / name).read_text("utf-8").partition(heading)[2].partition("\n## ")[0]
+    marked = re.findall(r"`([^`\s]+)`(<!--=key\.)?", text)
+    assert any(mark for _, mark in marked)
+    assert [key for key, mark in marked if key in keys and not mark] == []
 
 
 def test_a_column_that_kinds_of_sensors_allow_differently_says_so() -> None:

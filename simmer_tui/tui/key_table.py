@@ -233,7 +233,9 @@ class MazePane(MazeView):
 
 def maze_hints(keys: KeySettings) -> list[Hint]:
     """Content of the bar for the maze, with the keys from the settings."""
-    hints = [(" ".join(_shortest(keys, name) for name in names), word) for word, names in _MAZE_HINTS.items()]
+    hints = [
+        (" ".join(shortest_key(keys, name) for name in names), word) for word, names in _MAZE_HINTS.items()
+    ]
     return [hints[0], *ANYWHERE[3].hints, *hints[1:]]
 
 
@@ -261,7 +263,7 @@ def _columns(hint: Hint) -> int:
     return len(hint[0]) + len(hint[1]) + 3
 
 
-def _shortest(keys: KeySettings, name: str) -> str:
+def shortest_key(keys: KeySettings, name: str) -> str:
     """The shortest key of an action: a letter rather than an arrow."""
     names = keys_of(keys, name)
     if not names:

@@ -44,14 +44,15 @@ def test_only_what_was_read_since_the_robot_moved_is_shown(course_spec: Simulati
 def test_pose_block_trail_and_contact_are_those_of_the_snapshot(course_spec: SimulationSpec) -> None:
     run = Run(course_spec)
     run.give("d1-2", "w1-100")
-    scene = run.scene(SHOWN - {"plot_sense", "trail"})
+    shown = SHOWN - {"plot_sense", "trail"}
+    scene = run.scene(shown)
     assert scene.pose == run.engine.simulator.pose
     assert scene.block_centre == (25.0, 41.0)
     assert scene.contact is not None
     assert abs(scene.contact[1] - 48.0) < 1e-9
     assert scene.trail[0][0, :2].tolist() == [9.5, 42.0]
     assert scene.trail[-1][-1, :2].tolist() == [scene.pose.x, scene.pose.y]
-    assert scene.shown == {"plot_robot"}
+    assert scene.shown == shown
 
 
 def test_a_belief_brings_its_particles_with_or_without_headings(course_spec: SimulationSpec) -> None:
