@@ -120,7 +120,7 @@ def _figures(run: RunStatistics, attempt: Attempt, *, crashed: bool) -> KeyFigur
     if task is None or crashed:
         told = (str(attempt.commands), plural(attempt.commands, "command"))
         return KeyFigures(((f"{seconds:.1f} s", f"simulated{attempt.restart}"), told, contacts))
-    met = f"{len(goals_met(run.history))} of {len(Goal)}"
+    met = f"{len(goals_met(run.history))} of {len(task.goals)}"
     return KeyFigures(((met, "goals met"), (f"{seconds:.1f} s", f"of {task.time_limit:g} s"), contacts))
 
 
@@ -155,7 +155,7 @@ def _cards(run: RunStatistics, attempt: Attempt, log: str) -> Iterator[DocumentP
 
 def _goals(run: RunStatistics, task: Task, attempt: Attempt) -> Iterator[tuple[Prose, ...]]:
     met = goals_met(run.history)
-    for goal in Goal:
+    for goal in task.goals:
         where = ""
         if goal is Goal.DELIVERED and task.zone is not None:
             where = f" to {task.zone.x:g}, {task.zone.y:g}"

@@ -11,7 +11,7 @@ from msgspec import Struct, field
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.mission_plan import Cell, MissionPlan, draw_mission
 from simmer_tui.run.episodes import Episode
-from simmer_tui.run.events import ActionName, Goal, MovementEnded, NoticeKind, Result
+from simmer_tui.run.events import ActionName, Goal, MovementEnded, NoticeKind, Result, goals_of
 from simmer_tui.run.facts import LastReading, Stuck
 from simmer_tui.run.history_rows import (
     ActionRow,
@@ -45,25 +45,28 @@ REPEATED_DISTANCE = CELL_SIZE
 
 
 class Task(Struct, frozen=True):
-    """Limits of a mission, and the cell for the block; None where the cell is not known."""
+    """Limits of a mission, and what it asks for: the cell for the block, None where that is not known, and
+    the goals."""
 
     contacts: int | None
     time_limit: float
     zone: Cell | None
+    goals: tuple[Goal, ...]
 
 
 def task_of(configuration: Configuration, seed: int, plan: MissionPlan | None = None) -> Task | None:
     """The task of a run with a mission under way; None if the configuration has no mission. Without a
     `plan`, as in a log, it is drawn again from the run's seed."""
     if plan is not None:
-        return Task(plan.contacts, plan.time_limit, plan.drop_zone)
+        return Task(plan.contacts, plan.time_limit, plan.drop_zone, goals_of(plan))
     mission, settings = configuration.mission, configuration.settings
     if mission is None:
         return None
     drawn = draw_mission(mission, configuration.simulation, seed)
     # A start or block set by hand means that the run was not drawn from the seed: its zone is not known.
     same = (drawn.start.x, drawn.start.y) == settings.bot_center and drawn.block == settings.block_center
-    return Task(mission.contacts, mission.time_limit, drawn.drop_zone if same else None)
+    zone = drawn.drop_zone if same else None
+    return Task(mission.contacts, mission.time_limit, zone, goals_of(mission))
 
 
 class Collision(Struct, frozen=True):

@@ -129,11 +129,14 @@ class Goal(StrEnum):
     """Words for it once it is met."""
     short: str
     """The same in a line with other goals."""
+    asked_by: str
+    """The field of `MissionSpec` and `MissionPlan` that is true if a mission asks for it; empty if every one
+    does."""
 
-    def __new__(cls, value: str, aim: str = "", done: str = "", short: str = "") -> Self:
+    def __new__(cls, value: str, aim: str = "", done: str = "", short: str = "", asked_by: str = "") -> Self:
         """A member with its row of the table below."""
         goal = str.__new__(cls, value)
-        goal._value_, goal.aim, goal.done, goal.short = value, aim, done, short
+        goal._value_, goal.aim, goal.done, goal.short, goal.asked_by = value, aim, done, short, asked_by
         return goal
 
     REACHED = "loading zone reached", "reach the loading zone", "reached the loading zone", "loading zone"
@@ -144,6 +147,11 @@ class Goal(StrEnum):
     def key(self) -> str:
         """Its name in files and tables."""
         return self.name.lower()
+
+
+def goals_of(mission: Struct) -> tuple[Goal, ...]:
+    """The goals that a mission, its spec or its plan, asks for, in their order. With the last it ends."""
+    return tuple(goal for goal in Goal if not goal.asked_by or getattr(mission, goal.asked_by))
 
 
 class Result(StrEnum):

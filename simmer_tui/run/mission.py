@@ -30,6 +30,7 @@ from simmer_tui.run.events import (
     MovementEnded,
     MovementPlanned,
     Result,
+    goals_of,
 )
 from simmer_tui.run.phrases import contacts_text, obstacles_text
 from simmer_tui.run.reducer import Reducer
@@ -47,7 +48,7 @@ __all__ = ["Cell", "MissionPlan", "MissionState", "Referee", "environment", "fac
 class MissionState:
     """A mission at a moment, or at its end: the record of a run.
 
-    `goals` holds the simulated time at which each goal was met, None for those that are not.
+    `goals` holds each goal that it asks for, with the simulated time at which it was met, or None.
     `reason` says why it failed. `time` is simulated seconds, at most the time limit; `distance` is
     in inches, `spent` the simulated time by purpose. `contact_points` are the places where walls were
     touched, `pose` is the robot's. `helped` is true if a person put robot or block elsewhere, or took errors
@@ -82,14 +83,15 @@ class MissionState:
 def mission_state(plan: MissionPlan, state: State) -> MissionState:
     """The mission at the moment of a state."""
     progress = state.mission or MissionProgress()
-    delivered = progress.goals[Goal.DELIVERED]
+    goals = {goal: progress.goals[goal] for goal in goals_of(plan)}
+    done = list(goals.values())[-1]
     sums = progress.end or state
     return MissionState(
         plan=plan,
         result=progress.result,
         reason=progress.reason,
-        goals=dict(progress.goals),
-        time=min(sums.time, plan.time_limit) if delivered is None else delivered,
+        goals=goals,
+        time=min(sums.time, plan.time_limit) if done is None else done,
         distance=sums.distance,
         commands=sums.commands,
         contacts=sums.contacts,
@@ -188,6 +190,10 @@ class Referee(EventHandler[bool]):
         self._final: MissionState | None = None
         self._touched: dict[bool, Contact] = {}
         """The last contact with the block (True) and with a wall, since the restart."""
+        self._met: dict[Goal, float] = {}
+        """The goals that this referee told of, since the restart: the reducer gets their events later."""
+        self._last = goals_of(plan)[-1]
+        """The goal that ends the mission."""
 
     @property
     def result(self) -> Result:
@@ -224,6 +230,7 @@ class Referee(EventHandler[bool]):
         if event.restarts:
             self._final = None
             self._touched.clear()
+            self._met.clear()
         return False
 
     def on_planned(self, event: MovementPlanned) -> bool:
@@ -237,7 +244,6 @@ class Referee(EventHandler[bool]):
             return True
         if self._reducer.let_go and self.plan.drop_zone.holds(grip.block.x, grip.block.y):
             self._meet(Goal.DELIVERED, grip.time)
-            self._end(Result.SUCCESS, "", grip.time, delivered=grip.time)
             return True
         return False
 
@@ -326,14 +332,18 @@ class Referee(EventHandler[bool]):
         return False
 
     def _meet(self, goal: Goal, time: float) -> None:
+        """A goal is met at a simulated time; the last one ends the mission."""
         if self._reducer.mission.goals[goal] is None:
+            self._met[goal] = time
             self._say(time, goal, f"{goal.value} at {time:.1f} s")
+            if goal is self._last:
+                self._end(Result.SUCCESS, "", time)
 
-    def _end(self, result: Result, reason: str, now: float, delivered: float | None = None) -> None:
-        """End the mission. The reducer gets the delivery's event only later, so its time is `delivered`."""
+    def _end(self, result: Result, reason: str, now: float) -> None:
+        """End the mission at a simulated time."""
         state = self._reducer.at(now)
         progress = state.mission or MissionProgress()
-        goals = {**progress.goals, Goal.DELIVERED: delivered}
+        goals = {**progress.goals, **self._met}
         progress = replace(progress, result=result, reason=reason, goals=goals)
         final = self._final = mission_state(self.plan, replace(state, mission=progress))
         why = f": {reason}" if reason else ""

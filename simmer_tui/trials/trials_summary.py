@@ -8,6 +8,7 @@ from operator import attrgetter
 
 from msgspec.structs import replace
 
+from simmer_tui.config.mission_toml import MissionSpec
 from simmer_tui.document.formats import (
     COUNT,
     ESTIMATE,
@@ -21,7 +22,7 @@ from simmer_tui.document.formats import (
     number,
 )
 from simmer_tui.document.model import DataColumn, DataTable, Document, DocumentPart, Paragraph, data_table
-from simmer_tui.run.events import Goal
+from simmer_tui.run.events import Goal, goals_of
 from simmer_tui.sim.command import counted, cut, typed_path
 from simmer_tui.trials.chance_control import CONTROL
 from simmer_tui.trials.explanations import CHANGED_RUNS, WHY_FAILED, explanation_tables
@@ -177,7 +178,7 @@ def trials_tables(folder: TrialFolder) -> list[DataTable]:
         *findings_tables(results),
         *explanation_tables(folder),
         _endings(results),
-        _goals(results),
+        _goals(folder.configuration.mission, results),
         _distributions(results),
         _mazes(results),
         _starts(results),
@@ -256,12 +257,12 @@ def _endings(results: list[TrialResult]) -> DataTable:
     return ENDINGS.filled(rows)
 
 
-def _goals(results: list[TrialResult]) -> DataTable:
-    """Goals of the mission; no rows without one."""
-    if all(result.drop_zone is None for result in results):
+def _goals(mission: MissionSpec | None, results: list[TrialResult]) -> DataTable:
+    """Goals that the mission asks for; no rows without one, or if no run of it began."""
+    if mission is None or all(result.drop_zone is None for result in results):
         return GOALS
     rows = []
-    for goal in Goal:
+    for goal in goals_of(mission):
         moments = (getattr(result, goal.key) for result in results)
         times = [time for time in moments if time is not None]
         rows.append((goal.value, len(times), len(times) / len(results), median(times)))

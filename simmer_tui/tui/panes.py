@@ -14,7 +14,7 @@ from textual.widget import Widget
 from simmer_tui.config.loader import Configuration
 from simmer_tui.live.operating.switches import SWITCHES
 from simmer_tui.live.snapshot import LogEntry, Snapshot
-from simmer_tui.run.events import ActionDone, Event, Goal
+from simmer_tui.run.events import ActionDone, Event
 from simmer_tui.sim.command import PEOPLE, counted
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.wheels import WheelKinematics
@@ -78,8 +78,9 @@ PANELS = (
     PanelKind("boards", 0, board_lines),
 )
 """Panels beside the maze, in the order in which they get room."""
-# A heading, the goals, the time, and the time spent in two lines.
-_MISSION_ROWS = 4 + len(Goal)
+# A heading, the time, and the time spent in two lines.
+_MISSION_ROWS = 4
+"""Rows of a mission's panel beside those of its goals."""
 # Heading, pose and state; beside a radar there is room for the belief as well.
 _BRIEF_ROBOT, _TALL_ROBOT, _TALL = 3, 4, 45
 """Rows of the robot's panel beside that of a mission: usually, and on a screen of at least so many rows."""
@@ -210,8 +211,8 @@ class Panes:
         """Phase of the run that is shown."""
         self.board_rows = 0
         """Rows for the boards of the run, with their displays."""
-        self.has_mission = False
-        """True if the run shown is a mission."""
+        self.goals = 0
+        """Number of goals that the mission shown asks for; 0 if there is no mission."""
         self.pointer = ""
         """Orders that give the reasons of a failure."""
         self.chosen = ""
@@ -241,8 +242,8 @@ class Panes:
         """Name and rows of each panel beside the maze, on a screen of so many rows. On a `page` of their own
         they have all rows."""
         rows = {kind.name: kind.rows for kind in PANELS}
-        if self.has_mission:
-            rows["run"] = _MISSION_ROWS
+        if self.goals:
+            rows["run"] = _MISSION_ROWS + self.goals
             if not page:
                 rows["robot"] = _BRIEF_ROBOT if height < _TALL else _TALL_ROBOT
         rows["boards"] = 1 + self.board_rows if self.board_rows else 0
@@ -307,7 +308,7 @@ class Panes:
     def _show_phase(self, snapshot: Snapshot) -> None:
         """Give row 0 and the maze's frame the colour of the run's phase."""
         phase = phase_of(snapshot, self._source.ports)
-        self.has_mission = snapshot.mission is not None
+        self.goals = 0 if snapshot.mission is None else len(snapshot.mission.goals)
         self.board_rows = sum(
             2 + len(board.ports) + sum(map(len, board.displays)) for board in snapshot.boards
         )

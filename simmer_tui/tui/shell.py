@@ -85,7 +85,7 @@ class Shell(FaultReporting, TerminalApp):
         self._snapshot: Snapshot | None = None
         self._page = 0
         self._answer_rows = 0
-        self._had_panels = (False, 0)
+        self._had_panels = (0, 0)
         self._last_focused: Widget | None = None
         self._is_arranged = False
         """True while widgets have boxes, but not their sizes."""
@@ -217,7 +217,7 @@ class Shell(FaultReporting, TerminalApp):
         # On a small screen the answer is shown or not; beside the maze only one longer than usual takes more
         # rows.
         rows = min(rows, 1) if self._plan.has_pages else rows * (rows > ANSWER_ROWS)
-        panels = self._panes.has_mission, self._panes.board_rows
+        panels = self._panes.goals, self._panes.board_rows
         if (rows, panels) != (self._answer_rows, self._had_panels):
             self._answer_rows, self._had_panels = rows, panels
             self._arrange(self.size.width, self.size.height)

@@ -404,6 +404,20 @@ def headless(mission_folder: Path) -> Headless:
     return run
 
 
+@pytest.mark.parametrize("contacts", [0, 3])
+def test_a_mission_ends_with_the_last_goal_that_it_asks_for(
+    exact_set: Configuration, monkeypatch: pytest.MonkeyPatch, contacts: int
+) -> None:
+    """Every goal that there is is asked for by all missions: here one where contacts are allowed."""
+    monkeypatch.setattr(Goal.DELIVERED, "asked_by", "contacts")
+    state = Game(exact_set, contacts=contacts).send(*WAY[:2])
+    met = {Goal.REACHED: 0.0, Goal.TAKEN: pytest.approx(1)}
+    if contacts:
+        assert (state.result, state.goals) == (Result.UNDER_WAY, {**met, Goal.DELIVERED: None})
+    else:
+        assert (state.result, state.time, state.goals) == (Result.SUCCESS, pytest.approx(1), met)
+
+
 def test_a_program_that_delivers_ends_the_run_with_exit_code_0(headless: Headless) -> None:
     ran = headless(*WAY)
     assert ran.returncode == 0, ran.stderr

@@ -18,6 +18,7 @@ from simmer_tui.document.as_data import table_csv
 from simmer_tui.document.as_html import html_page
 from simmer_tui.document.as_terminal import print_table
 from simmer_tui.document.model import DataTable
+from simmer_tui.run.events import Goal
 from simmer_tui.trials.figures import histogram_figure, map_figure
 from simmer_tui.trials.folder import TrialFolder, TrialPlan
 from simmer_tui.trials.trial import Ending, TrialResult, run_seed
@@ -73,6 +74,16 @@ def test_goals_and_endings_are_counted(folder: TrialFolder) -> None:
         ["block taken", "6", "60%"],
         ["block delivered", "6", "60%"],
     ]
+
+
+def test_a_goal_that_the_mission_does_not_ask_for_is_not_counted(
+    folder: TrialFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Goal.TAKEN, "asked_by", "contacts")
+    assert folder.configuration.mission is not None
+    assert folder.configuration.mission.contacts == 0
+    goals = [row[0] for row in named(folder)["Goals reached"].texts()]
+    assert goals == ["loading zone reached", "block delivered"]
 
 
 def test_failed_and_slowest_runs_come_with_the_command_that_replays_them(folder: TrialFolder) -> None:
