@@ -16,6 +16,7 @@ from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.angles import half_turn
+from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.specs import CELL_SIZE, WALL, GripperSpec, SensorSpec, SimulationSpec
 
 # Judged: an inch is a third of the way beside a robot in a corridor; 5 degrees lead an inch aside in a cell.
@@ -26,7 +27,8 @@ _GAIN = 0.1
 _SLOW = 1.0
 """Seconds by which a reading takes longer than in another set, from which that is named. Judged."""
 _REACH = 0.25
-"""Inches by which a gripper reaches less far than in another set, from which that is named. Judged."""
+"""Inches by which a gripper, or the robot, reaches otherwise than in another set, from which that is named.
+Judged."""
 _SPEED = 2.0
 """Factor by which a drive is faster or slower than in the nominal set, from which that is told. Judged."""
 _CELLS = 2
@@ -134,6 +136,9 @@ def set_differences(seen: Attempt, *, with_limit: bool = True) -> str:
     if own.block_size != usual.block_size:
         size = f"the block is {own.block_size:g} in wide, not {usual.block_size:g} in"
         parts.append(size if own.block_size else "there is no block")
+    reach, usual_reach = (Footprint.of(each.robot).reach for each in (own, usual))
+    if abs(reach - usual_reach) >= _REACH:
+        parts.append(f"the robot reaches {reach:.3g} in from its centre, not {usual_reach:.3g} in")
     grip, other = own.gripper, usual.gripper
     if grip is not None and other is not None:
         if grip.reach != other.reach:
