@@ -190,12 +190,9 @@ class BeliefFacts:
     @property
     def text(self) -> str:
         """Sentences about what stands behind a wrong belief; empty if nothing is known."""
-        parts = []
-        if self.constant is not None:
-            parts.append(f"Its belief was {self.constant.text}.")
-        if self.steps:
-            parts.append(f"Its steps fit {'; or '.join(each.text for each in self.steps)}.")
-        return " ".join(parts)
+        constant = "" if self.constant is None else f"Its belief was {self.constant.text}."
+        steps = "; or ".join(each.text for each in self.steps)
+        return f"{constant} {f'Its steps fit {steps}.' if steps else ''}".strip()
 
     @property
     def culprits(self) -> tuple[str, ...]:

@@ -46,9 +46,9 @@ def refused_fact(run: RunEvidence) -> Fact | None:
     refused, of = run.refused_share
     unknown = next((each for each in seen.refusals if each.result.status is not Status.BUSY), None)
     if unknown is not None and refused >= _REFUSED_SHARE * of:
-        command, text = unknown.result.command, f"{refused} of {counted(of, 'command')} were refused, such as"
-        known = {each.code for each in (*seen.spec.sensors, *seen.spec.drive_rows)}
-        return _refused_by(text, unknown, [command.code] if command.code in known else [])
+        codes = [unknown.result.command.code] if unknown.result.status is Status.REFUSED else []
+        text = f"{refused} of {counted(of, 'command')} were refused, such as"
+        return _refused_by(text, unknown, codes)
     if run.has_contact or not run.undone:
         return None
     first = run.undone[0]

@@ -8,7 +8,7 @@ from msgspec.structs import replace
 
 from simmer_tui.report.cause_text import Fact, contact_sentence, findings_text, sent_text
 from simmer_tui.report.causes import MomentKind, Sureness
-from simmer_tui.report.contact_evidence import BLIND, ContactEvidence, DriveErrors
+from simmer_tui.report.contact_evidence import ContactEvidence, DriveErrors
 from simmer_tui.report.ending_causes import lacked_time, stalled_fact
 from simmer_tui.report.finding import Finding, FindingKind
 from simmer_tui.report.run_evidence import RunEvidence
@@ -22,7 +22,6 @@ AGAINST_WALLS = "Compare each movement with the distance to the wall before you 
 _MAP_ADVICE = "Look whether your program's map has {wall}, and compare each movement with the distance to it."
 """Advice where a right belief led into a wall."""
 _GOES_ON = "End the velocity in time: send {code} with zeros. It goes on until another one comes."
-_NO_SENSOR_THERE = "No sensor looks to that side: turn until one does, or check the way in your map."
 _READ_TWICE = "Read {code} three times and take the middle value, before each movement."
 _BY_FAULT = {
     FindingKind.STUCK: "Check the cable, the pin and the power of {code}.",
@@ -76,24 +75,20 @@ def _without(errors: DriveErrors) -> str:
 
 def _devices(run: RunEvidence, found: Sequence[Finding]) -> Fact:
     told, codes = findings_text(found)
-    others = [each for each in run.findings if each not in found]
-    besides = f" Also {others[0].text}." if others else ""
     first = found[0]
     advice = _BY_FAULT[first.kind].format(code=first.of) if first.kind in _BY_FAULT else None
     if first.other is not None:
         advice = f"Exchange the cables of {first.of} and {first.other}, or their codes in your program."
     since = run.seen.begun
-    return Fact(f"{told}{besides}", since=since, culprits=codes, advice=advice, sure=Sureness.LIKELY)
+    return Fact(told, since=since, culprits=codes, advice=advice, sure=Sureness.LIKELY)
 
 
 def unread_fact(run: RunEvidence) -> Fact | None:
     """No range on the last inches before a contact; or of the block by the sensors that see it."""
     met = run.contact
     if run.has_contact:
-        if met is None or not met.is_blind:
+        if met is None or not met.is_blind or not met.looking:
             return None
-        if not met.looking:
-            return _at_contact(run, met, advice=_NO_SENSOR_THERE)
         advice = f"Read {met.looking} before you send {met.met.ended.command.code}."
         return replace(_at_contact(run, met, advice=advice), culprits=(met.looking,))
     codes, seen = run.unseen_block, run.seen
@@ -137,8 +132,7 @@ def too_close_fact(run: RunEvidence) -> Fact | None:
         advice = _wall_advice(run, met)
     last, read = None if met.belief or met.met.contact.held_block else met.facing, ""
     turned = last is not None and met.met.row.turned_before - last.turned > ALIKE
-    # A reading of something further away does not show what was touched.
-    if last is not None and not met.unread_text and last.value <= met.went + BLIND:
+    if last is not None and not met.unread_text and met.shows(last):
         aside = ", before the robot turned" if turned else ""
         read = f"{last.code} read {shown_range(last.value)} at {last.time:.1f} s{aside}; then "
     fact = _at_contact(run, met, read, advice=advice)

@@ -147,13 +147,6 @@ class ContactEvidence:
         return cell is not None and not (1 <= cell[0] <= maze.rows and 1 <= cell[1] <= maze.columns)
 
     @property
-    def is_elsewhere(self) -> bool:
-        """True if its movement would have touched nothing from the believed pose, or, with an unsure belief,
-        may have."""
-        believed = self.saved_by(Change.BELIEVED)
-        return bool(believed) or (believed is None and self.belief is not None and self.belief.unsure)
-
-    @property
     def leads_into(self) -> bool:
         """True if the place touched was ahead of a straight movement: its command led there, not past it."""
         trajectory, contact = self.met.ended.trajectory, self.met.contact
@@ -226,9 +219,7 @@ class ContactEvidence:
     def unread_text(self) -> str:
         """The sensor that looks at the contact, if it was not read shortly before, in a sentence with a space
         before it; else empty."""
-        if not self.looking:
-            return " No sensor looks there." if self.is_blind else ""
-        is_told = self.is_blind or self.looks_at(self.looking)
+        is_told = self.looking and (self.is_blind or self.looks_at(self.looking))
         if not is_told or self.met.contact.held_block or not self._is_old([self.facing]):
             return ""
         since = self._never_read if self.facing is None else f"not read since {self.facing.time:.1f} s"
@@ -259,27 +250,34 @@ class ContactEvidence:
 
     @cached_property
     def ignored(self) -> LastReading | None:
-        """The right reading along its movement, from its beginning, that its command was to go beyond. None
-        without one, or if errors of the drives explain the contact."""
-        asked, kind = self.asked, self.met.ended.trajectory.kind
+        """The right reading from its beginning that its command was to go beyond, or that of the wall it led
+        into. None without one, or if errors of the drives explain the contact."""
+        asked, kind, row = self.asked, self.met.ended.trajectory.kind, self.met.row
         if asked is None or kind is None or self.met.contact.held_block or self.saved_by(Change.EXACT):
             return None
         towards = kind.bearing if asked > 0.0 else kind.bearing + 180.0
         for sensor in (each for each in self._seen.spec.sensors if each.kind.is_range):
             last = self.met.readings.get(sensor.code)
-            # Where a wall aside was touched, only a clear excess counts.
-            least = 0.0 if self.looks_at(sensor.code) else _INTO
             along = abs(half_turn(sensor.rotation - towards)) <= ALIKE
-            if last is not None and along and last.value < abs(asked) - least and self._shows_now(last):
+            # Where a wall aside was touched, only a clear excess counts.
+            if last is None or not along or last.value >= abs(asked) - _INTO:
+                continue
+            # Readings keep their sums in single precision.
+            gone, turned = row.gone_before - last.gone, row.turned_before - last.turned
+            if max(gone, turned) <= _STOOD and self._is_right(last):
                 return last
-        return None
+        last = self.facing
+        # With a right belief a program needs no readings to keep off a wall.
+        if last is None or self.knew or self._is_old([last]) or self.beyond <= _INTO:
+            return None
+        return last if self.shows(last) and self._is_right(last) else None
 
-    def _shows_now(self, last: LastReading) -> bool:
-        """True if a reading was right, and the robot has not moved since."""
-        row = self.met.row
-        # Readings keep their sums in single precision.
-        stood = row.gone_before - last.gone <= _STOOD and row.turned_before - last.turned <= _STOOD
-        return stood and abs(last.value - last.true) <= max(SLIGHT, COVERED * self._usual_error(last))
+    def shows(self, last: LastReading) -> bool:
+        """True if a reading may show what was touched: it is of nothing much further away."""
+        return last.value <= self.went + BLIND
+
+    def _is_right(self, last: LastReading) -> bool:
+        return abs(last.value - last.true) <= max(SLIGHT, COVERED * self._usual_error(last))
 
     @property
     def is_into_known(self) -> bool:
@@ -309,10 +307,10 @@ class ContactEvidence:
     @property
     def text(self) -> str:
         """The contact, its time and its place in the movement."""
-        row = self.met.row
+        contact, row = self.met.contact, self.met.row
         turned = f" and {abs(row.turned):.0f} deg" if abs(row.turned) >= 2 else ""
-        place = contact_text(self.met.contact, self._seen.spec)
-        return f"{place}, {side_text(self.met.contact)}, after {self.went:.1f} in{turned} of {row.shown}"
+        where = f"{contact_text(contact, self._seen.spec)}, {side_text(contact)}"
+        return f"{where}, after {self.went:.1f} in{turned} of {row.shown}"
 
 
 def belief_text(seen: Attempt, belief: BeliefRow | None) -> str:

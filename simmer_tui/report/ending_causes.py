@@ -6,7 +6,7 @@ import math
 
 from msgspec.structs import replace
 
-from simmer_tui.report.belief_facts import has_read_range, is_small
+from simmer_tui.report.belief_facts import has_read_range, is_small, ranges_before
 from simmer_tui.report.cause_text import (
     Fact,
     ended_by_link,
@@ -17,6 +17,7 @@ from simmer_tui.report.cause_text import (
     waited_text,
 )
 from simmer_tui.report.command_causes import moved_fact
+from simmer_tui.report.counterfactuals import Change
 from simmer_tui.report.run_evidence import RunEvidence
 from simmer_tui.run.facts import missed_zone
 from simmer_tui.run.history_rows import BeliefRow, GripRow
@@ -83,8 +84,9 @@ def lost_fact(run: RunEvidence) -> Fact | None:
     if lost is not None:
         return _lost_since(run, lost) if belief.distance >= least else None
     # A program that was stopped might have found its place.
-    is_at_end = not (least or run.stopped or stalled_fact(run))
-    if not met.is_elsewhere if met is not None else not (belief.unsure and is_at_end):
+    is_at_end = grip is None and not (least or run.stopped or stalled_fact(run))
+    is_elsewhere = met is not None and met.saved_by(Change.BELIEVED)
+    if not is_elsewhere and not (belief.unsure and (met is not None or is_at_end)):
         return None
     spread = "" if math.isnan(belief.spread) else f", with a spread of {belief.spread:.1f} in"
     began = "It was not sure of its place: its" if belief.unsure else "Its"
@@ -94,9 +96,12 @@ def lost_fact(run: RunEvidence) -> Fact | None:
 
 def _lost_since(run: RunEvidence, lost: BeliefRow) -> Fact:
     """A belief that was wrong, the facts beside it, and what came of it."""
-    parted, ranges, advice = run.belief.parted, run.ranges_before(lost), None
+    parted, ranges, advice = run.belief.parted, "", None
     if not has_read_range(run.seen, lost.order):
         ranges = " It had read no range before that."
+    # A wrong sensor is told instead; and no log has the truth of a real robot.
+    elif not run.findings and run.belief.has_truth:
+        ranges = ranges_before(run.seen, lost)
     compass = run.belief.unread_compass if lost.deviation.off_heading else ""
     if compass and not run.belief.was_right:
         parted = f"{parted} {compass}, which tells the heading, was never read."

@@ -105,11 +105,9 @@ def moments_of(run: RunEvidence, cause: Cause | None = None) -> tuple[Moment, ..
             marked = Moment(cause.moment, cause.elapsed, text, cause.line, code, cause.place, is_cause=True)
     # Newer ones of a kind come first: the last goal counts more than the one before.
     ranked = sorted(found, key=lambda each: (_KEPT.index(each.kind), -each.elapsed))
-    firsts = [
-        each for place, each in enumerate(ranked) if each.kind not in {one.kind for one in ranked[:place]}
-    ]
-    others = [each for each in ranked if each not in firsts]
-    kept = ([] if marked is None else [marked]) + firsts + others
+    kinds = [each.kind for each in ranked]
+    places = sorted(range(len(ranked)), key=lambda place: (kinds[place] in kinds[:place], place))
+    kept = ([] if marked is None else [marked]) + [ranked[place] for place in places]
     return tuple(sorted(kept[:MOST_MOMENTS], key=lambda each: (each.elapsed, _ORDER[each.kind])))
 
 

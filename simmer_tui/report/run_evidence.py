@@ -10,25 +10,31 @@ from itertools import takewhile
 import numpy as np
 from msgspec import Struct
 
-from simmer_tui.report.belief_facts import BeliefFacts, ranges_before
+from simmer_tui.report.belief_facts import BeliefFacts
 from simmer_tui.report.command_audit import multiplied_corrections
 from simmer_tui.report.contact_evidence import ContactEvidence
 from simmer_tui.report.finding import FEWEST, Basis, Disagreement, Finding, FindingKind, kept_disagreements
 from simmer_tui.report.robust_fit import median_of
+from simmer_tui.report.sensor_sample import poses_of, world_without_block
 from simmer_tui.report.set_errors import set_errors
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.episodes import Episode, EpisodeKind
 from simmer_tui.run.events import Goal, NoticeKind, ProgramEnded
 from simmer_tui.run.facts import missed_zone
-from simmer_tui.run.history_rows import BeliefRow, GripRow, MissionRow, MovementRow, NoticeRow, RefusalRow
+from simmer_tui.run.history_rows import GripRow, MissionRow, MovementRow, NoticeRow, RefusalRow
 from simmer_tui.run.phrases import REAL_TIME_LIMIT, last_output, times_text
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.command import counted
 from simmer_tui.sim.sensors import ObservingSensor, modelled_sensor
+from simmer_tui.sim.sensors.base import World
 
 # Judged: a program that computes for so long between two commands has stopped.
 _QUIET, _QUIET_SHARE = 5.0, 0.25
 """Seconds, real or simulated, and share of the run without a command at its end that count as silence."""
+_SEEN = 1.0
+"""Least change of a reading by the block, inches, with which a sensor sees it."""
+_POSES = 400
+"""Most poses from which it is computed who sees the block: a few minutes of movements."""
 _NONSENSE = "makes no sense as a movement"
 """Words of the connection doctor for the value of a command."""
 _CODES = 3
@@ -40,11 +46,9 @@ _BOTH = 0.25
 
 
 class Silence(Struct, frozen=True):
-    """Time without a command at the end of a run, from `since` on (elapsed seconds); `seconds` are simulated
-    ones, `real_seconds` real ones."""
+    """Time without a command at the end of a run, from `since` on (elapsed seconds), and in real seconds."""
 
     since: float
-    seconds: float
     real_seconds: float
 
 
@@ -188,7 +192,7 @@ class RunEvidence:
         if self.has_contact or ended or (self.stopped and self.program is None):
             return None
         if seen.is_silent:
-            return Silence(seen.begun, seen.elapsed - seen.begun, seen.history.real_time)
+            return Silence(seen.begun, seen.history.real_time)
         rows, moves = seen.within(seen.history.commands), seen.within(seen.history.movements)
         if not len(rows) or not (self.cut_off or self.stopped or seen.out_of_time):
             return None
@@ -201,7 +205,7 @@ class RunEvidence:
         by_clock = quiet >= max(_QUIET, share * (seen.elapsed - seen.begun))
         by_real_time = real >= max(_QUIET, share * (seen.history.real_time or math.inf))
         if by_clock or ((self.cut_off or self.stopped) and by_real_time):
-            return Silence(end, quiet, real)
+            return Silence(end, real)
         return None
 
     @cached_property
@@ -240,14 +244,22 @@ class RunEvidence:
 
     @cached_property
     def unseen_block(self) -> tuple[str, ...]:
-        """Codes of the sensors that alone see the block, if none of them was read though the loading zone was
-        reached."""
+        """Codes of the sensors that alone see the block, if none of them was read though the block came in
+        their sight after the loading zone was reached."""
         seen, spec = self.seen, self.seen.spec
         made = [modelled_sensor(each) for each in spec.sensors if each.enabled and each.kind.is_range]
         ranges = [each for each in made if isinstance(each, ObservingSensor)]
-        codes = tuple(each.spec.code for each in ranges if each.sees_block(spec.block_size))
-        was_read = any(code in seen.history.sensor_codes for code in codes)
-        return () if was_read or not self.goals or not spec.block_size else codes
+        sees = [each for each in ranges if each.sees_block(spec.block_size)]
+        was_read = any(each.spec.code in seen.history.sensor_codes for each in sees)
+        lying = next((row.block for row in seen.history.blocks.items if not row.held), None)
+        if was_read or lying is None or not self.goals or not lying.size:
+            return ()
+        poses = poses_of(seen.within(seen.history.movements, self.goals[-1].order)[:_POSES])
+        without = world_without_block(spec)
+        world = World(without.maze, lying, False)
+        with np.errstate(invalid="ignore"):
+            off = [each.true_values(without, poses) - each.true_values(world, poses) for each in sees]
+        return tuple(each.spec.code for each in sees) if (np.abs(off) > _SEEN).any() else ()
 
     # -- beliefs -------------------------------------------------------------------------------------------
 
@@ -364,10 +376,6 @@ class RunEvidence:
             usual = f"{sign}{median_of(np.abs(asked)):.2g}"
             told.append(f"{names[numbers[place]]} {times_text(int(counts[place]))}, mostly by {usual}")
         return "; ".join(told)
-
-    def ranges_before(self, lost: BeliefRow) -> str:
-        """The ranges before a wrong belief; none of a robot with a wrong sensor, or without a truth."""
-        return "" if self.findings or self.seen.history.is_twin else ranges_before(self.seen, lost)
 
 
 def _nonsense(row: NoticeRow) -> tuple[str, bool]:

@@ -85,7 +85,7 @@ def test_what_was_not_done_for_want_of_time_is_no_cause() -> None:
     for _ in range(50):
         mission.give("u1", "u2")
         mission.simulator.advance(max(mission.simulator.time, 50.0 + 0.5 * mission.attempt.commands))
-    mission.give("d1-18.5", *["u1"] * 30)
+    mission.give("d1-18.5", "d1--1", *["u1"] * 30)
     assert mission.attempt.out_of_time
     run = RunEvidence(mission.attempt)
     assert run.unseen_block == ("u5",)
