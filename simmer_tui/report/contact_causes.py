@@ -94,8 +94,9 @@ def unread_fact(run: RunEvidence) -> Fact | None:
     codes, seen = run.unseen_block, run.seen
     if not codes or seen.closed or seen.stuck is not None or seen.beliefs[1] is not None or lacked_time(run):
         return None
+    was = "was" if len(codes) == 1 else "were"
     return Fact(
-        f"{' and '.join(codes)} alone can see the block, and was never read.",
+        f"{' and '.join(codes)} alone can see the block, and {was} never read.",
         since=run.goals[-1].elapsed,
         culprits=codes,
         advice=f"Read {codes[0]} before you drive to the block.",
@@ -109,8 +110,7 @@ def known_wall_fact(run: RunEvidence) -> Fact | None:
     if not run.has_contact or met is None:
         return None
     shown = met.ignored
-    # A wrong sensor shows the program something else than its set says.
-    if shown is not None and all(each.of != shown.code for each in run.findings):
+    if shown is not None:
         advice = (
             f"Compare each movement with {shown.code} before you send it, "
             "and print what your program has for it."

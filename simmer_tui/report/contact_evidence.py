@@ -260,7 +260,8 @@ class ContactEvidence:
             last = self.met.readings.get(sensor.code)
             along = abs(half_turn(sensor.rotation - towards)) <= ALIKE
             # Where a wall aside was touched, only a clear excess counts.
-            if last is None or not along or last.value >= abs(asked) - _INTO:
+            least = 0.0 if self.looks_at(sensor.code) else _INTO
+            if last is None or not along or last.value >= abs(asked) - least:
                 continue
             # Readings keep their sums in single precision.
             gone, turned = row.gone_before - last.gone, row.turned_before - last.turned

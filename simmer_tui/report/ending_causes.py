@@ -83,10 +83,11 @@ def lost_fact(run: RunEvidence) -> Fact | None:
         return None
     if lost is not None:
         return _lost_since(run, lost) if belief.distance >= least else None
+    believed = None if met is None else met.saved_by(Change.BELIEVED)
     # A program that was stopped might have found its place.
     is_at_end = grip is None and not (least or run.stopped or stalled_fact(run))
-    is_elsewhere = met is not None and met.saved_by(Change.BELIEVED)
-    if not is_elsewhere and not (belief.unsure and (met is not None or is_at_end)):
+    is_misled = belief.unsure and (is_at_end if met is None else believed is not False)
+    if not (believed or is_misled):
         return None
     spread = "" if math.isnan(belief.spread) else f", with a spread of {belief.spread:.1f} in"
     began = "It was not sure of its place: its" if belief.unsure else "Its"
