@@ -222,6 +222,8 @@ class ContactEvidence:
         is_told = self.looking and (self.is_blind or self.looks_at(self.looking))
         if not is_told or self.met.contact.held_block or not self._is_old([self.facing]):
             return ""
+        if not self._ranges and not self._seen.was_moved:
+            return " No range sensor had been read."
         since = self._never_read if self.facing is None else f"not read since {self.facing.time:.1f} s"
         return f" {self._who_looks} was {since}."
 
@@ -236,8 +238,13 @@ class ContactEvidence:
             return False
         if self.belief is None:
             return looks_there(self.looks) and self._is_old([self.facing])
-        ranges = [each.code for each in self._seen.spec.sensors if each.kind.is_range]
-        return bool(ranges) and self._is_old(self.met.readings.get(code) for code in ranges)
+        return self.looks is not None and self._is_old(self._ranges)
+
+    @property
+    def _ranges(self) -> list[LastReading]:
+        """The last readings of the range sensors that were read."""
+        codes = [each.code for each in self._seen.spec.sensors if each.kind.is_range]
+        return [self.met.readings[code] for code in codes if code in self.met.readings]
 
     def _is_old(self, readings: Iterable[LastReading | None]) -> bool:
         """True if there is no reading, or the robot moved on for more than `BLIND` after the latest one."""

@@ -270,7 +270,7 @@ def test_driving_on_without_looking_is_said() -> None:
     mission.give("d1-4", "w1-30")
     cause = mission.why()
     assert (cause.kind, cause.advice) == (Kind.UNREAD, "Read u2 before you send w1.")
-    assert cause.text.startswith("w1-30 was sent. u2, the nearest sensor, was never read. Contact at ")
+    assert cause.text.startswith("w1-30 was sent. No range sensor had been read. Contact at ")
 
 
 def test_a_reading_that_was_far_off_is_said_with_what_it_should_have_been() -> None:
