@@ -227,9 +227,10 @@ def is_small(lost: BeliefRow) -> bool:
     return max(lost.distance, abs(lost.turn)) < CELL_SIZE
 
 
-def ranges_before(seen: Attempt, lost: BeliefRow) -> str:
+def ranges_before(seen: Attempt, lost: BeliefRow) -> tuple[str, bool]:
     """The ranges of the last cell's length of path before a wrong belief, in this maze without its block: a
-    sentence with a space before it. Empty if they were not right, or are few."""
+    sentence with a space before it, and True if some do not fit the believed place. Empty if they were not
+    right, or are few."""
     history, world = seen.history, world_without_block(seen.spec)
     rows = seen.within(history.readings, seen.placed)
     rows = rows[(rows["order"] < lost.order) & (rows["gone"] >= lost.gone - CELL_SIZE)][-_RANGES:]
@@ -252,15 +253,17 @@ def ranges_before(seen: Attempt, lost: BeliefRow) -> str:
             at = float(mine["elapsed"][place])
             off.append((at, sensor.code, float(values[place]), float(expected[place])))
     if count < FEWEST["nominal"] or rights < _MOSTLY_RIGHT * count:
-        return ""
+        return "", False
     told = f" {rights} of its last {counted(count, 'range')} before that were right"
     # A small error hardly shows in ranges.
-    if is_small(lost) or not off:
-        return f"{told}."
+    if is_small(lost):
+        return f"{told}.", False
+    if not off:
+        return f"{told}, and fit that place as well.", False
     at, code, value, other = max(off)
     read = f"{code} read {shown_range(value)} at {at:.1f} s, and from there it would have read"
     do = "does" if len(off) == 1 else "do"
-    return f"{told}, and {len(off)} of them {do} not fit there: {read} {shown_range(other)}."
+    return f"{told}, and {len(off)} of them {do} not fit there: {read} {shown_range(other)}.", True
 
 
 def displacement_text(first: Pose, second: Pose) -> str:

@@ -40,6 +40,9 @@ _INTO = 1.0
 """Inches asked for beyond a contact, from which the command led into the wall, not past it."""
 _ASTRAY = 0.1
 """Share of a command from which an error of its drive is large: an inch in a cell. Judged."""
+# Judged: two thirds of a robot's half width; a wall further aside is not the corner that it meets.
+_CLOSE = 2.0
+"""Inches that a sensor aside of a movement reads at most if it shows what was touched."""
 _STOOD = 0.01
 """Inches and degrees below which the robot has not moved: corrections are larger."""
 # Judged: a third of a right angle; a sensor that looks further aside may see something else.
@@ -281,8 +284,10 @@ class ContactEvidence:
         return last if self.shows(last) and self._is_right(last) else None
 
     def shows(self, last: LastReading) -> bool:
-        """True if a reading may show what was touched: it is of nothing much further away."""
-        return last.value <= self.went + BLIND
+        """True if a reading may show what was touched: along the movement, or close beside it."""
+        bearing, rotation = self.bearing, self._sensor(last.code).rotation
+        along = bearing is not None and abs(half_turn(rotation - bearing)) <= ALIKE
+        return last.value <= (self.went + BLIND if along else _CLOSE)
 
     def _is_right(self, last: LastReading) -> bool:
         return abs(last.value - last.true) <= max(SLIGHT, COVERED * self._usual_error(last))

@@ -97,19 +97,19 @@ def lost_fact(run: RunEvidence) -> Fact | None:
 
 def _lost_since(run: RunEvidence, lost: BeliefRow) -> Fact:
     """A belief that was wrong, the facts beside it, and what came of it."""
-    parted, ranges, advice = run.belief.parted, "", None
+    parted, advice, ranges, is_misfit = run.belief.parted, None, "", False
     if not has_read_range(run.seen, lost.order):
         ranges = " It had read no range before that."
     # A wrong sensor is told instead; and no log has the truth of a real robot.
     elif not run.findings and run.belief.has_truth:
-        ranges = ranges_before(run.seen, lost)
+        ranges, is_misfit = ranges_before(run.seen, lost)
     compass = run.belief.unread_compass if lost.deviation.off_heading else ""
     if compass and not run.belief.was_right:
         parted = f"{parted} {compass}, which tells the heading, was never read."
         advice = f"Read {compass} before you drive: it tells the heading."
     elif parted or is_small(lost) or not (lost.deviation.off_place or lost.deviation.rejects_truth):
         advice = _COMPARE_MOTION
-    elif ranges and has_read_range(run.seen, lost.order):
+    elif is_misfit:
         advice = _COMPARE_RANGES
     text = f"{capitalized(lost_text(run, lost))}.{parted}{ranges}"
     return Fact(text, lost, has_behind=True, advice=advice, then=then_text(run))

@@ -145,6 +145,7 @@ def test_a_block_that_was_let_go_where_it_lay_was_carried_nowhere() -> None:
     cause = mission.why(1)
     assert cause.kind is Kind.DROPPED_OUTSIDE
     assert cause.text.startswith("It took the block 3 times, and let it go where it lay: at (20.0, 42.0), ")
+    assert cause.text.endswith(" l1 read 1 before that.")
     # It is of no use to look at the sensor, which was right.
     assert cause.advice == "Find out why your program opens the gripper there: it held the block."
 
@@ -165,6 +166,15 @@ def test_a_sensor_that_looked_elsewhere_when_it_was_read_is_not_said_to_have_see
     (sight,) = [each for each in moments_of(mission.evidence()) if each.kind is MomentKind.SIGHT]
     assert sight.code == "u1"
     assert sight.text.endswith("; then the robot turned")
+
+
+def test_a_reading_of_a_wall_aside_is_not_said_to_show_the_corner_ahead() -> None:
+    # It drives on past the wall that u2 sees, and touches the next one with its side.
+    mission = begin((42.0, 33.5, 0.0))
+    mission.give("u1", "u2", "u4", "u5", "t1", "d1-20")
+    cause = mission.why()
+    assert cause.text.startswith("d1-20 was sent. Contact at ")
+    assert "u2" not in cause.advice
 
 
 def test_the_time_of_a_reading_is_that_of_the_sensor_that_is_named() -> None:
