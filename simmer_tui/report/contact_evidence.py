@@ -225,8 +225,9 @@ class ContactEvidence:
         is_told = self.looking and (self.is_blind or self.looks_at(self.looking))
         if not is_told or self.met.contact.held_block or not self._is_old([self.facing]):
             return ""
-        if not self._ranges and not self._seen.was_moved:
-            return " No range sensor had been read."
+        if self._is_old(self._ranges) and not self._seen.was_moved:
+            latest = max((each.time for each in self._ranges), default=None)
+            return f" No range sensor had been read{'' if latest is None else f' since {latest:.1f} s'}."
         since = self._never_read if self.facing is None else f"not read since {self.facing.time:.1f} s"
         return f" {self._who_looks} was {since}."
 

@@ -180,7 +180,7 @@ def test_a_reading_of_a_wall_aside_is_not_said_to_show_the_corner_ahead() -> Non
 def test_the_time_of_a_reading_is_that_of_the_sensor_that_is_named() -> None:
     # u1 and u5 look at the wall; u5 was read last.
     mission = begin((66.0, 42.0, 0.0))
-    mission.give("u1", "w1-2", "s1-2", "u5", *("w1-2", "s1-2") * 2, "d1-60")
+    mission.give("u1", "w1-2", "s1-2", "u5", *("w1-2", "s1-2") * 2, "u3", "d1-60")
     evidence = mission.evidence()
     met = evidence.contact
     assert met is not None
