@@ -220,14 +220,17 @@ class ContactEvidence:
 
     @property
     def unread_text(self) -> str:
-        """The sensor that looks at the contact, if it was not read shortly before, in a sentence with a space
-        before it; else empty."""
-        is_told = self.looking and (self.is_blind or self.looks_at(self.looking))
-        if not is_told or self.met.contact.held_block or not self._is_old([self.facing]):
-            return ""
-        if self._is_old(self._ranges) and not self._seen.was_moved:
+        """A sentence with a space before it: no range was read shortly before, or none by the sensor that
+        looks at the contact. Else empty."""
+        held = self.met.contact.held_block
+        # No sensor looks at the room that a held block needs, and only a blind program is told so.
+        is_all = self.is_blind or (self.looks is not None and not held)
+        if is_all and self._is_old(self._ranges) and not self._seen.was_moved:
             latest = max((each.time for each in self._ranges), default=None)
             return f" No range sensor had been read{'' if latest is None else f' since {latest:.1f} s'}."
+        is_told = self.looking and (self.is_blind or self.looks_at(self.looking))
+        if not is_told or held or not self._is_old([self.facing]):
+            return ""
         since = self._never_read if self.facing is None else f"not read since {self.facing.time:.1f} s"
         return f" {self._who_looks} was {since}."
 
@@ -235,8 +238,9 @@ class ContactEvidence:
     def is_blind(self) -> bool:
         """True if no range sensor had been read shortly before. A program that sends beliefs may have used
         any of them; for one that does not, only the sensor that looks at the wall counts."""
-        # No sensor looks at the room that a held block needs in a turn.
-        turned = self.met.contact.held_block and self.met.ended.trajectory.turning
+        # No sensor looks at the room that a held block needs in a turn; a lost program should have looked.
+        held = self.met.contact.held_block and self.met.ended.trajectory.turning
+        turned = held and (self.belief is None or self.knew)
         by_drive = self.met.contact.drift or (self.saved_by(Change.EXACT) and not self._unseen)
         if by_drive or turned:
             return False
