@@ -827,6 +827,17 @@ def test_a_person_who_drives_while_no_program_is_connected_disturbs_none(
     assert mission.why(1).kind is not Kind.MOVED
 
 
+def test_a_second_client_beside_the_first_is_said_first() -> None:
+    mission = begin()
+    connection(mission, NoticeKind.CONNECTED)
+    mission.give("u1", "d1-1")
+    connection(mission, NoticeKind.CONNECTED)
+    mission.give("u1", "d1-60")
+    cause = mission.why(1)
+    assert (cause.kind, cause.moment) == (Kind.MOVED, MomentKind.PERSON)
+    assert cause.text.startswith("A second client connected at ")
+
+
 def test_a_movement_that_came_twice_before_a_contact_says_so() -> None:
     mission = begin()
     mission.give("d1-2", "w1-1.6", "w1-1.6")
