@@ -13,7 +13,7 @@ from simmer_tui.document.model import DataColumn, DataTable, data_table
 from simmer_tui.report.cause_text import lost_text
 from simmer_tui.report.causes import Cause, MomentKind
 from simmer_tui.report.run_evidence import RunEvidence
-from simmer_tui.run.events import NoticeKind, Result
+from simmer_tui.run.events import ActionName, NoticeKind, Result
 from simmer_tui.run.history_rows import NoticeRow
 from simmer_tui.run.phrases import grip_ending, place_text, pose_text, program_end_text, sent_by_text
 from simmer_tui.sim.command import WORD, counted, cut
@@ -37,6 +37,10 @@ _KEPT = (
     MomentKind.LOCALIZED,
 )
 """Kinds of moments, those that are kept longest first."""
+
+
+_DEEDS = {ActionName.TELEPORT: "moved the robot", ActionName.BLOCK: "moved the block"}
+"""Actions of people whose names are not those of what they do."""
 
 
 class Moment(Struct, frozen=True):
@@ -172,7 +176,7 @@ def _person(run: RunEvidence) -> Iterator[Moment]:
         name = row.done.action.name
         has_acted = row.order > began and name.helps
         if not row.done.refused and (has_acted or (row.order == began and name.restarts)):
-            text = f"a person used {name.value}: {row.done.text}"
+            text = f"a person {_DEEDS.get(name, f'used {name.value}')}: {row.done.text}"
             yield Moment(MomentKind.PERSON, row.elapsed, text, row.line)
 
 

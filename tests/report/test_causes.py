@@ -706,7 +706,7 @@ def test_of_many_moments_seven_are_kept_in_order() -> None:
     assert {MomentKind.END, MomentKind.COMMAND, MomentKind.SIGHT, MomentKind.FAULT} <= set(kinds)
     assert [each.kind for each in moments if each.is_cause] == [cause.moment]
     assert all("log" not in each.text.split() for each in moments)
-    assert "a person used teleport: robot at (66, 42) heading 180" in {each.text for each in moments_of(run)}
+    assert "a person moved the robot: robot at (66, 42) heading 180" in {each.text for each in moments_of(run)}
 
 
 def test_a_real_robot_has_moments_and_no_place() -> None:
