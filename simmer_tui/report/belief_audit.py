@@ -94,8 +94,8 @@ class BeliefMotion:
         turns = _Axis(self._turn, self._true_turn, usable & in_half, _TURN, LEAST_DEGREES)
         distances = _Axis(self._along, self._gone, usable & near[1:] & near[:-1], _DISTANCE, 0.5)
         made = (
-            self._explained(turns, [*self._turn_counters(), *self._drives(turning=True)]),
-            self._explained(distances, [*self._distance_counters(), *self._drives(turning=False)]),
+            self._explained(turns, [*self._counters(turning=True), *self._drives(turning=True)]),
+            self._explained(distances, [*self._counters(turning=False), *self._drives(turning=False)]),
         )
         return [each for each in made if each]
 
@@ -134,25 +134,22 @@ class BeliefMotion:
 
     # -- sources of known motion -----------------------------------------------------------------------
 
-    def _turn_counters(self) -> list[_Source]:
-        return [
-            _Source(sensor.spec.code, counts / lever[2], False)
-            for sensor, counts in self._counters()
-            if (lever := sensor.lever)[2] and not lever[:2].any()
-        ]
-
-    def _distance_counters(self) -> list[_Source]:
+    def _counters(self, *, turning: bool) -> list[_Source]:
+        """The counters that measure turns, or distances."""
         found = []
-        for sensor, counts in self._counters():
+        for sensor, counts in self._counts():
             lever = sensor.lever
             with np.errstate(invalid="ignore", divide="ignore"):
                 share = (lever[:2, None] * self._moved).sum(axis=0) / self._gone
-                values = (counts - lever[2] * self._true_turn) / share
-            # A wheel that hardly rolls does not measure the path.
-            found.append(_Source(sensor.spec.code, np.where(np.abs(share) > 0.5, values, np.nan), False))
+                # A wheel that hardly rolls does not measure the path.
+                along = np.where(np.abs(share) > 0.5, (counts - lever[2] * self._true_turn) / share, np.nan)
+            if not turning:
+                found.append(_Source(sensor.spec.code, along, False))
+            elif lever[2] and not lever[:2].any():
+                found.append(_Source(sensor.spec.code, counts / lever[2], False))
         return found
 
-    def _counters(self) -> Iterator[tuple[CountingSensor, FloatArray]]:
+    def _counts(self) -> Iterator[tuple[CountingSensor, FloatArray]]:
         """The counters, each with its counts from belief to belief before its gain."""
         for spec, rows in by_sensor(self._attempt.history, self._readings):
             sensor = modelled_sensor(spec)

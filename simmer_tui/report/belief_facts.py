@@ -18,7 +18,7 @@ from simmer_tui.report.run_readings import by_sensor, poses_of, world_without_bl
 from simmer_tui.report.why import shown_range
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.belief_grid import SURELY_ELSEWHERE
-from simmer_tui.run.facts import COVERED, SLIGHT, SLIGHT_TURN, UNSURE, UNSURE_TURN, carried_over
+from simmer_tui.run.facts import COVERED, SLIGHT, SLIGHT_TURN, UNSURE, UNSURE_TURN, carried_over, displacement
 from simmer_tui.run.history_rows import BeliefRow
 from simmer_tui.run.phrases import times_text
 from simmer_tui.run.run_history import RunHistory
@@ -35,14 +35,10 @@ _NEAR = 1.5
 _CONSTANT = 0.75
 """Least share of sure beliefs with one error that make it constant. Judged."""
 _MOST_NAMED = 4
-_ASSUMED = 1.0
-"""Spread, inches, of a first belief that no reading can have led to. Judged."""
 _STOOD = 0.05
 """Inches below which a displacement is shown as 0."""
 _MOSTLY = 0.5
 """Share of the error of the first wrong belief that movements before it explain. Judged."""
-_ASIDE = 45.0
-"""Degrees between two ways from which they lead to different sides."""
 _MOSTLY_RIGHT = 0.9
 """Share of right ranges from which the ranges were right: one in a hundred is off by chance. Judged."""
 _RANGES = 200
@@ -124,10 +120,7 @@ class BeliefFacts:
             return None
         share = float((np.abs(half_turn(turns - value)) <= SLIGHT_TURN).mean())
         text = f"turned by {value:+.0f} deg in {100 * share:.0f} % of the sure beliefs"
-        # Sure of a far place from the first belief on: the program assumed a start, without its compass.
-        first = self.rows[0]
-        is_assumed = first["distance"] > CELL_SIZE and first["spread"] < _ASSUMED
-        return ConstantOffset(text, share, () if is_assumed else self._compasses)
+        return ConstantOffset(text, share, self._compasses(read=True))
 
     def _of_maze(self) -> list[ConstantOffset]:
         """Beliefs in a maze that is mirrored, or turned as a whole."""
@@ -149,90 +142,56 @@ class BeliefFacts:
             found.append(ConstantOffset(text, float(fits.mean())))
         return found
 
-    @property
-    def _compasses(self) -> tuple[str, ...]:
-        """Codes of the compasses that were read."""
-        read = set(self._seen.history.sensor_codes)
-        return tuple(
-            each.code for each in self._seen.spec.sensors if each.kind.is_heading and each.code in read
-        )
+    def _compasses(self, *, read: bool) -> tuple[str, ...]:
+        """Codes of the compasses of the set that were read, or that were not."""
+        codes = [each.code for each in self._seen.spec.sensors if each.enabled and each.kind.is_heading]
+        return tuple(code for code in codes if (code in self._seen.history.sensor_codes) is read)
 
     @property
     def unread_compass(self) -> str:
         """Code of a compass of the set that was never read; empty without one, or if another was read."""
-        there = (each.code for each in self._seen.spec.sensors if each.kind.is_heading and each.enabled)
-        return "" if self._compasses else next(there, "")
+        return "" if self._compasses(read=True) else next(iter(self._compasses(read=False)), "")
 
     @cached_property
     def steps(self) -> list[Disagreement]:
         """The devices that explain believed steps best; none where these are right."""
         if not self.has_truth:
             return []
-        tests = [test for since in self._stretches for test in BeliefMotion(self._seen, since).explanations()]
-        kept = kept_disagreements(tests)
+        kept = kept_disagreements(BeliefMotion(self._seen, self._seen.placed).explanations())
         free = [each for each in kept if not any(code in self._known for one in each for code in one.of)]
         # More explanations than can be named name none.
         return free[0] if free and len(free[0]) <= _MOST_NAMED else []
 
     @cached_property
     def parted(self) -> str:
-        """The movements that arrived between the last right belief, or the start, and the first lost one, and
-        beside them how far robot and belief moved: a sentence with a space before it. Empty where nothing
-        stands out."""
-        seen = self._seen
-        lost, history = seen.beliefs[1], seen.history
+        """The movements that arrived between the last right belief and the first lost one, and beside them
+        how far robot and belief moved: a sentence with a space before it. Empty where nothing stands out."""
+        lost, history = self._seen.beliefs[1], self._seen.history
         if lost is None or not self.has_truth:
             return ""
-        place = int(np.searchsorted(self.rows["order"], lost.order))
-        since = max(seen.placed, history.began)
-        if 0 < place < len(self.rows):
-            row = self.rows[place - 1]
-            # A belief that was not sure jumps where its readings lead it.
-            if row["spread"] > SURE:
-                return ""
-            since = int(row["order"])
-            true, believed = (
-                Pose(*(float(row[f"{kind}{axis}"]) for axis in ("x", "y", "heading")))
-                for kind in ("true_", "")
-            )
-        elif place == 0 and history.start is not None and (not seen.placed or seen.placed == history.began):
-            true = believed = history.start
-        else:
+        row = history.beliefs.before(lost.order)
+        # A belief that was not sure jumps where its readings lead it.
+        if row is None or row.order < self.rows["order"][0] or row.spread > SURE:
             return ""
-        moves = seen.within(history.movements)
-        moves = moves[(moves["order"] > since) & (moves["order"] < lost.order) & ~moves["grips"]]
-        grew = np.hypot(
-            lost.x - believed.x - lost.true_x + true.x, lost.y - believed.y - lost.true_y + true.y
+        moves = self._seen.within(history.movements)
+        moves = moves[(moves["order"] > row.order) & (moves["order"] < lost.order) & ~moves["grips"]]
+        grew = math.hypot(
+            lost.x - row.x - lost.true_x + row.true_x, lost.y - row.y - lost.true_y + row.true_y
         )
         # Of a belief that has jumped, or grown wrong in many steps, no movement tells.
         arrived = listed_movements(history, moves) if len(moves) else "no movement"
-        if not arrived or grew < max(SLIGHT, _MOSTLY * lost.distance):
+        robot, own = displacement_text(row.true, lost.true), displacement_text(row.believed, lost.believed)
+        if not arrived or robot == own or grew < max(SLIGHT, _MOSTLY * lost.distance):
             return ""
-        robot, own = way_of(true, lost.true), way_of(believed, lost.believed)
-        if robot.text == own.text:
-            return ""
-        if place == 0:
-            # A program that had read ranges, or that moved elsewhere than it was told to, did not count on
-            # its movements alone.
-            aside = len(moves) and (
-                robot.far < SLIGHT or abs(half_turn(robot.bearing - own.bearing)) > _ASIDE
-            )
-            if aside or has_read_range(seen, lost.order):
-                return ""
-            moved = f"the robot was {robot.text} from its start, the belief {own.text} from it"
-            return f" Before its first belief it was sent {arrived}; {moved}."
-        when = f"{float(self.rows[place - 1]['elapsed']):.1f} s and {lost.elapsed:.1f} s"
-        return f" Between {when} it was sent {arrived}; the robot moved {robot.text}, the belief {own.text}."
+        when = f"{row.elapsed:.1f} s and {lost.elapsed:.1f} s"
+        return f" Between {when} it was sent {arrived}; the robot moved {robot}, the belief {own}."
 
     @property
     def text(self) -> str:
         """Sentences about what stands behind a wrong belief; empty if nothing is known."""
-        parts = []
-        if self.constant is not None:
-            parts.append(f"Its belief was {self.constant.text}.")
-        if self.steps:
-            parts.append(f"Its steps fit {'; or '.join(each.text for each in self.steps)}.")
-        return " ".join(parts)
+        constant = "" if self.constant is None else f"Its belief was {self.constant.text}."
+        steps = "; or ".join(each.text for each in self.steps)
+        return f"{constant} {f'Its steps fit {steps}.' if steps else ''}".strip()
 
     @property
     def culprits(self) -> tuple[str, ...]:
@@ -241,17 +200,6 @@ class BeliefFacts:
         if not codes and self.constant is not None:
             codes = list(self.constant.of)
         return tuple(dict.fromkeys(codes))
-
-    @property
-    def _stretches(self) -> list[int]:
-        """The events after which beliefs are audited: the robot's last placement, and the moment when the
-        belief became wrong for good, if enough beliefs had been right."""
-        seen, lost = self._seen, self._seen.beliefs[1]
-        if lost is None:
-            return [seen.placed]
-        beliefs = seen.history.beliefs
-        before = beliefs.place_of(lost.order) - beliefs.place_of(seen.placed)
-        return [seen.placed, lost.order - 1] if before >= FEWEST["set"] else [seen.placed]
 
 
 def has_read_range(seen: Attempt, order: int) -> bool:
@@ -278,23 +226,14 @@ def is_small(lost: BeliefRow) -> bool:
     return max(lost.distance, abs(lost.turn)) < CELL_SIZE
 
 
-class RangesBefore(Struct, frozen=True):
-    """The ranges of the last cell's length of path before a wrong belief: whether they were right, whether
-    they fit the place that was believed as well, and a sentence on that with a space before it."""
-
-    were_right: bool = False
-    fit_belief: bool = False
-    text: str = ""
-
-
-def ranges_before(seen: Attempt, lost: BeliefRow) -> RangesBefore:
-    """The ranges before a wrong belief, in this maze without its block."""
-    history, spec = seen.history, seen.spec
+def ranges_before(seen: Attempt, lost: BeliefRow) -> tuple[str, bool]:
+    """The ranges of the last cell's length of path before a wrong belief, in this maze without its block: a
+    sentence with a space before it, and True if some do not fit the believed place. Empty if they were not
+    right, or are few."""
+    history, world = seen.history, world_without_block(seen.spec)
     rows = seen.within(history.readings, seen.placed)
     rows = rows[(rows["order"] < lost.order) & (rows["gone"] >= lost.gone - CELL_SIZE)][-_RANGES:]
-    world = world_without_block(spec)
-    near: list[bool] = []
-    count = 0
+    count = rights = 0
     off: list[tuple[float, str, float, float]] = []
     for sensor, mine in by_sensor(history, rows):
         made = modelled_sensor(sensor)
@@ -307,52 +246,31 @@ def ranges_before(seen: Attempt, lost: BeliefRow) -> RangesBefore:
         right = np.abs(mine["error"]) <= allowed
         with np.errstate(invalid="ignore"):
             fits = (np.abs(values - expected) <= 2.0 * allowed) | (values == expected)
-        near += fits[right].tolist()
         count += len(mine)
+        rights += int(right.sum())
         for place in np.flatnonzero(right & ~fits):
             at = float(mine["elapsed"][place])
             off.append((at, sensor.code, float(values[place]), float(expected[place])))
-    if len(near) < FEWEST["nominal"] or len(near) < _MOSTLY_RIGHT * count:
-        return RangesBefore()
-    right = f" Its last {counted(count, 'range')} before that were right"
-    if len(near) < count:
-        right = f" {len(near)} of its last {counted(count, 'range')} before that were right"
+    if count < FEWEST["nominal"] or rights < _MOSTLY_RIGHT * count:
+        return "", False
+    told = f" {rights} of its last {counted(count, 'range')} before that were right"
     # A small error hardly shows in ranges.
     if is_small(lost):
-        return RangesBefore(True, False, f"{right}.")
-    if all(near):
-        return RangesBefore(True, True, f"{right}, and fit that place as well.")
+        return f"{told}.", False
+    if not off:
+        return f"{told}, and fit that place as well.", False
     at, code, value, other = max(off)
-    misfits = f"{len(off)} of them {'does' if len(off) == 1 else 'do'} not fit"
-    text = (
-        f"{right}, and {misfits if any(near) else 'none of them fits'} there: {code} read "
-        f"{shown_range(value)} at {at:.1f} s, and from there it would have read {shown_range(other)}."
-    )
-    return RangesBefore(True, False, text)
+    read = f"{code} read {shown_range(value)} at {at:.1f} s, and from there it would have read"
+    do = "does" if len(off) == 1 else "do"
+    return f"{told}, and {len(off)} of them {do} not fit there: {read} {shown_range(other)}.", True
 
 
-class Way(Struct, frozen=True):
-    """A displacement in the robot's frame at its beginning: inches, degrees to the left, and in words."""
-
-    far: float
-    bearing: float
-    text: str
-
-
-def way_of(first: Pose, second: Pose) -> Way:
+def displacement_text(first: Pose, second: Pose) -> str:
     """A displacement in the robot's frame at its beginning: `12.0 in to the left`."""
-    x, y = second.x - first.x, second.y - first.y
-    far, bearing = math.hypot(x, y), half_turn(math.degrees(math.atan2(y, x)) - first.heading)
-    turn = half_turn(second.heading - first.heading)
-    turned = (
-        f" and {abs(turn):.0f} deg to the {'left' if turn > 0.0 else 'right'}" if abs(turn) >= 1.0 else ""
-    )
-    if far < _STOOD:
-        return Way(far, bearing, f"0 in{turned}")
-    if abs(bearing) <= 45.0:
-        side = "ahead"
-    elif abs(bearing) >= 135.0:
-        side = "back"
-    else:
-        side = "to the left" if bearing > 0.0 else "to the right"
-    return Way(far, bearing, f"{far:.1f} in {side}{turned}")
+    far, turn = displacement(first, second)
+    bearing = half_turn(math.degrees(math.atan2(second.y - first.y, second.x - first.x)) - first.heading)
+    side = ("ahead", "to the left", "back", "to the right")[round(bearing / 90.0) % 4]
+    moved = "0 in" if far < _STOOD else f"{far:.1f} in {side}"
+    if abs(turn) < 1.0:
+        return moved
+    return f"{moved} and {abs(turn):.0f} deg to the {'left' if turn > 0.0 else 'right'}"

@@ -9,10 +9,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from msgspec import Struct
+from msgspec import Struct, field
 
 from simmer_tui.document.formats import COUNT, SHARE, number
 from simmer_tui.document.model import DataColumn, DataTable, data_table
+from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.recent_motion import BlockPlace
 from simmer_tui.sim.records import LidarScan
@@ -39,16 +40,13 @@ SCANS = data_table(
 
 
 class _Bends(Struct):
-    """Sums over the scans of one lidar."""
+    """Scans of one lidar: how many, how many in motion, and the errors of the rays of each that was measured,
+    inches."""
 
     title: str
     scans: int = 0
     moved: int = 0
-    measured: int = 0
-    rays: int = 0
-    off: int = 0
-    squares: float = 0.0
-    worst: float = 0.0
+    errors: list[FloatArray] = field(default_factory=list)
     last: LidarScan | None = None
 
 
@@ -58,7 +56,7 @@ class BentScans:
     def __init__(self, maze: Maze) -> None:
         self._maze = maze
         self.found: dict[str, _Bends] = {}
-        """The sums by sensor ID."""
+        """The scans by sensor ID."""
 
     def add(self, spec: SensorSpec, scan: LidarScan, block: BlockPlace) -> None:
         """Add a scan of a lidar, with the block's place then."""
@@ -73,18 +71,13 @@ class BentScans:
             return
         bends.moved += 1
         lidar = sensor_of(spec)
-        if bends.measured >= MOST_MEASURED or not isinstance(lidar, Lidar):
+        if len(bends.errors) >= MOST_MEASURED or not isinstance(lidar, Lidar):
             return
-        bends.measured += 1
         at_end = np.tile(poses[-1], (len(poses), 1))
         here = [(slice(None), block)]
         off = lidar.distances(self._maze, poses, here) - lidar.distances(self._maze, at_end, here)
         # Where one of the two meets nothing, there is no difference of distances.
-        off = np.abs(off[np.isfinite(off)])
-        bends.rays += len(off)
-        bends.off += int((off > _OFF).sum())
-        bends.squares += float(np.square(off).sum())
-        bends.worst = max(bends.worst, float(off.max(initial=0.0)))
+        bends.errors.append(np.abs(off[np.isfinite(off)]))
 
 
 def scans_table(bent: BentScans) -> DataTable:
@@ -92,13 +85,14 @@ def scans_table(bent: BentScans) -> DataTable:
     rows: list[tuple[object, ...]] = []
     for _, each in sorted(bent.found.items()):
         off: tuple[float | None, ...] = (None, None, None)
-        if each.rays:
-            off = each.off / each.rays, math.sqrt(each.squares / each.rays), each.worst
+        errors = np.concatenate(each.errors or [np.empty(0)])
+        if len(errors):
+            off = float((errors > _OFF).mean()), math.sqrt(np.square(errors).mean()), float(errors.max())
         rows.append((each.title, each.scans, each.moved, *off))
     note = (
         "Off: the true distance of a ray at its own moment, less that from where the robot was at the end of "
         "the scan. A program that knows its motion can correct it."
     )
-    if any(each.moved > each.measured for each in bent.found.values()):
+    if any(each.moved > len(each.errors) for each in bent.found.values()):
         note += f" The first {MOST_MEASURED:,} scans in motion of a lidar are measured."
     return SCANS.filled(rows, note)

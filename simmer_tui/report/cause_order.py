@@ -93,7 +93,8 @@ def _made(run: RunEvidence, rule: CauseRule, fact: Fact) -> Cause:
     text = " ".join(filter(None, parts))
     evidence: tuple[str, ...] = (run.arrived_text, belief_text(seen, seen.beliefs[0]), goals)
     if met is not None:
-        tried = shown_tried(met.tried, wrong_drive=bool(run.findings_about(drives=True)))
+        # What a wrong drive does is no error of the movements that are repeated: of it they say nothing.
+        tried = "" if run.findings_about(drives=True) else shown_tried(met.tried)
         evidence = (run.arrived_text, belief_text(seen, met.met.belief), tried)
     elif seen.is_silent:
         evidence = (f"Last output: {run.last_words}." if run.last_words else "",)
@@ -101,7 +102,6 @@ def _made(run: RunEvidence, rule: CauseRule, fact: Fact) -> Cause:
     evidence = (
         *evidence,
         there if run.ended_at not in text else "",
-        run.long_turns,
         set_differences(seen, with_limit=rule.kind is not Kind.TOO_SLOW),
     )
     # A reason may end with a question; a sentence ends with one mark.
@@ -157,7 +157,7 @@ ORDER: tuple[CauseRule, ...] = (
         Kind.REFUSED,
         refused_fact,
         MomentKind.FAULT,
-        "most commands, the one before it was lost, or some movements were refused, never to be carried out",
+        "most commands to drive, a twentieth of all, or the last one were refused",
         "what followed",
         "Check the reply to each command in your program: a refused one does nothing.",
     ),

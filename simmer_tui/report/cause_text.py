@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 from msgspec import Struct
@@ -78,12 +77,9 @@ def stand_text(run: RunEvidence) -> str:
     seen = run.seen
     if seen.task is None or seen.history.is_twin:
         return ""
-    belief, where = seen.beliefs[0], f"It stood at {place_text(seen.pose.x, seen.pose.y)}"
-    if belief is None:
-        return f"{where}."
-    if belief.is_right:
-        return f"{where}, and its belief was right, off by {belief.error_text}."
-    return f"{where}, and believed to be at {place_text(belief.x, belief.y)}."
+    belief = seen.beliefs[0]
+    believed = "" if belief is None else f", and its belief was off by {belief.error_text}"
+    return f"It stood at {place_text(seen.pose.x, seen.pose.y)}{believed}."
 
 
 def waited_text(run: RunEvidence) -> str:
@@ -91,7 +87,8 @@ def waited_text(run: RunEvidence) -> str:
     last reading."""
     last, error = run.last_command, "" if run.program is None else run.program.error
     if last is not None and (ended_by_link(run.last_words) or ended_by_link(error)):
-        slow = f" A reply took {run.link_time:.1f} s on the link." if run.link_time >= _SLOW_LINK else ""
+        mean = run.seen.spent.link / max(run.seen.commands, 1)
+        slow = f" A reply took {mean:.1f} s on the link." if mean >= _SLOW_LINK else ""
         return f" Its last answered command was {last[0]}, at {last[1]:.1f} s.{slow}"
     return f" Its last reading was {run.last_reading}." if error and run.last_reading else ""
 
@@ -114,7 +111,7 @@ def contact_sentence(run: RunEvidence) -> str:
         went += f" and {abs(row.turned):.0f} deg"
     place = obstacle_place(contact, run.seen.spec)
     block = " of the held block" if contact.held_block else ""
-    return f"Contact{block} at {row.elapsed:.2f} s with {place}, {went}.{_twice(run)}"
+    return f"Contact{block} at {row.elapsed:.2f} s with {place}, {went}."
 
 
 def sent_text(run: RunEvidence) -> str:
@@ -122,24 +119,9 @@ def sent_text(run: RunEvidence) -> str:
     met = run.contact
     if met is None:
         return ""
-    again = run.repeated
-    often = f" {times_text(again[1])} in a row" if again is not None and again[2] else ""
+    often = f" {times_text(run.repeated)} in a row" if run.repeated > 1 else ""
     sent = sent_by_text(met.met.row.ended.command.source, met.met.row.shown)
-    return f"{sent}{often}{', and nothing ended it' if met.goes_on else ''}"
-
-
-def _twice(run: RunEvidence) -> str:
-    """A movement before the deciding one that came repeatedly, nothing being read since."""
-    again = run.repeated
-    return "" if again is None or again[2] else f" {again[0]} had come {times_text(again[1])} in a row."
-
-
-def silent_ranges(run: RunEvidence) -> str:
-    """The range sensors that had no echo just before a contact's movement."""
-    seen = [] if run.contact is None else [each.reading for each in run.contact.met.row.seen]
-    return " and ".join(
-        each.sensor.code for each in seen if each.sensor.kind.is_range and math.isinf(each.value)
-    )
+    return f"{sent}{often}" if not met.goes_on else f"{sent} at {met.sent:.1f} s, and nothing ended it"
 
 
 def quiet_text(run: RunEvidence) -> str:
@@ -160,8 +142,7 @@ def then_text(run: RunEvidence) -> str:
     """Sentences on what came of a wrong belief or a refused command: contact, grip, silence or the end."""
     met = run.contact if run.has_contact else None
     if met is not None:
-        unread = met.unread_text if met.is_blind else met.not_read
-        return f"{f'{unread}. ' if unread else ''}Then {sent_text(run)}. {contact_sentence(run)}"
+        return f"Then {sent_text(run)}.{met.unread_text} {contact_sentence(run)}"
     if run.last_grip is not None:
         return f"Then it {grip_ending(run.last_grip.grip)}."
     if run.silence is not None:
@@ -169,16 +150,11 @@ def then_text(run: RunEvidence) -> str:
     if run.stopped:
         return ""
     out_of_time = run.seen.out_of_time or run.cut_off
-    end = "its time was up" if out_of_time else "the program ended by itself"
-    seen = run.seen
-    # A velocity that still goes on has ended no movement.
-    moved = {each.code for each in seen.spec.velocities} & set(seen.history.code_names)
-    has_moved = bool(moved) or bool(len(seen.within(seen.history.movements)))
-    return f"Then {end}{'' if has_moved else ', and no movement had come'}."
+    return f"Then {'its time was up' if out_of_time else 'the program ended by itself'}."
 
 
 def goals_text(run: RunEvidence) -> str:
-    """The zone that was never entered, or the goal that was not met, in a sentence."""
+    """The goal that was not met, in a sentence."""
     seen, zone = run.seen, None if run.seen.task is None else run.seen.task.zone
     if seen.task is None or (seen.taken and not seen.holding) or seen.is_silent:
         return ""
@@ -188,11 +164,6 @@ def goals_text(run: RunEvidence) -> str:
         is_known = bool(loading) and not seen.history.is_twin
         if is_known and not any(cell.holds(block.x, block.y) for cell in loading):
             return f"The block lay at {place_text(block.x, block.y)}, outside the loading zone."
-        never = not run.goals and loading
-        return "It never entered the loading zone." if never else "The robot had not taken the block yet."
-    if zone is None:
-        return "The robot held the block."
-    moves, where = seen.within(seen.history.movements), place_text(zone.x, zone.y)
-    entered = any(map(zone.holds, moves["x"].tolist(), moves["y"].tolist()))
-    not_done = "had not set it down in" if entered else "never entered"
-    return f"The robot held the block, and {not_done} the drop zone at {where}."
+        return "The robot had not taken the block yet." if run.goals else "It never entered the loading zone."
+    where = "" if zone is None else f" at {place_text(zone.x, zone.y)}"
+    return f"The robot held the block, and had not set it down in the drop zone{where}."

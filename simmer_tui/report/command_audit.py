@@ -23,7 +23,7 @@ _FEWEST = FEWEST["set"]
 # Errors of drives and of a program's model of them are a few percent of a correction.
 _BAND = 0.08
 """Share by which a correction may differ from the multiple of the one before it."""
-_FACTORS = tuple(sign * 1.5 * (1.0 + 2 * _BAND) ** step for step in range(9) for sign in (1.0, -1.0))
+_GROWING = tuple(sign * 1.5 * (1.0 + 2 * _BAND) ** step for step in range(9) for sign in (1.0, -1.0))
 """Factors that are tried, their bands side by side. Below 1.5 growing steps may be intended. Above 5, the
 second correction is longer than the maze."""
 _HARDLY = (0.99 - _BAND,)
@@ -34,93 +34,75 @@ _THE_SAME = 0.001
 same."""
 _ALIKE = 0.02
 """Corrections that differ by less, as a share, are of one size."""
-# In runs without a fault fewer than one pair in twenty is within a band beyond 1.5.
-_BY_CHANCE = 0.1
-# Of turns fewer than one pair in eight is within the band below 1.
-_BY_CHANCE_HARDLY = 0.2
-_LEAST = {"in": 0.5, "deg": 2.0}
-"""Least correction, inches and degrees: residuals of noise and rounding are smaller."""
-_LEAST_HARDLY = 0.1
-"""The same of turns that hardly turn, degrees: a compass has less noise than the rest."""
-_MOST = {"in": math.inf, "deg": 60.0}
-"""Largest one: three times as much is a half turn, and programs turn the short way."""
 
 
-class _Pairs(NamedTuple):
-    """Commands of a drive that follow one another: the first of each pair as rows of movements, its value and
-    its ratio to the second, (n,)."""
+class _Rule(NamedTuple):
+    """A rule: the factors that are tried, the share of pairs within a band by chance, and the sizes of the
+    first correction of a pair, inches or degrees, between which it counts."""
 
-    rows: Columns
-    first: FloatArray
-    ratios: FloatArray
-
-    def within(self, least: float, most: float) -> _Pairs:
-        """The pairs whose first value is within a size, whatever its sign."""
-        fits = (np.abs(self.first) >= least) & (np.abs(self.first) <= most)
-        return _Pairs(self.rows[fits], self.first[fits], self.ratios[fits])
+    factors: Sequence[float]
+    by_chance: float
+    least: float
+    most: float
 
 
-class _Found(NamedTuple):
-    """Pairs with about the same ratio: the multiple, the probability of as many by chance, and the first of
-    each as rows of movements, (n,)."""
-
-    multiple: float
-    probability: float
-    rows: Columns
+_RULES = {
+    # Residuals of noise and rounding are smaller. In runs without a fault fewer than one pair in twenty is
+    # within a band beyond 1.5.
+    "in": (_Rule(_GROWING, 0.1, 0.5, math.inf),),
+    "deg": (
+        # Three times as much is a half turn, and programs turn the short way.
+        _Rule(_GROWING, 0.1, 2.0, 60.0),
+        # A compass has less noise than the rest. Fewer than one pair in eight is within the band below 1.
+        _Rule(_HARDLY, 0.2, 0.1, 60.0),
+    ),
+}
 
 
 def multiplied_corrections(attempt: Attempt, row: DriveSpec) -> Iterator[list[Disagreement]]:
     """The explanations of a drive's commands that are each the same multiple of the one before. They grow,
     or hardly shrink."""
-    pairs, unit, turns = _pairs_of(attempt, row), row.kind.unit, row.kind.turns
-    growing = pairs.within(_LEAST[unit], _MOST[unit])
-    if (found := _most_alike(growing, _FACTORS, _BY_CHANCE)) is not None:
-        yield [_multiplied(row, found)]
-    if turns:
-        hardly = pairs.within(_LEAST_HARDLY, _MOST[unit])
-        if (found := _most_alike(hardly, _HARDLY, _BY_CHANCE_HARDLY)) is not None:
-            yield [_multiplied(row, found)]
-
-
-def _pairs_of(attempt: Attempt, row: DriveSpec) -> _Pairs:
-    """The commands of a drive that follow on another of it and differ."""
     numbers = {code: number for number, code in enumerate(attempt.history.code_names)}
     moves = attempt.within(attempt.history.movements)
     moves = moves[np.isfinite(moves["asked"]) & (moves["asked"] != 0.0)]
     asked = moves["asked"].astype(np.float64)
     mine = np.flatnonzero(moves["code"] == numbers.get(row.code, -1))
     first, second = mine[:-1], mine[1:]
-    near = second - first == 1
     ratios = asked[second] / asked[first]
     # A movement that a wall stopped leaves a rest that is not the drive's fault.
-    near &= ~moves["held"][first]
-    near &= np.abs(np.abs(ratios) - 1.0) > _THE_SAME
-    return _Pairs(moves[first[near]], asked[first[near]], ratios[near])
+    kept = (second - first == 1) & ~moves["held"][first] & (np.abs(np.abs(ratios) - 1.0) > _THE_SAME)
+    sizes = np.abs(asked[first])
+    for rule in _RULES[row.kind.unit]:
+        pairs = kept & (sizes >= rule.least) & (sizes <= rule.most)
+        found = _explained(row, rule, moves[first[pairs]], sizes[pairs], ratios[pairs])
+        if found is not None:
+            yield [found]
 
 
-def _most_alike(pairs: _Pairs, factors: Sequence[float], by_chance: float) -> _Found | None:
-    """The pairs with about the same ratio, near one of the factors; None where there are too few."""
-    hits = {factor: np.abs(pairs.ratios / factor - 1.0) <= _BAND for factor in factors}
-    factor = max(hits, key=lambda each: int(hits[each].sum()))
-    found = hits[factor]
+def _explained(
+    row: DriveSpec, rule: _Rule, rows: Columns, sizes: FloatArray, ratios: FloatArray
+) -> Disagreement | None:
+    """The pairs of corrections with about the same ratio, near one of the factors; None where they are few.
+
+    Args:
+        rows: First movement of each pair, (n,).
+        sizes: Its value without its sign, (n,).
+        ratios: Value of the second divided by that of the first, (n,).
+    """
+    hits = {factor: np.abs(ratios / factor - 1.0) <= _BAND for factor in rule.factors}
+    found = max(hits.values(), key=lambda each: int(each.sum()))
     # Steps that are constants of a program repeat the same sizes; corrections never do.
-    sizes = np.round(np.log(np.abs(pairs.first[found])) / _ALIKE)
-    if len(set(sizes.tolist())) < _FEWEST:
+    if len(set(np.round(np.log(sizes[found]) / _ALIKE).tolist())) < _FEWEST:
         return None
-    probability = min(binomial_tail(int(found.sum()), len(found), by_chance) * len(factors), 1.0)
-    return _Found(median_of(pairs.ratios[found]), probability, pairs.rows[found])
-
-
-def _multiplied(row: DriveSpec, found: _Found) -> Disagreement:
-    multiple = f"{found.multiple:.2f}" if 0.0 < found.multiple < 1.0 else f"{abs(found.multiple):.1f}"
-    text = f"{len(found.rows)} of its movements by {row.code} were each {multiple} times the one before"
-    if found.multiple < 0.0:
+    count = int(found.sum())
+    probability = min(binomial_tail(count, len(found), rule.by_chance) * len(rule.factors), 1.0)
+    multiple = median_of(ratios[found])
+    times = f"{abs(multiple):.1f}" if abs(multiple) > 1.0 else f"{multiple:.2f}"
+    text = f"{count} of its movements by {row.code} were each {times} times the one before"
+    if multiple < 0.0:
         text += ", to the other side"
     unit = {"in": "inches", "deg": "degrees"}[row.kind.unit]
-    advice = f"Check the unit of {row.code}'s value in your program ({unit}): each correction goes too far."
-    if found.multiple > 1.0:
+    advice = f"Check the unit of {row.code}'s value in your program ({unit})."
+    if multiple > 1.0:
         advice = f"Check the sign of {row.code}'s value in your program: each correction makes it worse."
-    elif found.multiple > 0.0:
-        advice = f"Check the unit of {row.code}'s value in your program ({unit}): corrections do little."
-    count, begin = len(found.rows), moment(found.rows[0])
-    return Disagreement((row.code,), text, count, found.probability, 1.0, *begin, advice)
+    return Disagreement((row.code,), text, count, probability, 1.0, *moment(rows[found][0]), advice)

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from functools import cached_property
 
 import numpy as np
 from msgspec import Struct
 
 from simmer_tui.report.counterfactuals import Change, Counterfactual, CounterfactualWorld
-from simmer_tui.report.why import looks_there
+from simmer_tui.report.why import looks_there, shown_range
 from simmer_tui.run.attempt import Attempt, Collision
+from simmer_tui.run.events import MovementEnded
 from simmer_tui.run.facts import (
     ALIKE,
     BESIDE,
@@ -23,16 +24,10 @@ from simmer_tui.run.facts import (
     facing_sensor,
 )
 from simmer_tui.run.history_rows import BeliefRow
-from simmer_tui.run.phrases import contact_text, is_of_boards, side_text
-from simmer_tui.run.table import Columns
+from simmer_tui.run.phrases import contact_text, side_text
 from simmer_tui.sim.angles import half_turn
-from simmer_tui.sim.arrays import BoolArray
 from simmer_tui.sim.command import parse_value
-from simmer_tui.sim.footprint import Footprint
-from simmer_tui.sim.maze import Maze
-from simmer_tui.sim.obstacles import Obstacles
-from simmer_tui.sim.specs import CELL_SIZE, WALL, SensorSpec
-from simmer_tui.sim.velocity_commands import WAIT
+from simmer_tui.sim.specs import CELL_SIZE, SensorSpec
 
 # Judged: after a third of a cell, or half a quarter turn, a sensor sees other obstacles.
 BLIND, BLIND_TURN = 4.0, 45.0
@@ -45,48 +40,22 @@ _INTO = 1.0
 """Inches asked for beyond a contact, from which the command led into the wall, not past it."""
 _ASTRAY = 0.1
 """Share of a command from which an error of its drive is large: an inch in a cell. Judged."""
+# Judged: two thirds of a robot's half width; a wall further aside is not the corner that it meets.
+_CLOSE = 2.0
+"""Inches that a sensor aside of a movement reads at most if it shows what was touched."""
 _STOOD = 0.01
 """Inches and degrees below which the robot has not moved: corrections are larger."""
-_ALONG, _ACROSS = CELL_SIZE / 2, 1.0
-"""Distances between the end of a ray and a place touched, inches along a wall and across it, within which it
-showed that place. Beside it the wall of the next cell begins, and errors of short ranges are smaller.
-Judged."""
 # Judged: a third of a right angle; a sensor that looks further aside may see something else.
 _ASIDE = 30.0
 """Degrees beside a contact from which a sensor is only the nearest one."""
-_STEP = 0.05
-"""Inches between places of a path at which its distance from the walls is measured: half a last digit."""
-_OF_DRIVES = (Change.EXACT, Change.UNSEEN, Change.LAST)
-"""Changes of drive errors."""
-# A block's gripper or a bumper that was forgotten is larger; a course's robots have 6 in.
-_LARGER = 0.25
-"""Inches by which a robot reaches further than that of another set, from which that is told. Judged."""
-_SHOWN = {
-    Change.EXACT: "without errors of its drive",
-    Change.BELIEVED: "from the pose that the program believed",
-}
-
-
-class ShownPlace(Struct, frozen=True):
-    """A reading that was right and showed the place of a contact before it. It is by the sensor `code`, with
-    `value` in inches, at `elapsed` seconds, `ago` inches of path before the movement that touched."""
-
-    code: str
-    value: float
-    elapsed: float
-    ago: float
-    is_last: bool
-    """True if that sensor was not read again."""
 
 
 class DriveErrors(Struct, frozen=True):
     """Errors of drives without which nothing would have been touched: those of the last `count` movements by
-    the drives with these codes. They are `certain` where nothing was read in between, and `large` where they
-    are more than a program can be asked to allow for."""
+    the drives with these codes. They are `large` if the movement differs from its command by a tenth."""
 
     codes: tuple[str, ...]
     count: int
-    certain: bool
     large: bool
 
 
@@ -102,57 +71,61 @@ class ContactEvidence:
         self.lost = None if self.belief is None else met.lost
         self.looks = facing_sensor(met.contact, seen.spec.sensors, met.readings)
         moved = seen.history.movements.before(met.row.order + 1)
-        self._begun = self.sent = met.row.elapsed if moved is None else moved.begin
+        self.sent = met.row.elapsed if moved is None else moved.begin
         """Elapsed seconds at which its movement began, or at which its velocity was sent the last time."""
-        commands, names = seen.within(seen.history.commands), np.array(seen.history.code_names)
-        self._commands = commands[commands["elapsed"] <= met.row.elapsed]
-        sent = self._commands["elapsed"][names[self._commands["code"]] == met.ended.command.code]
-        if met.legs and len(sent):
-            self.sent = float(sent[-1])
-
-    @property
-    def went(self) -> float:
-        """Inches driven from its command to the contact: a velocity has many legs."""
-        return self._went_since(self.sent) if self.met.legs else self.met.row.went
-
-    def _went_since(self, time: float) -> float:
-        row, moves = self.met.row, self._seen.within(self._seen.history.movements)
-        moves = moves[moves["order"] < row.order]
-        there = row.gone_before + row.went
-        # No movement has ended since the velocity began that goes on.
-        times = [0.0, *moves["elapsed"], max([self._begun, *moves["elapsed"][-1:]]), row.elapsed]
-        gone = np.interp(time, times, [0.0, *moves["gone"], row.gone_before, there])
-        return there - float(gone)
+        if met.by_velocity:
+            commands, names = seen.within(seen.history.commands), np.array(seen.history.code_names)
+            mine = commands[names[commands["code"]] == met.ended.command.code]
+            self.sent = float(max(mine["elapsed"][mine["elapsed"] <= met.row.elapsed], default=self.sent))
 
     @cached_property
-    def quiet_since(self) -> float | None:
-        """The last command before the contact, elapsed seconds, if a velocity drove the robot on for more
-        than `BLIND` inches after it; None otherwise, or if the program asked for a wait."""
-        if not self.met.legs or not len(self._commands) or WAIT in self._seen.history.code_names:
-            return None
-        last = float(self._commands["elapsed"][-1])
-        return last if self._went_since(last) > BLIND else None
+    def went(self) -> float:
+        """Inches driven from its command to the contact: a velocity has many legs."""
+        row = self.met.row
+        if not self.met.by_velocity:
+            return row.went
+        moves = self._seen.within(self._seen.history.movements)
+        gone = moves["gone"][(moves["order"] < row.order) & (moves["elapsed"] <= self.sent)]
+        return row.gone_before + row.went - float(max(gone, default=0.0))
+
+    # -- its movement planned again ------------------------------------------------------------------------
 
     @cached_property
     def tried(self) -> tuple[Counterfactual, ...]:
         """Its movement planned again, each time with one change."""
-        met, belief, believed = self.met, self.belief, None
+        if self.met.contact.cell is None:
+            return ()
+        world, belief = CounterfactualWorld(self._seen.spec, self.met), self.belief
+        made = [world.exact(self._unseen)]
         if belief is not None:
-            # Of a velocity the last inches are repeated, of a movement the whole of it.
-            start = met.legs[0].before if met.legs else met.ended.before
-            believed = carried_over(belief.true, belief.believed, start)
-        return tuple(CounterfactualWorld(self._seen.spec).tried(met, believed))
+            made.append(world.believed(carried_over(belief.true, belief.believed, self.met.ended.before)))
+        return tuple(each for each in made if each is not None)
+
+    @property
+    def _unseen(self) -> Sequence[MovementEnded]:
+        """The movements since the last reading; none with a sure belief, which has their errors in it."""
+        return () if self.belief is not None and not self.belief.unsure else self.met.unseen
 
     def saved_by(self, change: Change) -> bool | None:
         """True if a change would have avoided the contact; None if that is not known."""
         return next((each.saved for each in self.tried if each.change is change), None)
 
-    @property
-    def is_saved_by_drives(self) -> bool:
-        """True if nothing would have been touched without drive errors, whichever movements are repeated
-        without them: where one of these repetitions touches all the same, they do not decide."""
-        found = [self.saved_by(change) for change in _OF_DRIVES]
-        return True in found and False not in found
+    @cached_property
+    def drive_errors(self) -> DriveErrors | None:
+        """Errors of drives without which nothing would have been touched."""
+        if not self.saved_by(Change.EXACT) or self.lost is not None:
+            return None
+        ended, moved = self.met.ended, [*self._unseen, self.met.ended]
+        codes = tuple(dict.fromkeys(each.command.code for each in moved))
+        asked = CounterfactualWorld(self._seen.spec, self.met).asked(ended)
+        large = False
+        if asked is not None:
+            totals, far = ended.trajectory.totals, math.hypot(asked.x, asked.y)
+            off = math.hypot(totals.x - asked.x, totals.y - asked.y)
+            large = off >= _ASTRAY * far if far else abs(totals.r - asked.r) >= _ASTRAY * abs(asked.r)
+        return DriveErrors(codes, len(moved), large)
+
+    # -- its command ---------------------------------------------------------------------------------------
 
     @property
     def knew(self) -> bool:
@@ -168,7 +141,7 @@ class ContactEvidence:
     @property
     def goes_on(self) -> bool:
         """True if a velocity went on for more than `BLIND` inches after it was sent, until the contact."""
-        return bool(self.met.legs) and self.went > BLIND and self.quiet_since is None
+        return self.met.by_velocity and self.went > BLIND
 
     @property
     def is_outer_wall(self) -> bool:
@@ -192,6 +165,15 @@ class ContactEvidence:
         return math.degrees(math.atan2(totals.y, totals.x)) if math.isfinite(far) and far > _STOOD else None
 
     @property
+    def asked(self) -> float | None:
+        """Value of a straight movement's command, inches; None for turns and for velocities."""
+        kind, value = self.met.ended.trajectory.kind, parse_value(self.met.ended.command.argument)
+        is_known = not self.met.by_velocity and kind is not None and not kind.turns
+        return value if is_known and not isinstance(value, str) else None
+
+    # -- its readings --------------------------------------------------------------------------------------
+
+    @property
     def facing(self) -> LastReading | None:
         """The last reading of a sensor that looks at the place touched."""
         return None if self.looks is None or not looks_there(self.looks) else self.looks.last
@@ -199,216 +181,127 @@ class ContactEvidence:
     def looks_at(self, code: str) -> bool:
         """True if a sensor looks at the contact, or along the movement at the wall that this leads to,
         whatever corner touched."""
+        sensor = self._sensor(code)
         ahead = self.bearing if self.leads_into else None
-        along = ahead is not None and abs(half_turn(self._sensor(code).rotation - ahead)) <= ALIKE
-        return along or degrees_beside(self.met.contact, self._sensor(code)) <= _ASIDE
+        along = ahead is not None and abs(half_turn(sensor.rotation - ahead)) <= ALIKE
+        return along or degrees_beside(self.met.contact, sensor) <= _ASIDE
+
+    @property
+    def looking(self) -> str:
+        """Code of the sensor that looks at the contact, or nearly so; empty if none does."""
+        if self.looks is None or not looks_there(self.looks):
+            return ""
+        return self.looks.codes[0] if self.looks.last is None else self.looks.last.code
+
+    @property
+    def _who_looks(self) -> str:
+        """That sensor in words."""
+        words = "which looks there" if self.looks_at(self.looking) else "the nearest sensor"
+        return f"{self.looking}, {words},"
+
+    @property
+    def _never_read(self) -> str:
+        # Readings before a person moved the robot do not count.
+        return "not read since a person moved the robot" if self._seen.was_moved else "never read"
+
+    @property
+    def sight_text(self) -> str:
+        """The last reading of the sensor that looks at the contact, in words."""
+        last = self.facing
+        if not self.looking:
+            return "no sensor looks at the place that was touched"
+        if last is None:
+            return f"{self._who_looks} was {self._never_read}"
+        off = abs(last.value - last.true) > SLIGHT
+        true = f"; the true distance was {shown_range(last.true)}" if off else ""
+        # It looked elsewhere when it was read.
+        then = "; then the robot turned" if self.met.row.turned_before - last.turned > ALIKE else ""
+        return f"{self._who_looks} read {shown_range(last.value)}{true}{then}"
 
     @property
     def unread_text(self) -> str:
-        """The ranges that were not read before the contact, in words without a full stop."""
-        if self.quiet_since is not None:
-            return f"No command came after {self.quiet_since:.1f} s, and the velocity went on"
-        ranges = [each.code for each in self._seen.spec.sensors if each.kind.is_range]
-        if not any(code in self.met.readings for code in ranges):
-            return "; ".join(filter(None, ("No range sensor had been read", self.not_read)))
-        if self.belief is not None or self.looks is None:
-            none = f"No range sensor had been read for more than {BLIND:g} in or {BLIND_TURN:g} deg of path"
-            return "; ".join(filter(None, (none, self.not_read)))
-        last = self.never_read if self.looks.last is None else f"not read since {self.looks.last.time:.1f} s"
-        nearest = f"No sensor looks straight there; {self.looks.codes[0]}, the nearest, was {last}"
-        return self.not_read or nearest
-
-    @property
-    def never_read(self) -> str:
-        """A sensor without a reading in words. Those before a person moved the robot do not count."""
-        if self._seen.was_moved:
-            return "not read since a person moved the robot"
-        if is_of_boards(self.met.ended.command.source):
-            return "never read: no part of wiring.toml has it, or the sketch does not ask for it"
-        return "never read"
-
-    @cached_property
-    def not_read(self) -> str:
-        """The sensor that looks at the contact, if it was not read shortly before; else empty."""
-        looks = self.looks
-        if looks is None or self.met.contact.held_block or not self.looks_at(looks.codes[0]):
+        """A sentence with a space before it: no range was read shortly before, or none by the sensor that
+        looks at the contact. Else empty."""
+        held = self.met.contact.held_block
+        # No sensor looks at the room that a held block needs, and only a blind program is told so.
+        is_all = self.is_blind or (self.looks is not None and not held)
+        if is_all and self._is_old(self._ranges) and not self._seen.was_moved:
+            latest = max((each.time for each in self._ranges), default=None)
+            return f" No range sensor had been read{'' if latest is None else f' since {latest:.1f} s'}."
+        is_told = self.looking and (self.is_blind or self.looks_at(self.looking))
+        if not is_told or held or not self._is_old([self.facing]):
             return ""
-        if looks.last is None:
-            return f"{looks.codes[0]} looks there and was {self.never_read}"
-        since = f"not read since {looks.last.time:.1f} s"
-        return f"{looks.last.code} looks there and was {since}" if self._since([looks.last]) > 1.0 else ""
-
-    @cached_property
-    def outline_text(self) -> str:
-        """A sentence, with a space before it, on a robot that reaches further than the nominal one."""
-        nominal = self._seen.history.nominal
-        if nominal is None:
-            return ""
-        own, usual = (Footprint.of(each.robot).reach for each in (self._seen.spec, nominal.spec))
-        if own - usual < _LARGER:
-            return ""
-        return f" The robot reaches {own:.3g} in from its centre, in the set {nominal.name} {usual:.3g} in."
-
-    @property
-    def new_wall_text(self) -> str:
-        """A sentence, with a space before it, on a wall that the nominal set's maze does not have."""
-        nominal, cell = self._seen.history.nominal, self.met.contact.cell
-        if nominal is None or cell is None or self.is_outer_wall:
-            return ""
-        row, column = cell
-        cells = nominal.spec.maze.cells
-        is_same = len(cells) == self._seen.spec.maze.rows and len(cells[0]) == self._seen.spec.maze.columns
-        if not is_same or cells[row - 1][column - 1] == WALL:
-            return ""
-        return f" In the set {nominal.name} there is no wall."
-
-    @cached_property
-    def narrow_text(self) -> str:
-        """A sentence, with a space before it, on a straight path that passes a wall too closely; empty for
-        turns, and for one that leads into the wall."""
-        met, body = self.met, Footprint.of(self._seen.spec.robot)
-        is_straight = self.bearing is not None and not (met.legs or met.ended.trajectory.turning)
-        if self.bearing is None or not is_straight or met.contact.held_block or met.contact.cell is None:
-            return ""
-        start, way = met.ended.before, math.radians(self.bearing + met.ended.before.heading)
-        totals = met.ended.trajectory.totals
-        # Behind the place touched another wall may be ahead.
-        far = min(math.hypot(totals.x, totals.y), met.row.went + 2.0 * body.reach)
-        walls = Obstacles.of_maze(Maze(self._seen.spec.maze).walls)
-        # A path that would reach the wall just behind its end does not pass it: it leads there.
-        steps = np.arange(0.0, far + body.reach + _STEP, _STEP).tolist()
-        gaps = [walls.clearance(start.x + d * math.cos(way), start.y + d * math.sin(way)) for d in steps]
-        if min(gaps) <= _STEP:
-            return ""
-        near = min(gap for step, gap in zip(steps, gaps, strict=True) if step <= far)
-        if near >= body.reach - _STEP:
-            return ""
-        half = f"radius is {body.radius:g} in" if body.radius else f"corners reach {body.reach:.1f} in"
-        return f" Its straight path comes within {near:.1f} in of the wall; the robot's {half}."
-
-    @property
-    def asked(self) -> float | None:
-        """Value of a straight movement's command, inches; None for turns and for velocities."""
-        if self.met.legs:
-            return None
-        kind, value = self.met.ended.trajectory.kind, parse_value(self.met.ended.command.argument)
-        return None if kind is None or kind.turns or isinstance(value, str) else value
-
-    # -- did it look? --------------------------------------------------------------------------------------
+        since = self._never_read if self.facing is None else f"not read since {self.facing.time:.1f} s"
+        return f" {self._who_looks} was {since}."
 
     @cached_property
     def is_blind(self) -> bool:
         """True if no range sensor had been read shortly before. A program that sends beliefs may have used
         any of them; for one that does not, only the sensor that looks at the wall counts."""
-        met, looks = self.met, self.looks
-        shown = self.shown
-        if self.quiet_since is not None:
-            return True
-        if met.contact.drift or (shown is not None and shown.ago <= BLIND):
-            return False
-        if self.is_saved_by_drives and self.saved_by(Change.EXACT):
-            return False
-        # No sensor looks at the room that a held block needs in a turn.
-        turned = met.contact.held_block and met.ended.trajectory.turning
-        if turned and (self.belief is None or self.knew):
+        # No sensor looks at the room that a held block needs in a turn; a lost program should have looked.
+        held = self.met.contact.held_block and self.met.ended.trajectory.turning
+        turned = held and (self.belief is None or self.knew)
+        by_drive = self.met.contact.drift or (self.saved_by(Change.EXACT) and not self._unseen)
+        if by_drive or turned:
             return False
         if self.belief is None:
-            words = [] if looks is None or looks.last is None else [looks.last]
-            return looks_there(looks) and self._since(words) > 1.0
-        ranges = [each.code for each in self._seen.spec.sensors if each.kind.is_range]
-        words = [met.readings[code] for code in ranges if code in met.readings]
-        return bool(ranges) and self._since(words) > 1.0
+            return looks_there(self.looks) and self._is_old([self.facing])
+        return self.looks is not None and self._is_old(self._ranges)
 
-    def _since(self, words: Sequence[LastReading]) -> float:
-        """Path between the latest of some readings and a movement, as a share of the largest path that is not
-        blind."""
+    @property
+    def _ranges(self) -> list[LastReading]:
+        """The last readings of the range sensors that were read."""
+        codes = [each.code for each in self._seen.spec.sensors if each.kind.is_range]
+        return [self.met.readings[code] for code in codes if code in self.met.readings]
+
+    def _is_old(self, readings: Iterable[LastReading | None]) -> bool:
+        """True if there is no reading, or the robot moved on for more than `BLIND` after the latest one."""
         gone, turned = self.met.row.gone_before, self.met.row.turned_before
-        shares = (max((gone - each.gone) / BLIND, (turned - each.turned) / BLIND_TURN) for each in words)
-        return min(shares, default=math.inf)
-
-    # -- did it know the wall? -----------------------------------------------------------------------------
-
-    @cached_property
-    def shown(self) -> ShownPlace | None:
-        """The last right reading that showed the place of the contact, within a cell's length of path."""
-        met, history = self.met, self._seen.history
-        rows = self._seen.within(history.readings, self._seen.placed)
-        rows = rows[(rows["order"] < met.row.order) & (rows["gone"] >= met.row.gone_before - CELL_SIZE)]
-        found: list[ShownPlace] = []
-        for sensor, mine in self._by_range(rows):
-            newest = mine["order"].max(initial=0)
-            mine = mine[_right(mine, sensor) & np.isfinite(mine["value"])]
-            heading, ray = np.radians(mine["heading"].astype(np.float64)), np.radians(sensor.rotation)
-            cos, sin = np.cos(heading), np.sin(heading)
-            ahead = sensor.x + mine["value"] * np.cos(ray)
-            aside = sensor.y + mine["value"] * np.sin(ray)
-            x = np.abs(mine["x"] + cos * ahead - sin * aside - met.contact.point[0])
-            y = np.abs(mine["y"] + sin * ahead + cos * aside - met.contact.point[1])
-            # Walls run along the axes.
-            places = np.flatnonzero((np.maximum(x, y) <= _ALONG) & (np.minimum(x, y) <= _ACROSS))
-            if len(places):
-                last = mine[int(places[-1])]
-                ago = met.row.gone_before - float(last["gone"])
-                is_last = bool(last["order"] == newest)
-                found.append(
-                    ShownPlace(sensor.code, float(last["value"]), float(last["elapsed"]), ago, is_last)
-                )
-        # One that looks at the place says more than one that looks aside, if the robot has stood since.
-        return max(
-            found,
-            key=lambda each: (each.ago <= _STOOD and self.looks_at(each.code), each.elapsed),
-            default=None,
+        return not any(
+            gone - each.gone <= BLIND and turned - each.turned <= BLIND_TURN
+            for each in readings
+            if each is not None
         )
 
     @cached_property
-    def ignored(self) -> ShownPlace | None:
-        """The right reading of the wall that its command led into; None if there is none, or if a later one
-        of that sensor, a wrong belief or errors of the drives explain the movement."""
-        shown, far = self._exceeded or self.shown, self.beyond > _INTO
-        if shown is None or not shown.is_last:
+    def ignored(self) -> LastReading | None:
+        """The right reading from its beginning that its command was to go beyond, or that of the wall it led
+        into. None without one, or if errors of the drives explain the contact."""
+        asked, kind, row = self.asked, self.met.ended.trajectory.kind, self.met.row
+        if asked is None or kind is None or self.met.contact.held_block or self.saved_by(Change.EXACT):
             return None
-        # With a right belief a program needs no readings to keep off a wall; only a wall straight ahead
-        # counts.
-        more = self._exceeded is not None
-        against = (far and more) if self.knew else (far or more)
-        misled = self.lost is not None and self.saved_by(Change.BELIEVED) is not False
-        by_drives = self.is_saved_by_drives and not self.saved_by(Change.LAST)
-        if misled or not against or by_drives:
+        towards = kind.bearing if asked > 0.0 else kind.bearing + 180.0
+        for sensor in (each for each in self._seen.spec.sensors if each.kind.is_range):
+            last = self.met.readings.get(sensor.code)
+            along = abs(half_turn(sensor.rotation - towards)) <= ALIKE
+            # Where a wall aside was touched, only a clear excess counts.
+            least = 0.0 if self.looks_at(sensor.code) else _INTO
+            if last is None or not along or last.value >= abs(asked) - least:
+                continue
+            # Readings keep their sums in single precision.
+            gone, turned = row.gone_before - last.gone, row.turned_before - last.turned
+            if max(gone, turned) <= _STOOD and self._is_right(last):
+                return last
+        last = self.facing
+        # With a right belief a program needs no readings to keep off a wall.
+        if last is None or self.knew or self._is_old([last]) or self.beyond <= _INTO:
             return None
-        return shown
+        return last if self.shows(last) and self._is_right(last) else None
+
+    def shows(self, last: LastReading) -> bool:
+        """True if a reading may show what was touched: along the movement, or close beside it."""
+        bearing, rotation = self.bearing, self._sensor(last.code).rotation
+        along = bearing is not None and abs(half_turn(rotation - bearing)) <= ALIKE
+        return last.value <= (self.went + BLIND if along else _CLOSE)
+
+    def _is_right(self, last: LastReading) -> bool:
+        return abs(last.value - last.true) <= max(SLIGHT, COVERED * self._usual_error(last))
 
     @property
     def is_into_known(self) -> bool:
         """True if a right belief knew the wall, and the command led into it all the same."""
         is_straight = not self.met.ended.trajectory.turning and not self.met.contact.held_block
-        by_drives = self.is_saved_by_drives and self.saved_by(Change.EXACT)
-        saved = by_drives or self.saved_by(Change.BELIEVED)
-        return self.knew and is_straight and self.beyond > _INTO and not saved
-
-    @cached_property
-    def _exceeded(self) -> ShownPlace | None:
-        """The right reading straight ahead of the movement, from where it began, that its command was to go
-        beyond; None without one."""
-        met, kind, asked = self.met, self.met.ended.trajectory.kind, self.asked
-        if kind is None or asked is None or met.contact.held_block:
-            return None
-        towards = kind.bearing if asked > 0 else kind.bearing + 180.0
-        for sensor, rows in self._by_range(self._seen.within(self._seen.history.readings, self._seen.placed)):
-            row = rows[rows["order"] < met.row.order][-1:]
-            # Readings keep their sums in single precision.
-            stood = (met.row.gone_before - row["gone"] <= _STOOD) & (
-                met.row.turned_before - row["turned"] <= _STOOD
-            )
-            # Where a wall aside was touched, only a clear excess counts.
-            least = 0.0 if self.looks_at(sensor.code) else _INTO
-            row = row[stood & _right(row, sensor) & (row["value"] < abs(asked) - least)]
-            if len(row) and abs(half_turn(sensor.rotation - towards)) <= ALIKE:
-                return ShownPlace(
-                    sensor.code, float(row["value"][0]), float(row["elapsed"][0]), 0.0, is_last=True
-                )
-        return None
-
-    # -- was it misled? ------------------------------------------------------------------------------------
+        return self.knew and is_straight and self.beyond > _INTO and not any(map(self.saved_by, Change))
 
     @property
     def misread(self) -> LastReading | None:
@@ -416,79 +309,26 @@ class ContactEvidence:
         last = self.facing
         if last is None:
             return None
+        return last if last.value - last.true > max(MISREAD, SIGMAS * self._usual_error(last)) else None
+
+    def _usual_error(self, last: LastReading) -> float:
+        """The standard deviation of a reading by its sensor's row; none of a reading without an echo."""
         sensor = self._sensor(last.code)
-        usual = sensor.error * last.true + sensor.absolute_error
-        return last if last.value - last.true > max(MISREAD, SIGMAS * usual) else None
-
-    @property
-    def is_elsewhere(self) -> bool:
-        """True if the belief was wrong or unsure, and no right reading showed the wall; or its movement would
-        have touched nothing from there."""
-        believed, unsure = self.saved_by(Change.BELIEVED), self.belief is not None and self.belief.unsure
-        if self.lost is not None:
-            return unsure or believed is not False or self.ignored is None
-        return (unsure and believed is not False) or (bool(believed) and not self.is_blind)
-
-    @cached_property
-    def drive_errors(self) -> DriveErrors | None:
-        """Errors of drives without which nothing would have been touched."""
-        met = self.met
-        if not self.is_saved_by_drives:
-            return None
-        if self.saved_by(Change.EXACT) and self.lost is None:
-            return DriveErrors((met.ended.command.code,), 1, certain=True, large=self._goes_astray)
-        # A program that sends beliefs has taken earlier errors into account, rightly or wrongly.
-        if self.belief is not None and not self.belief.unsure:
-            return None
-        # A program that reads after each movement sees the effect of its errors, and uses that.
-        last = () if self._looked_at_each_movement else ((Change.LAST, len(met.before)),)
-        for change, count in ((Change.UNSEEN, met.unseen), *last):
-            if self.saved_by(change):
-                moved = [*met.before[len(met.before) - count :], met.ended]
-                codes = tuple(dict.fromkeys(each.command.code for each in moved))
-                unseen = change is Change.UNSEEN
-                large = unseen and (bool(met.legs) or self._goes_astray)
-                return DriveErrors(codes, len(moved), certain=unseen, large=large)
-        return None
-
-    @property
-    def _goes_astray(self) -> bool:
-        """True if the movement differs from its command by a tenth or more, whatever its set declares."""
-        asked = CounterfactualWorld(self._seen.spec).asked(self.met.ended)
-        if asked is None:
-            return False
-        totals, far = self.met.ended.trajectory.totals, math.hypot(asked.x, asked.y)
-        off = math.hypot(totals.x - asked.x, totals.y - asked.y)
-        return off >= _ASTRAY * far if far else abs(totals.r - asked.r) >= _ASTRAY * abs(asked.r)
-
-    @property
-    def _looked_at_each_movement(self) -> bool:
-        met, movements = self.met, self._seen.history.movements
-        count = max(len(met.before), len(met.legs) - 1)
-        first = max(movements.place_of(met.row.order) - count, 0)
-        rows = self._seen.within(self._seen.history.readings, self._seen.placed)
-        rows = rows[(rows["order"] > movements[first].order) & (rows["order"] < met.row.order)]
-        return sum(len(mine) for _, mine in self._by_range(rows)) >= max(count, 1)
+        true = abs(last.true) if math.isfinite(last.true) else 0.0
+        return sensor.error * true + sensor.absolute_error
 
     def _sensor(self, code: str) -> SensorSpec:
         return next(each for each in self._seen.spec.sensors if each.code == code)
-
-    def _by_range(self, rows: Columns) -> Iterator[tuple[SensorSpec, Columns]]:
-        """The range sensors that were read, each with its rows."""
-        codes = self._seen.history.sensor_codes
-        for each in self._seen.spec.sensors:
-            if each.kind.is_range and each.code in codes:
-                yield each, rows[rows["sensor"] == codes.index(each.code)]
 
     # -- text ----------------------------------------------------------------------------------------------
 
     @property
     def text(self) -> str:
         """The contact, its time and its place in the movement."""
-        row, went = self.met.row, self.went
+        contact, row = self.met.contact, self.met.row
         turned = f" and {abs(row.turned):.0f} deg" if abs(row.turned) >= 2 else ""
-        place = contact_text(self.met.contact, self._seen.spec)
-        return f"{place}, {side_text(self.met.contact)}, after {went:.1f} in{turned} of {row.shown}"
+        where = f"{contact_text(contact, self._seen.spec)}, {side_text(contact)}"
+        return f"{where}, after {self.went:.1f} in{turned} of {row.shown}"
 
 
 def belief_text(seen: Attempt, belief: BeliefRow | None) -> str:
@@ -500,23 +340,8 @@ def belief_text(seen: Attempt, belief: BeliefRow | None) -> str:
     return f"The belief sent at {belief.elapsed:.1f} s was off by {belief.error_text}; {said}."
 
 
-def shown_tried(tried: Sequence[Counterfactual], *, wrong_drive: bool = False) -> str:
-    """Changes that would have avoided a contact, and those that would not. What a wrong drive does is no
-    error of the movements that are repeated: of it they say nothing. Nor do repetitions that differ."""
-    found = {each.saved for each in tried if each.change in _OF_DRIVES}
-    tells_nothing = wrong_drive or found >= {True, False}
-    tried = [each for each in tried if not (tells_nothing and each.change in _OF_DRIVES)]
-    parts = []
-    for saved, touched in ((True, "nothing"), (False, "something even")):
-        changes = [_SHOWN.get(each.change, each.change.value) for each in tried if each.saved is saved]
-        if changes:
-            listed = " or ".join(filter(None, (", ".join(changes[:-1]), changes[-1])))
-            parts.append(f"It would have touched {touched} {listed}.")
-    return " ".join(parts)
-
-
-def _right(rows: Columns, sensor: SensorSpec) -> BoolArray:
-    # No echo has the noise of distance 0: a share of infinity would allow any reading, or be NaN.
-    true = np.where(np.isfinite(rows["true"]), np.abs(rows["true"]), 0.0)
-    usual = sensor.error * true + sensor.absolute_error
-    return np.asarray(np.abs(rows["error"]) <= np.maximum(SLIGHT, COVERED * usual))
+def shown_tried(tried: Iterable[Counterfactual]) -> str:
+    """Changes that would have avoided a contact, and those that would not, in sentences."""
+    saved = {True: "nothing", False: "something even"}
+    known = [each for each in tried if each.saved is not None]
+    return " ".join(f"It would have touched {saved[bool(each.saved)]} {each.change.value}." for each in known)

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 from msgspec.structs import replace
 
-from simmer_tui.report.belief_facts import is_small
+from simmer_tui.report.belief_facts import has_read_range, is_small, ranges_before
 from simmer_tui.report.cause_text import (
     Fact,
     ended_by_link,
@@ -18,7 +17,7 @@ from simmer_tui.report.cause_text import (
     waited_text,
 )
 from simmer_tui.report.command_causes import moved_fact
-from simmer_tui.report.finding import FEWEST
+from simmer_tui.report.counterfactuals import Change
 from simmer_tui.report.run_evidence import RunEvidence
 from simmer_tui.run.facts import missed_zone
 from simmer_tui.run.history_rows import BeliefRow, GripRow
@@ -39,22 +38,15 @@ from simmer_tui.sim.specs import CELL_SIZE
 STAYED, MOVES = 0.25, 20
 """Share of the time limit, and number of movements (or none), without progress that count as a cause."""
 CONNECT_ADVICE = "connect to the address in SIMMER_HOST and SIMMER_PORT, and send a first command."
-LINK_ADVICE = "which command got no reply, and who closed the connection; simmer-tui doctor checks the ports."
-_COMPARE_MOTION = "Compare what your program adds to its belief for a {what} with the command that it sends."
-_TURNED = 45.0
-"""Degrees by which a heading is another direction, not an error: half of a quarter turn."""
+LINK_ADVICE = "look which command got no reply; simmer-tui doctor checks the ports."
+_COMPARE_MOTION = "Compare what your program adds to its belief with the command that it sends."
+_COMPARE_RANGES = "Print the ranges as your program uses them, beside those of its map at its belief."
 _KEEP_OPEN = "Keep one connection open for all commands."
 _WAITS_AT = "Find out what your program waits for, or repeats, at {place}."
 _LOOK_AT_SKETCH = (
     "Find out what the sketch waits for; simmer-tui check DIR compares its pins with wiring.toml."
 )
-_MANY_TRIES = "Count the tries of your program: after three, back up and look for the block again."
 _NOT_NEAR = "Search for the block before you close the gripper: it was not near."
-_TRIES = 10
-"""Grips that took nothing from which the program does not stop to try. Judged."""
-_OF_NOTHING = "Print the value of each movement before you send it: most of them are 0."
-_SMALL = 0.05
-"""Inches or degrees below which a movement is of nothing: half of a command's last usual digit."""
 _SPARE = {
     "reading": "Read {code} less often.",
     "the link": "Send several commands in one message: each message waits for the link.",
@@ -77,62 +69,52 @@ def crashed_fact(run: RunEvidence) -> Fact | None:
 
 def lost_fact(run: RunEvidence) -> Fact | None:
     """A belief that was wrong or unsure at the contact, the grip or the end."""
-    seen, met = run.seen, run.contact if run.has_contact else None
+    seen, met, grip = run.seen, run.contact if run.has_contact else None, run.last_grip
+    least = CELL_SIZE if run.unused_grip else 0.0
     if met is not None:
-        if met.belief is None or not (met.is_elsewhere or (met.lost is not None and run.belief.text)):
-            return None
-        if met.lost is not None:
-            return _lost_since(run, met.lost)
-        off = met.belief
-        spread = "" if math.isnan(off.spread) else f", with a spread of {off.spread:.1f} in"
-        text = f"It drove on with a belief off by {off.error_text}{spread}."
-        return Fact(text, off, has_behind=True, then=then_text(run))
-    # A program that stopped for another reason may be off as well.
-    if seen.task is None or (run.silence is not None and (seen.is_silent or not run.belief.text)):
+        belief, lost, least = met.belief, met.lost, 0.0
+    elif seen.task is None or (run.silence is not None and (seen.is_silent or not run.belief.text)):
+        # A program that stopped for another reason may be off as well.
         return None
-    grip, least = run.last_grip, CELL_SIZE if run.unused_grip else 0.0
-    belief, lost = seen.beliefs
-    if grip is not None:
+    elif grip is not None:
         # A miss that is larger than the error of the belief has another reason.
         belief, lost = seen.belief_before(grip.order)
         least = run.missed_by / 2.0
-    if lost is not None and belief is not None and belief.distance >= least:
-        return _lost_since(run, lost)
-    # A program that was stopped might have found its place.
-    if belief is None or grip is not None or least or run.stopped or stalled_fact(run) is not None:
+    else:
+        belief, lost = seen.beliefs
+    if belief is None:
         return None
-    if belief.unsure or not run.belief.was_right:
-        ever = "no longer knew" if run.belief.was_right else "never found out"
-        last = f"its last belief was off by {belief.error_text}"
-        if not math.isnan(belief.spread):
-            last += f", with a spread of {belief.spread:.1f} in"
-        return Fact(f"It {ever} where it was: {last}.", belief, has_behind=True, then=then_text(run))
-    return None
+    if lost is not None:
+        return _lost_since(run, lost) if belief.distance >= least else None
+    believed = None if met is None else met.saved_by(Change.BELIEVED)
+    # A program that was stopped might have found its place.
+    is_at_end = grip is None and not (least or run.stopped or stalled_fact(run))
+    is_misled = belief.unsure and (is_at_end if met is None else believed is not False)
+    if not (believed or is_misled):
+        return None
+    spread = "" if math.isnan(belief.spread) else f", with a spread of {belief.spread:.1f} in"
+    began = "It was not sure of its place: its" if belief.unsure else "Its"
+    text = f"{began} last belief was off by {belief.error_text}{spread}."
+    return Fact(text, belief, has_behind=True, then=then_text(run))
 
 
 def _lost_since(run: RunEvidence, lost: BeliefRow) -> Fact:
-    """A belief that was wrong, what explains it, and what came of it."""
-    parted, ranges, advice, unsure = run.belief.parted, run.ranges_before(lost), None, ""
-    last = run.seen.beliefs[0] if run.contact is None or not run.has_contact else run.contact.belief
-    moved = bool(parted) and "no movement" not in parted
-    is_turned = abs(lost.turn) > _TURNED and not run.belief.was_right
-    compass = run.belief.unread_compass if is_turned else ""
-    if compass:
+    """A belief that was wrong, the facts beside it, and what came of it."""
+    parted, advice, ranges, is_misfit = run.belief.parted, None, "", False
+    if not has_read_range(run.seen, lost.order):
+        ranges = " It had read no range before that."
+    # A wrong sensor is told instead; and no log has the truth of a real robot.
+    elif not run.findings and run.belief.has_truth:
+        ranges, is_misfit = ranges_before(run.seen, lost)
+    compass = run.belief.unread_compass if lost.deviation.off_heading else ""
+    if compass and not run.belief.was_right:
         parted = f"{parted} {compass}, which tells the heading, was never read."
         advice = f"Read {compass} before you drive: it tells the heading."
-    elif moved or not (lost.deviation.off_place or lost.deviation.rejects_truth):
-        advice = _COMPARE_MOTION.format(what="movement" if moved else "turn")
-    elif not run.looked_before(lost):
-        parted = parted or " It had read no range before that."
-        advice = "Do not assume the start: read all sensors, and search for the place that they fit."
-    elif last is not None and last.unsure:
-        if not math.isnan(last.spread):
-            unsure = f" It drove on with a spread of {last.spread:.1f} in."
-    elif ranges.were_right and is_small(lost):
-        advice = _COMPARE_MOTION.format(what="movement")
-    elif ranges.were_right and not ranges.fit_belief:
-        advice = "Print the ranges as your program uses them, beside those that its map gives for its belief."
-    text = f"{capitalized(lost_text(run, lost))}.{parted}{ranges.text}{unsure}"
+    elif parted or is_small(lost) or not (lost.deviation.off_place or lost.deviation.rejects_truth):
+        advice = _COMPARE_MOTION
+    elif is_misfit:
+        advice = _COMPARE_RANGES
+    text = f"{capitalized(lost_text(run, lost))}.{parted}{ranges}"
     return Fact(text, lost, has_behind=True, advice=advice, then=then_text(run))
 
 
@@ -148,7 +130,7 @@ def silence_fact(run: RunEvidence) -> Fact | None:
             return Fact(text, since=seen.elapsed, advice=_LOOK_AT_SKETCH)
         if run.exit_code:
             text = f"{capitalized(exit_text(run.exit_code))} before it sent a command."
-        return Fact(text, since=seen.elapsed, advice=f"{capitalized(CONNECT_ADVICE)}")
+        return Fact(text, since=seen.elapsed, advice=capitalized(CONNECT_ADVICE))
     advice = _WAITS_AT.format(place=run.ended_at) if run.ended_at else None
     return Fact("", since=quiet.since, then=quiet_text(run), has_behind=True, advice=advice)
 
@@ -159,36 +141,33 @@ def missed_grip_fact(run: RunEvidence) -> Fact | None:
     if seen.task is None or run.has_contact or gripper is None:
         return None
     if seen.misses and not seen.taken:
-        return _closed_on_nothing(run, seen.misses[-1], gripper.code)
+        return _closed_on_nothing(run)
     unused = run.unused_grip
     if unused is None or run.stopped or lacked_time(run):
         return None
     first, what, value = unused
     text = f"The gripper was never {what}, first at {first.elapsed:.1f} s."
-    if seen.asked_after_grip and not seen.holding:
-        load = " and ".join(each.code for each in seen.load_sensors)
-        text += f" {load} was read there, which tells of a block in closed jaws alone."
     advice = f"Send {gripper.code}-{value} there."
     return Fact(text, first, place=(first.x, first.y), culprits=(gripper.code,), advice=advice)
 
 
-def _closed_on_nothing(run: RunEvidence, done: GripRow, code: str) -> Fact:
-    seen, missed = run.seen, done.grip.missed
-    often = f" {times_text(len(seen.misses))}" if len(seen.misses) > 1 else ""
-    place = (done.grip.block.x, done.grip.block.y)
+def _closed_on_nothing(run: RunEvidence) -> Fact:
+    done, count = run.seen.misses[-1], len(run.seen.misses)
+    missed = done.grip.missed
+    often = "" if count == 1 else f" {times_text(count)}"
     closed = run.closed_before(done)
     if closed is not None and missed is not None and not any(missed):
-        since = f"{code}-1 had come at {closed.elapsed:.1f} s, and no {code}-0 since"
-        text = f"The gripper was closed already: {since}."
-        return Fact(text, done, place=place, advice=f"Send {code}-0 before you drive to the block.")
-    last = "" if missed is None else f": {miss_text(missed)}"
-    if often and last:
-        last = f". The last time, {last[2:]}"
-    text = f"The gripper closed on nothing{often}{last}."
+        last = f": its jaws were closed since {closed.elapsed:.1f} s"
+    else:
+        last = "" if missed is None else f"{'. The last time, ' if often else ': '}{miss_text(missed)}"
     is_far = missed is not None and math.hypot(*missed) > CELL_SIZE
-    is_often = len(seen.misses) >= _TRIES
-    advice = (_MANY_TRIES if is_often else _NOT_NEAR) if is_far else None
-    return Fact(text, done, place=place, has_behind=True, advice=advice)
+    return Fact(
+        f"The gripper closed on nothing{often}{last}.",
+        done,
+        place=(done.grip.block.x, done.grip.block.y),
+        has_behind=True,
+        advice=_NOT_NEAR if is_far else None,
+    )
 
 
 def dropped_fact(run: RunEvidence) -> Fact | None:
@@ -197,24 +176,27 @@ def dropped_fact(run: RunEvidence) -> Fact | None:
     if seen.task is None or done is None or run.has_contact:
         return None
     block, zone = done.grip.block, seen.task.zone
-    where = place_text(block.x, block.y)
-    off, advice = "not in the drop zone", None
+    where, off, advice = place_text(block.x, block.y), "not in the drop zone", None
     if zone is not None:
-        off = outside_text(missed_zone(zone, block.x, block.y))
-        off = f"{off} the cell around {place_text(zone.x, zone.y)}"
         there = place_text(zone.x, zone.y)
+        off = f"{outside_text(missed_zone(zone, block.x, block.y))} the cell around {there}"
         advice = f"Print where your program takes drop zone and block to be; the zone is at {there}."
     text = f"It set the block down outside the drop zone: at {where}, {off}."
     lay = next((row.block for row in seen.history.blocks.items if not row.held), block)
     if lay is not block and math.hypot(block.x - lay.x, block.y - lay.y) <= GROUND:
-        gripper = "" if seen.spec.gripper is None else seen.spec.gripper.code
-        advice = f"Find out why your program sends {gripper}-0 there: the gripper held the block."
         text = f"It took the block {times_text(seen.takes)}, and let it go where it lay: at {where}, {off}."
-        load = [each.code for each in seen.load_sensors if each.code not in seen.history.sensor_codes]
-        if load:
-            text += f" {load[0]}, which tells of a held block, was never read."
-            advice = f"Read {load[0]} after each grip, before you decide to open the gripper."
+        advice = "Find out why your program opens the gripper there: it held the block."
+    for each in seen.load_sensors:
+        text += f" {each.code} {_load_text(run, each.code, done)} before that."
     return Fact(text, done, place=(block.x, block.y), has_behind=True, advice=advice)
+
+
+def _load_text(run: RunEvidence, code: str, done: GripRow) -> str:
+    """The last reading of a load sensor before a grip, in words."""
+    readings, codes = run.seen.within(run.seen.history.readings), run.seen.history.sensor_codes
+    mine = readings[[codes[number] == code for number in readings["sensor"]]]
+    values = mine["value"][mine["order"] < done.order]
+    return f"read {values[-1]:g}" if len(values) else "was never read"
 
 
 def nowhere_fact(run: RunEvidence) -> Fact | None:
@@ -243,7 +225,7 @@ def stalled_fact(run: RunEvidence) -> Fact | None:
         # The table behind the fact tells of them.
         first = run.corrections[0]
         return Fact("", since=first.elapsed, culprits=first.of, advice=first.advice, has_behind=True)
-    stays = _stays(run)
+    stays = _stays(run, long)
     if stays is not None:
         return stays
     # A robot that stands and reads is slow, not without progress: half of the time must have been driving.
@@ -256,37 +238,22 @@ def stalled_fact(run: RunEvidence) -> Fact | None:
         often = run.movements_by_code(stalled.since)
         text = f"{text}: {often}." if often else f"{text}."
         place = (stalled.place.x, stalled.place.y)
-        moves = seen.within(seen.history.movements)
-        moves = moves[(moves["elapsed"] >= stalled.since) & ~moves["grips"]]
-        small = np.abs(moves["asked"]) < _SMALL
-        advice = _OF_NOTHING if 2 * int(small.sum()) > len(moves) else None
-        return Fact("", since=stalled.since, place=place, has_behind=True, advice=advice, then=text)
+        return Fact("", since=stalled.since, place=place, has_behind=True, then=text)
     return None
 
 
-def _stays(run: RunEvidence) -> Fact | None:
-    """It read on, and drove no more; it may have turned."""
+def _stays(run: RunEvidence, long: float) -> Fact | None:
+    """It read on, and moved no more for so many seconds."""
     seen, history = run.seen, run.seen.history
     moves, readings = seen.within(history.movements), seen.within(history.readings)
-    moves, turns = moves[~moves["grips"]], {each.code for each in seen.spec.drives if each.kind.turns}
-    drove, whole = (
-        moves[[history.code_names[code] not in turns for code in moves["code"]]],
-        seen.elapsed - seen.begun,
-    )
-    # With its time up, one that turns and reads may only be slow.
-    if len(drove) < FEWEST["set"] or seen.out_of_time or drove["order"][-1] == moves["order"][-1]:
-        drove, whole = moves, whole if seen.task is None else seen.task.time_limit
-    since = float(drove["elapsed"][-1]) if len(drove) else seen.begun
+    since = float(moves["elapsed"][-1]) if len(moves) else seen.begun
     later = int((readings["elapsed"] > since).sum())
-    if later < HUNDRED or seen.elapsed - since < STAYED * whole:
+    if later < HUNDRED or seen.elapsed - since < long:
         return None
-    codes = tuple(history.code_names[number] for number in dict.fromkeys(drove["code"].tolist()))
-    what = "movement" if drove is moves else " or ".join(codes)
     came = f"{counted(later, 'reading')} did, the last {run.last_reading}"
-    text = f"From {since:.1f} s on no {what} came, and {came}. {stand_text(run)}".rstrip()
-    culprits = () if drove is moves else codes[: len(codes) == 1]
+    text = f"From {since:.1f} s on no movement came, and {came}. {stand_text(run)}".rstrip()
     advice = "Print what your program compares in the loop that only reads, and what would end it."
-    return Fact("", since=since, culprits=culprits, advice=advice, has_behind=True, then=text)
+    return Fact("", since=since, advice=advice, has_behind=True, then=text)
 
 
 def slow_fact(run: RunEvidence) -> Fact | None:
@@ -313,8 +280,7 @@ def slow_fact(run: RunEvidence) -> Fact | None:
         text, advice = f"{_left_text(run)} {text}", _KEEP_OPEN
     elif seen.task is not None and nominal is not None and seen.task.time_limit < (nominal.time_limit or 0.0):
         usual = f"in the set {nominal.name} {nominal.time_limit:g} s"
-        short = f"The time limit was {seen.task.time_limit:g} s, {usual}."
-        text = f"{text} {short}" if is_most else f"{short} {text}"
+        text = f"The time limit was {seen.task.time_limit:g} s, {usual}. {text}"
     return Fact("", has_behind=True, advice=advice, then=text + read)
 
 
@@ -341,11 +307,11 @@ def ended_fact(run: RunEvidence) -> Fact | None:
         return None
     words = f" Its last output: {run.last_words}." if run.last_words else ""
     limit = "" if seen.task is None else f" after {seen.seconds:.1f} of {seen.task.time_limit:g} s"
-    text = f"{capitalized(exit_text(run.exit_code))}{limit}, before it was done.{words}{waited_text(run)}"
-    text = " ".join(filter(None, (text, stand_text(run), run.all_movements)))
+    ended = f"{capitalized(exit_text(run.exit_code))}{limit}, before it was done."
+    text = f"{ended}{words}{waited_text(run)} {stand_text(run)}".rstrip()
     advice = None
     if ended_by_link(run.last_words):
-        advice = f"Look at the link: {LINK_ADVICE}"
+        advice = capitalized(LINK_ADVICE)
     elif run.velocities_left:
         text, advice = f"{_left_text(run)} {text}", _KEEP_OPEN
     elif run.last_words and run.exit_code:

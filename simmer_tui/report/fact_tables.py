@@ -69,8 +69,7 @@ def _commands(run: RunEvidence) -> Iterator[tuple[object, ...]]:
     unread = [s.code for s in seen.spec.sensors if s.enabled and s.code not in history.sensor_codes]
     yield "sensors never read", len(unread), " ".join(unread)
     alone = run.unseen_block
-    text = "" if alone is None else f"the block, in sight at {alone.since:.1f} s: {' '.join(alone.codes)}"
-    yield "seen only by them", None if alone is None else len(alone.codes), text
+    yield "seen only by them", len(alone) or None, f"the block: {' '.join(alone)}" if alone else ""
     ends = (seen.elapsed, history.real_time if seen.over is None else np.nan)
     yield "longest silence", None, _longest_gap(rows, ends)
     told = ", and ".join(each.text for each in run.corrections)

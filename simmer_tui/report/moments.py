@@ -13,9 +13,7 @@ from simmer_tui.document.model import DataColumn, DataTable, data_table
 from simmer_tui.report.cause_text import lost_text
 from simmer_tui.report.causes import Cause, MomentKind
 from simmer_tui.report.run_evidence import RunEvidence
-from simmer_tui.report.why import looks_there, shown_range
 from simmer_tui.run.events import ActionName, NoticeKind, Result
-from simmer_tui.run.facts import ALIKE
 from simmer_tui.run.history_rows import NoticeRow
 from simmer_tui.run.phrases import grip_ending, place_text, pose_text, program_end_text, sent_by_text
 from simmer_tui.sim.command import WORD, counted, cut
@@ -39,6 +37,10 @@ _KEPT = (
     MomentKind.LOCALIZED,
 )
 """Kinds of moments, those that are kept longest first."""
+
+
+_DEEDS = {ActionName.TELEPORT: "moved the robot", ActionName.BLOCK: "moved the block"}
+"""Actions of people whose names are not those of what they do."""
 
 
 class Moment(Struct, frozen=True):
@@ -107,11 +109,9 @@ def moments_of(run: RunEvidence, cause: Cause | None = None) -> tuple[Moment, ..
             marked = Moment(cause.moment, cause.elapsed, text, cause.line, code, cause.place, is_cause=True)
     # Newer ones of a kind come first: the last goal counts more than the one before.
     ranked = sorted(found, key=lambda each: (_KEPT.index(each.kind), -each.elapsed))
-    firsts = [
-        each for place, each in enumerate(ranked) if each.kind not in {one.kind for one in ranked[:place]}
-    ]
-    others = [each for each in ranked if each not in firsts]
-    kept = ([] if marked is None else [marked]) + firsts + others
+    kinds = [each.kind for each in ranked]
+    places = sorted(range(len(ranked)), key=lambda place: (kinds[place] in kinds[:place], place))
+    kept = ([] if marked is None else [marked]) + [ranked[place] for place in places]
     return tuple(sorted(kept[:MOST_MOMENTS], key=lambda each: (each.elapsed, _ORDER[each.kind])))
 
 
@@ -176,11 +176,7 @@ def _person(run: RunEvidence) -> Iterator[Moment]:
         name = row.done.action.name
         has_acted = row.order > began and name.helps
         if not row.done.refused and (has_acted or (row.order == began and name.restarts)):
-            text = f"a person used {name.value}: {row.done.text}"
-            if name is ActionName.TELEPORT:
-                text = f"a person moved the robot to {place_text(row.done.pose.x, row.done.pose.y)}"
-            elif name is ActionName.BLOCK:
-                text = f"a person moved the block to {place_text(*row.done.action.arguments[:2])}"
+            text = f"a person {_DEEDS.get(name, f'used {name.value}')}: {row.done.text}"
             yield Moment(MomentKind.PERSON, row.elapsed, text, row.line)
 
 
@@ -195,73 +191,55 @@ def _lost(run: RunEvidence) -> Iterator[Moment]:
 
 def _deciding(run: RunEvidence) -> Iterator[Moment]:
     """The last sight and the command of a contact, and the grip that decided."""
-    seen, met = run.seen, run.contact
+    seen, met, grip = run.seen, run.contact, run.last_grip
     if met is not None and (run.has_contact or seen.task is None):
         row, last = met.met.row, met.facing
-        code = row.ended.command.code
         sent = sent_by_text(row.ended.command.source, row.shown)
-        yield Moment(MomentKind.COMMAND, met.sent, sent, row.line, code)
-        text, sight, at = "no sensor looks at the place that was touched", "", met.sent
-        if met.looks is not None and looks_there(met.looks):
-            sight = met.looks.codes[0] if last is None else last.code
-            who = f"{sight}, which looks there," if met.looks_at(sight) else f"{sight}, the nearest sensor,"
-            text = f"{who} was {met.never_read}"
-            if last is not None:
-                at, off = last.time, abs(last.value - last.true) > 1.0
-                true = f"; the true distance was {shown_range(last.true)}" if off else ""
-                # It looked elsewhere when it was read.
-                then = "; then the robot turned" if row.turned_before - last.turned > ALIKE else ""
-                text = f"{who} read {shown_range(last.value)}{true}{then}"
-        yield Moment(MomentKind.SIGHT, at, text, code=sight)
-    grip = run.last_grip
+        yield Moment(MomentKind.COMMAND, met.sent, sent, row.line, row.ended.command.code)
+        at = met.sent if last is None else last.time
+        yield Moment(MomentKind.SIGHT, at, met.sight_text, code=met.looking)
     if grip is not None:
-        block = (grip.grip.block.x, grip.grip.block.y)
-        let_go = f"it set the block down at {place_text(*block)}"
-        text = let_go if grip.had and not grip.grip.closed else f"it {grip_ending(grip.grip)}"
-        closed = run.closed_before(grip)
-        if closed is not None and grip.grip.closed:
-            text = f"it closed the gripper, which had been closed since {closed.elapsed:.1f} s"
-        gripper = seen.spec.gripper
-        kind = MomentKind.GOAL if run.has_contact else MomentKind.COMMAND
-        code = gripper.code if gripper else ""
-        yield Moment(kind, grip.elapsed, text, grip.line, code, block)
+        place, kind = (grip.grip.block.x, grip.grip.block.y), MomentKind.COMMAND
+        is_let_go = grip.had and not grip.grip.closed
+        text = (
+            f"it set the block down at {place_text(*place)}" if is_let_go else f"it {grip_ending(grip.grip)}"
+        )
+        if run.has_contact:
+            kind = MomentKind.GOAL
+        code = seen.spec.gripper.code if seen.spec.gripper else ""
+        yield Moment(kind, grip.elapsed, text, grip.line, code, place)
 
 
 def _end(run: RunEvidence) -> Iterator[Moment]:
-    seen, over = run.seen, run.seen.over
-    pose = (seen.pose.x, seen.pose.y)
-    if run.has_contact and run.contact is not None:
-        met = run.contact
-        yield Moment(
-            MomentKind.END, met.met.row.elapsed, met.text, met.met.row.line, place=met.met.contact.point
-        )
+    seen, over, program = run.seen, run.seen.over, run.program
+    at, line, place = seen.elapsed, seen.line, (seen.pose.x, seen.pose.y)
+    if run.contact is not None and (run.has_contact or (seen.task is None and run.silence is None)):
+        row = run.contact.met.row
+        at, line, place = row.elapsed, row.line, run.contact.met.contact.point
+        count = "" if run.has_contact else f"the last of {counted(seen.contacts, 'contact')}: "
+        text = f"{count}{run.contact.text}"
     elif run.silence is not None and not seen.is_silent:
-        limit = "real time limit" if run.cut_off else "time limit"
-        end = "" if run.stopped else f"; the run was ended at the {limit}"
-        yield Moment(MomentKind.END, run.silence.since, f"no command came any more{end}", place=pose)
-    elif over is not None and over.event.subject is Result.SUCCESS:
-        yield Moment(MomentKind.END, over.elapsed, "the mission succeeded", over.line, place=pose)
-    elif over is not None and (seen.out_of_time or run.program is None):
-        yield Moment(
-            MomentKind.END,
-            over.elapsed,
-            f"the mission ended: {over.event.reason}",
-            over.line,
-            place=pose,
+        limit = (
+            "" if run.stopped else f"; the run was ended at the {'real ' if run.cut_off else ''}time limit"
         )
-    elif seen.task is None and run.contact is not None:
-        met = run.contact
-        text = f"the last of {counted(seen.contacts, 'contact')}: {met.text}"
-        yield Moment(MomentKind.END, met.met.row.elapsed, text, met.met.row.line, place=met.met.contact.point)
-    elif run.program is None:
+        at, line, text = run.silence.since, 0, f"no command came any more{limit}"
+    elif over is not None and over.event.subject is Result.SUCCESS:
+        text = "the mission succeeded"
+    elif over is not None and (seen.out_of_time or program is None):
+        text = f"the mission ended: {over.event.reason}"
+    elif program is None:
         text = "the program sent no command" if seen.is_silent else "the last command was answered"
-        yield Moment(MomentKind.END, seen.elapsed, text, seen.line, place=pose)
-    program = run.program
-    if program is not None and not (over is not None and over.event.subject is Result.SUCCESS):
+    else:
+        # The end of a program that ended by itself is the end of its mission.
+        text = ""
+    if text:
+        yield Moment(MomentKind.END, at, text, line, place=place)
+    has_ended = over is None or over.event.subject is not Result.SUCCESS
+    if program is not None and has_ended:
         said = shorten(run.last_words, _WORDS, placeholder=" ...")
         words = f"; its last output: {said}" if said and not program.crashed else ""
         text = program_end_text(program).replace("ended with", "ended by itself, with") + words
-        yield Moment(MomentKind.PROGRAM, seen.elapsed, text, seen.line, place=pose)
+        yield Moment(MomentKind.PROGRAM, seen.elapsed, text, seen.line, place=(seen.pose.x, seen.pose.y))
 
 
 def _first_sentence(text: str) -> str:

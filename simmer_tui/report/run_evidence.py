@@ -5,43 +5,36 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import cached_property
+from itertools import takewhile
 
 import numpy as np
 from msgspec import Struct
 
-from simmer_tui.report.belief_facts import (
-    BeliefFacts,
-    RangesBefore,
-    has_read_range,
-    listed_movements,
-    ranges_before,
-)
+from simmer_tui.report.belief_facts import BeliefFacts
 from simmer_tui.report.command_audit import multiplied_corrections
 from simmer_tui.report.contact_evidence import ContactEvidence
 from simmer_tui.report.device_differences import declared_errors
 from simmer_tui.report.finding import FEWEST, Disagreement, Finding, kept_disagreements
 from simmer_tui.report.robust_fit import median_of
-from simmer_tui.report.run_readings import world_without_block
+from simmer_tui.report.run_readings import poses_of, world_without_block
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.episodes import Episode, EpisodeKind
 from simmer_tui.run.events import Goal, NoticeKind, ProgramEnded
 from simmer_tui.run.facts import missed_zone
-from simmer_tui.run.history_rows import BeliefRow, GripRow, MissionRow, MovementRow, NoticeRow, RefusalRow
+from simmer_tui.run.history_rows import GripRow, MissionRow, MovementRow, NoticeRow, RefusalRow
 from simmer_tui.run.phrases import REAL_TIME_LIMIT, last_output, times_text
-from simmer_tui.run.run_history import OTHER_CODES
 from simmer_tui.run.table import Columns
-from simmer_tui.sim.arrays import FloatArray
-from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import counted
 from simmer_tui.sim.sensors import ObservingSensor, modelled_sensor
 from simmer_tui.sim.sensors.base import World
-from simmer_tui.sim.specs import CELL_SIZE
 
 # Judged: a program that computes for so long between two commands has stopped.
 _QUIET, _QUIET_SHARE = 5.0, 0.25
 """Seconds, real or simulated, and share of the run without a command at its end that count as silence."""
 _SEEN = 1.0
 """Least change of a reading by the block, inches, with which a sensor sees it."""
+_POSES = 400
+"""Most poses from which it is computed who sees the block: a few minutes of movements."""
 _NONSENSE = "makes no sense as a movement"
 """Words of the connection doctor for the value of a command."""
 _CODES = 3
@@ -50,27 +43,13 @@ _STOPS = 3
 """Movements that end at the block from which it was no chance, before any goal. Judged."""
 _BOTH = 0.25
 """Share of movements to each side from which they go to and fro. Judged."""
-_HALF_TURN = 181.0
-"""Degrees from which a turn is longer than the one to the other side, errors of the heading apart."""
-_POSES = 400
-"""Most poses from which it is computed who sees the block: the strip between two is then an inch or two."""
 
 
 class Silence(Struct, frozen=True):
-    """Time without a command at the end of a run, from `since` on (elapsed seconds); `seconds` are simulated
-    ones, `real_seconds` real ones."""
+    """Time without a command at the end of a run, from `since` on (elapsed seconds), and in real seconds."""
 
     since: float
-    seconds: float
     real_seconds: float
-
-
-class Unseen(Struct, frozen=True):
-    """Sensors that alone see the block and were not read since the last goal, and the first moment at which
-    they would have seen it (elapsed seconds)."""
-
-    codes: tuple[str, ...]
-    since: float
 
 
 class RunEvidence:
@@ -149,69 +128,31 @@ class RunEvidence:
         return int(rows["refused"].sum()), len(rows)
 
     @cached_property
-    def mostly_refused(self) -> tuple[list[str], int, int, float, RefusalRow] | None:
-        """Codes of refused commands to drive, how many there were, of how many, since when, and the first of
-        them. None unless they are more than were carried out, in the whole run or since the last progress."""
-        seen, names = self.seen, np.array(self.seen.history.code_names)
-        answers = seen.within(seen.history.commands)
+    def mostly_refused(self) -> tuple[list[str], int, int, RefusalRow] | None:
+        """Codes of refused commands to drive, how many there were, of how many, and the first that was kept.
+        None unless they are more than were carried out, in the whole run or since the last progress."""
+        seen = self.seen
         for since in (seen.begun, seen.stalled.since):
             codes, count, of = seen.refused_drives(since)
             # Only the newest refusals are kept with their reasons.
             rows = [each for each in seen.all_refusals if each.result.command.code in codes]
             rows = [each for each in rows if each.elapsed >= since]
             if count >= FEWEST["set"] and 2 * count > of and rows:
-                mine = answers["refused"] & np.isin(names[answers["code"]], codes)
-                mine &= ~np.isin(answers["number"], seen.typed)
-                first = answers["elapsed"][mine & (answers["elapsed"] >= since)].min()
-                return *seen.refused_drives(since, every=True), float(first), rows[0]
+                return *seen.refused_drives(since, every=True), rows[0]
         return None
 
     @cached_property
-    def unknown_code(self) -> tuple[int, int, RefusalRow] | None:
-        """The number of commands by a code that no device has, of all commands, and one of them; None where
-        there is none that was kept."""
-        seen, spec = self.seen, self.seen.spec
-        rows = seen.within(seen.history.commands)
-        names = np.array(seen.history.code_names)
-        of_others = rows["refused"] & np.isin(rows["code"], np.flatnonzero(names == OTHER_CODES))
-        known = {each.code for each in (*spec.sensors, *spec.drive_rows, *spec.velocities)}
-        row = next((each for each in seen.refusals if each.result.command.code not in known), None)
-        return None if row is None else (int(of_others.sum()), len(rows), row)
-
-    @property
-    def long_turns(self) -> str:
-        """A sentence on turns by more than half a turn: the other way is shorter. Empty without one."""
-        seen, names = self.seen, self.seen.history.code_names
-        turning = {each.code for each in seen.spec.drives if each.kind.turns}
-        moves = seen.within(seen.history.movements)
-        moves = moves[np.isin(moves["code"], [place for place, name in enumerate(names) if name in turning])]
-        moves = moves[np.abs(moves["asked"]) > _HALF_TURN]
-        if not len(moves):
-            return ""
-        first = f"{names[moves['code'][0]]}-{moves['asked'][0]:.4g} at {float(moves['begin'][0]):.1f} s"
-        return f"{counted(len(moves), 'turn')} by more than {_HALF_TURN:g} deg, the first {first}."
-
-    @property
-    def refused_action(self) -> RefusalRow | None:
-        """The last command of the run for a drive or the gripper, if it was refused."""
-        last = self.seen.within(self.seen.history.movements)["order"].max(initial=0)
-        return next((row for row in self.undone[-1:] if row.order > last), None)
-
-    @cached_property
     def undone(self) -> list[RefusalRow]:
-        """Commands for drives and the gripper that were refused after the last goal and never carried out
-        later, the first first. Of the gripper only its closing counts."""
-        seen, last = self.seen, self.goals[-1].order if self.goals else 0
-        codes = {row.code for row in (*seen.spec.drive_rows, *seen.spec.velocities)}
-        rows = (row for row in seen.refusals if row.result.command.code in codes and row.order >= last)
-        return [row for row in rows if not seen.is_carried_out(row)]
-
-    def refused_before(self, lost: BeliefRow) -> RefusalRow | None:
-        """The movement that was refused, and never carried out, between a lost belief and the one before
-        it."""
-        orders = self.belief.rows["order"]
-        since = orders[orders < lost.order].max(initial=0)
-        return next((row for row in self.undone if since < row.order < lost.order), None)
+        """Refused commands after the last goal that were never carried out, the first first: those that would
+        have closed the gripper, if it took nothing, or the last one to drive."""
+        seen, since = self.seen, self.goals[-1].order if self.goals else 0
+        rows = [row for row in seen.refusals if row.order >= since and not seen.is_carried_out(row)]
+        gripper = "" if seen.spec.gripper is None or seen.taken else seen.spec.gripper.code
+        grips = [row for row in rows if row.result.command.code == gripper]
+        driving = {row.code for row in (*seen.spec.drive_rows, *seen.spec.velocities)}
+        last = seen.within(seen.history.movements)["order"].max(initial=0)
+        drives = [row for row in rows if row.result.command.code in driving]
+        return grips or [row for row in drives[-1:] if row.order > last]
 
     @cached_property
     def last_command(self) -> tuple[str, float] | None:
@@ -263,12 +204,11 @@ class RunEvidence:
     def silence(self) -> Silence | None:
         """The time without a command at the end; None if it was short, or if the program ended by itself."""
         seen = self.seen
-        if self.has_contact or (self.exit_code is not None and not seen.is_silent):
-            return None
-        if self.stopped and self.program is None:
+        ended = self.exit_code is not None and not seen.is_silent
+        if self.has_contact or ended or (self.stopped and self.program is None):
             return None
         if seen.is_silent:
-            return Silence(seen.begun, seen.elapsed - seen.begun, seen.history.real_time)
+            return Silence(seen.begun, seen.history.real_time)
         rows, moves = seen.within(seen.history.commands), seen.within(seen.history.movements)
         if not len(rows) or not (self.cut_off or self.stopped or seen.out_of_time):
             return None
@@ -281,7 +221,7 @@ class RunEvidence:
         by_clock = quiet >= max(_QUIET, share * (seen.elapsed - seen.begun))
         by_real_time = real >= max(_QUIET, share * (seen.history.real_time or math.inf))
         if by_clock or ((self.cut_off or self.stopped) and by_real_time):
-            return Silence(end, quiet, real)
+            return Silence(end, real)
         return None
 
     @cached_property
@@ -319,61 +259,23 @@ class RunEvidence:
         return dict(sorted(parts.items(), key=lambda each: -each[1]))
 
     @cached_property
-    def unseen_block(self) -> Unseen | None:
-        """The sensors that alone see the block, if none of them was read before the gripper closed first, and
-        the robot came within their sight."""
+    def unseen_block(self) -> tuple[str, ...]:
+        """Codes of the sensors that alone see the block, if none of them was read though the block came in
+        their sight after the loading zone was reached."""
         seen, spec = self.seen, self.seen.spec
-        lying = next((row for row in seen.history.blocks.items if not row.held), None)
-        if seen.task is None or lying is None or not spec.block_size:
-            return None
-        closings = seen.closings
-        made = [(each, modelled_sensor(each)) for each in spec.sensors if each.enabled and each.kind.is_range]
-        sees = [
-            (each, it)
-            for each, it in made
-            if isinstance(it, ObservingSensor) and it.sees_block(spec.block_size)
-        ]
-        # A reading before the loading zone was reached was about something else.
-        since = self.goals[-1].order if self.goals else seen.history.began
-        if closings and closings[0] < since:
-            return None
-        history = seen.history
-        # Where it stood when the goal was met counts too.
-        stood = history.movements.before(since + 1) if self.goals else None
-        # Before a grip a sensor may have seen the block on the way to the goal.
-        readings = seen.within(history.readings, history.began if closings else since)
-        moves = seen.within(history.movements, since if stood is None else stood.order - 1)
-        if closings:
-            moves = moves[moves["order"] < closings[0]]
-            readings = readings[readings["order"] < closings[0]]
-            readings = readings[readings["gone"] > readings["gone"].max(initial=0.0) - CELL_SIZE]
-        codes, numbers = seen.history.sensor_codes, readings["sensor"]
-        mine = [place for place, code in enumerate(codes) if code in {each.code for each, _ in sees}]
-        if not sees or np.isin(numbers, mine).any():
-            return None
-        moves = moves[:: max(len(moves) // _POSES, 1)]
-        if not len(moves):
-            return None
-        poses = np.column_stack([moves[name] for name in ("x", "y", "heading")]).astype(np.float64)
-        without, world = world_without_block(spec), None
-        world = World(without.maze, Block(lying.block.x, lying.block.y, spec.block_size), False)
-        first = [
-            self._first_seen(sensor, world, without, poses, 1 if self.goals else FEWEST["set"])
-            for _, sensor in sees
-        ]
-        place = min((each for each in first if each is not None), default=None)
-        if place is None:
-            return None
-        return Unseen(tuple(each.code for each, _ in sees), float(moves["elapsed"][place]))
-
-    @staticmethod
-    def _first_seen(
-        sensor: ObservingSensor, world: World, without: World, poses: FloatArray, fewest: int
-    ) -> int | None:
+        made = [modelled_sensor(each) for each in spec.sensors if each.enabled and each.kind.is_range]
+        ranges = [each for each in made if isinstance(each, ObservingSensor)]
+        sees = [each for each in ranges if each.sees_block(spec.block_size)]
+        was_read = any(each.spec.code in seen.history.sensor_codes for each in sees)
+        lying = next((row.block for row in seen.history.blocks.items if not row.held), None)
+        if was_read or lying is None or not self.goals or not lying.size:
+            return ()
+        poses = poses_of(seen.within(seen.history.movements, self.goals[-1].order)[:_POSES])
+        without = world_without_block(spec)
+        world = World(without.maze, lying, False)
         with np.errstate(invalid="ignore"):
-            off = np.abs(sensor.true_values(without, poses) - sensor.true_values(world, poses))
-        places = np.flatnonzero(off > _SEEN)
-        return int(places[0]) if len(places) >= fewest else None
+            off = [each.true_values(without, poses) - each.true_values(world, poses) for each in sees]
+        return tuple(each.spec.code for each in sees) if (np.abs(off) > _SEEN).any() else ()
 
     # -- beliefs -------------------------------------------------------------------------------------------
 
@@ -396,28 +298,14 @@ class RunEvidence:
         return None if met is None else ContactEvidence(self.seen, met)
 
     @cached_property
-    def repeated(self) -> tuple[str, int, bool] | None:
-        """A movement before the contact that came several times in a row, nothing being sent between nor read
-        since: its command, how often, and True if it is the one with the contact."""
-        met = self.seen.collision
-        if met is None:
-            return None
-        rows, readings = (
-            self.seen.within(self.seen.history.movements),
-            self.seen.within(self.seen.history.readings),
-        )
-        rows = rows[rows["order"] <= met.row.order]
-        last = readings["order"][readings["order"] < met.row.order].max(initial=0)
-        end = len(rows) - 1
-        while end > 0 and rows["order"][end] > last:
-            begin = end
-            while begin > 0 and _is_same(rows[begin - 1], rows[begin]):
-                begin -= 1
-            if begin < end:
-                text = f"{self.seen.history.code_names[rows['code'][end]]}-{rows['asked'][end]:g}"
-                return text, end - begin + 1, end == len(rows) - 1
-            end -= 1
-        return None
+    def repeated(self) -> int:
+        """Number of times that the movement with the contact came in a row, nothing being sent between."""
+        moves, count = self.seen.within(self.seen.history.movements), 1
+        if self.contact is not None:
+            moves = moves[moves["order"] <= self.contact.met.row.order]
+        while count < len(moves) and _is_same(moves[-count - 1], moves[-count]):
+            count += 1
+        return count
 
     @property
     def last_grip(self) -> GripRow | None:
@@ -428,19 +316,11 @@ class RunEvidence:
         return seen.misses[-1] if seen.misses and not seen.taken else None
 
     def closed_before(self, done: GripRow) -> GripRow | None:
-        """The grip that had closed the jaws when another closed them again; None if they were open."""
-        first = None
-        for row in reversed(self.seen.history.grips.items):
-            if row.order < done.order:
-                if not row.grip.closed or row.order < self.seen.history.began:
-                    break
-                first = row
-        return first
-
-    @property
-    def link_time(self) -> float:
-        """Mean simulated seconds that a command and its reply spent on the link."""
-        return self.seen.spent.link / max(self.seen.commands, 1)
+        """The first grip since which the jaws were closed at another closing; None if they were open."""
+        began, grips = self.seen.history.began, self.seen.history.grips.items
+        before = [row for row in reversed(grips) if began < row.order < done.order]
+        closed = list(takewhile(lambda row: row.grip.closed, before))
+        return closed[-1] if closed else None
 
     @property
     def velocities_left(self) -> int:
@@ -500,13 +380,6 @@ class RunEvidence:
         value = f"{float(last['value'][0]):.4g} {unit}".rstrip()
         return f"{value} by {code}, at {float(last['elapsed'][0]):.1f} s"
 
-    @property
-    def all_movements(self) -> str:
-        """All movements of a run with few, in a sentence; empty with more."""
-        moves = self.seen.within(self.seen.history.movements)
-        text = "" if self.seen.task is None else listed_movements(self.seen.history, moves)
-        return f"Its movements: {text}." if text else ""
-
     def movements_by_code(self, since: float) -> str:
         """The movements from a moment on by their codes, with their usual size: `r1 375 times by 0.1`."""
         names, moves = self.seen.history.code_names, self.seen.within(self.seen.history.movements)
@@ -519,17 +392,6 @@ class RunEvidence:
             usual = f"{sign}{median_of(np.abs(asked)):.2g}"
             told.append(f"{names[numbers[place]]} {times_text(int(counts[place]))}, mostly by {usual}")
         return "; ".join(told)
-
-    def looked_before(self, belief: BeliefRow) -> bool:
-        """True if a range was read before a belief, or if nothing was wrong from the first belief on."""
-        first = self.belief.rows["order"][0] if len(self.belief.rows) else 0
-        return belief.order != first or has_read_range(self.seen, belief.order)
-
-    def ranges_before(self, lost: BeliefRow) -> RangesBefore:
-        """The ranges before a wrong belief; none of a robot with a wrong sensor, or without a truth."""
-        if self.findings or self.seen.history.is_twin:
-            return RangesBefore()
-        return ranges_before(self.seen, lost)
 
 
 def _nonsense(row: NoticeRow) -> tuple[str, bool]:

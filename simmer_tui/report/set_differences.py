@@ -10,12 +10,15 @@ import numpy as np
 from simmer_tui.config import load_default
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.run_history import RunHistory
+from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.specs import WALL, SimulationSpec
 
 _SPEED = 2.0
 """Factor by which a drive is faster or slower than in the nominal set, from which that is told. Judged."""
 _CELLS = 2
 """Cells with another wall that are named."""
+_REACH = 0.25
+"""Inches by which the robot reaches otherwise than in the nominal set, from which that is told. Judged."""
 
 
 def reference_set(history: RunHistory) -> tuple[str, SimulationSpec]:
@@ -41,6 +44,9 @@ def set_differences(seen: Attempt, *, with_limit: bool = True) -> str:
     if own.block_size != usual.block_size:
         size = f"the block is {own.block_size:g} in wide, not {usual.block_size:g} in"
         parts.append(size if own.block_size else "there is no block")
+    reach, usual_reach = (Footprint.of(each.robot).reach for each in (own, usual))
+    if abs(reach - usual_reach) >= _REACH:
+        parts.append(f"the robot reaches {reach:.3g} in from its centre, not {usual_reach:.3g} in")
     grip, other = own.gripper, usual.gripper
     if grip is not None and other is not None:
         if grip.reach != other.reach:

@@ -276,13 +276,13 @@ class _Judge:
             return f"Succeeded {when}, with {contacts_text(attempt.contacts)}."
         if outcome is Outcome.CRASHED and self._crash is not None:
             if not self._crash.started:
-                told = capitalized(program_end_text(self._crash))
-                return told if told.endswith("?") else f"{told}."
+                return f"{capitalized(program_end_text(self._crash))}.".replace("?.", "?")
             if cause is not None and cause.kind is not Kind.CRASHED:
                 return f"Crashed {when}{reached}: {cause.text} Then: {crash_text(self._crash)}."
             return f"Crashed {when}{reached}: {crash_text(self._crash)}.{waited_text(run)}"
         if cause is not None:
-            stop = f", when {self._stop()}" if run.stopped else ""
+            stop = "its connection ended" if self._program is None else "the program was stopped"
+            stop = f", when {stop}" if run.stopped else ""
             return f"{outcome.value.capitalize()} {when}{stop}{reached}: {cause.text}"
         if outcome is Outcome.FAILED:
             reason = "real time was up" if over is None else over.event.reason
@@ -296,10 +296,6 @@ class _Judge:
         how = f"{end}; " if end else ""
         return f"{outcome.value.capitalize()} {when}{reached}: {how}{self._worst()}."
 
-    def _stop(self) -> str:
-        """The stop of a run, in words."""
-        return "its connection ended" if self._program is None else "the program was stopped"
-
     def _advice(self, cause: Cause | None) -> str:
         if cause is None:
             return ""
@@ -311,28 +307,20 @@ class _Judge:
             return "Try: the command after --run alone in a terminal."
         if program.error.startswith(_NO_PACKAGE):
             return f"Try: {_OTHER_PYTHON}."
+        if ended_by_link(program.error):
+            return f"Try: {CONNECT_ADVICE if self._attempt.is_silent else LINK_ADVICE}"
+        if program.error.startswith("EOFError"):
+            return "Try: take the question out of your program: nobody can type under --run."
         if program.crashed:
-            if ended_by_link(program.error):
-                if self._attempt.is_silent:
-                    return f"Try: {CONNECT_ADVICE}"
-                return f"Try: look at the link: {LINK_ADVICE}"
-            place = program.place
-            if program.error.startswith("KeyboardInterrupt"):
-                return ""
-            if program.error.startswith("EOFError"):
-                return "Try: take the question out of your program: nobody can type under --run."
-            if program.error.startswith(_OF_VALUES) and place:
-                return f"Try: print what {place} is given, and what was sent and received before it."
-            return f"Try: mend the error in {place}." if place else ""
+            is_of_line = program.place and not program.error.startswith(_NO_LINE)
+            return f"Try: look at {program.place}, and print what it is given." if is_of_line else ""
         return f"Try: find out why the program ends with exit code {program.exit_code}."
 
     def _end(self) -> str:
         """Words for the end of the program or of its connection; empty without one."""
         if self._program is not None:
             return program_end_text(self._program)
-        if self._left is None:
-            return ""
-        return self._left.text
+        return "" if self._left is None else self._left.text
 
     def _worst(self) -> str:
         """The worst event of a run without a mission."""
@@ -369,8 +357,8 @@ class _Judge:
 
 
 _OF_THE_PROGRAM = (Kind.CRASHED, Kind.SILENCE)
-_OF_VALUES = "ValueError"
-"""Errors of values that a program was given: their line need not be the wrong one."""
+_NO_LINE = "KeyboardInterrupt"
+"""Error by a person at the keyboard: its line is not wrong."""
 _NO_PACKAGE = "ModuleNotFoundError: No module named 'simmer_tui'"
 # Editors and older systems have Pythons of their own.
 _OTHER_PYTHON = (

@@ -32,16 +32,11 @@ from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import PEOPLE, parse_value
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.gripper import can_take, in_global_frame
-from simmer_tui.sim.legs import Leg
 from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose
-from simmer_tui.sim.specs import CELL_SIZE, Axes, DriveKind, SensorSpec
+from simmer_tui.sim.specs import CELL_SIZE, SensorSpec
 
 LoggedRowT = TypeVar("LoggedRowT", bound=LoggedRow)
-
-# A cell: the effect of anything further back has shown in the sensors since.
-REPEATED_DISTANCE = CELL_SIZE
-"""Inches of a continuous motion before a contact that counterfactuals repeat."""
 
 
 class Task(Struct, frozen=True):
@@ -71,23 +66,17 @@ def task_of(configuration: Configuration, seed: int, plan: MissionPlan | None = 
 
 class Collision(Struct, frozen=True):
     """A movement with a contact, and all that was known when it began. That is the newest belief, the first
-    of the lost beliefs that led to it (`lost`), each sensor's last reading, the block and the bias. A held
-    block is in the robot's frame. `before` are the movements before it, newest last, with nothing in between;
-    `unseen` counts those since a sensor was read. Of a velocity, `legs` are those of its last inches, the one
-    with the contact included. `unseen_legs` counts those that ended after the last reading; `before` and
-    `unseen` are then empty."""
+    of the lost beliefs that led to it (`lost`), each sensor's last reading, and a held block in the robot's
+    frame. `unseen` are the movements since a sensor was read, newest last. `by_velocity` is true
+    for a leg of a velocity: it has no movements before it."""
 
     row: ContactRow
     belief: BeliefRow | None
     lost: BeliefRow | None
     readings: Mapping[str, LastReading]
     held: Block | None
-    lying: Block
-    bias: Mapping[DriveKind, Axes]
-    before: Sequence[MovementEnded] = ()
-    unseen: int = 0
-    legs: Sequence[Leg] = ()
-    unseen_legs: int = 0
+    unseen: Sequence[MovementEnded] = ()
+    by_velocity: bool = False
 
     @property
     def ended(self) -> MovementEnded:
@@ -314,51 +303,24 @@ class Attempt:
         order = rows[-1].order
         belief, lost = self.belief_before(order)
         block = [each for each in history.blocks.items if each.order < order][-1]
-        bias = [each for each in history.biases.items if each.order < order][-1].bias
         held = block.block if block.held else None
-        legs, unseen_legs = self._legs_to(order)
-        before, unseen = ([], 0) if legs else self._led_to(order)
-        return Collision(
-            rows[-1], belief, lost, self._last_readings(order), held, block.block, bias, before, unseen,
-            legs, unseen_legs,
-        )  # fmt: skip
+        by_velocity = rows[-1].ended.command.code in {each.code for each in self.spec.velocities}
+        unseen = [] if by_velocity else self._led_to(order)
+        return Collision(rows[-1], belief, lost, self._last_readings(order), held, unseen, by_velocity)
 
-    def _legs_to(self, order: int) -> tuple[list[Leg], int]:
-        """The legs that led to a contact, the one with it last, and how many ended after the last reading.
-        They go back as far as the robot drove freely, and `REPEATED_DISTANCE` inches or to the last reading.
-        Empty if no leg had the contact."""
-        newest = [row for row in self.history.newest_legs if row[0] <= order]
-        if not newest or newest[-1][0] != order:
-            return [], 0
-        last = self.history.readings.before(order)
-        looked = 0 if last is None else last.order
-        legs, unseen, gone = [newest[-1][1].leg], 1, 0.0
-        for at, ended in reversed(newest[:-1]):
-            leg, gone = ended.leg, gone + legs[0].travelled(legs[0].end_time)
-            blind = at > looked
-            is_free = leg.contact is None and not leg.pressed and leg.last_pose == legs[0].before
-            if not is_free or (gone >= REPEATED_DISTANCE and not blind):
-                break
-            unseen += blind
-            legs.insert(0, leg)
-        return legs, unseen
-
-    def _led_to(self, order: int) -> tuple[list[MovementEnded], int]:
-        """The movements that led to one, newest last, and how many of them came after the last reading. They
-        go back as far as only drives moved the robot."""
+    def _led_to(self, order: int) -> list[MovementEnded]:
+        """The movements between the last reading and one, newest last. They go back as far as only drives
+        moved the robot."""
         readings = self.history.readings
         newest = [row for row in self.history.newest if row[0] <= order]
         found: list[MovementEnded] = []
-        unseen = 0
         for (before, ended), (after, follower) in zip(newest[-2::-1], newest[:0:-1], strict=True):
             free = ended.contact is None and not ended.stopped_by and ended.trajectory.kind is not None
-            if not free or ended.pose != follower.before:
+            was_read = readings.place_of(before) != readings.place_of(after)
+            if not free or was_read or ended.pose != follower.before:
                 break
-            # Nothing was read between the two, nor before the later ones.
-            if unseen == len(found) and readings.place_of(before) == readings.place_of(after):
-                unseen += 1
             found.insert(0, ended)
-        return found, unseen
+        return found
 
     def _last_readings(self, order: int) -> dict[str, LastReading]:
         """The last reading of each sensor before an event, by its code."""

@@ -88,9 +88,6 @@ TRACE_POINTS = 800
 """Most points of one sensor's trace: the strip of a report is 800 points wide."""
 CHAIN = 21
 """Newest movements kept whole: the deciding one, and the 20 before it that counterfactuals may repeat."""
-# A program that steers 50 times a second at 6 in/s makes 100 legs on the 12 in that counterfactuals repeat.
-KEPT_LEGS = 400
-"""Newest legs of continuous motion kept whole."""
 STUCK = 3
 """Movements in a row that a contact ended and that count as being stuck: two happen to good programs."""
 OTHER_CODES = "other"
@@ -230,7 +227,7 @@ class RunHistory:
         *("_codes", "_sensors", "_sources", "code_names", "source_names", "sensor_codes"),
         *("readings", "movements", "beliefs", "commands", "contacts", "refusals", "actions", "grips"),
         *("notices", "faults", "missions", "displays", "programs", "blocks", "biases", "repeated", "newest"),
-        *("newest_legs", "is_over", "episodes", "wedged", "began", "placed"),
+        *("is_over", "episodes", "wedged", "began", "placed"),
         *("_truth", "_gone", "_turned", "_holding", "_blocked"),
     )
 
@@ -304,8 +301,6 @@ class RunHistory:
         """Contacts, those in a row at one place as one."""
         self.newest: deque[tuple[int, MovementEnded]] = deque(maxlen=CHAIN)
         """The newest movements with their order, until a mission ends; none from before a placement."""
-        self.newest_legs: deque[tuple[int, LegEnded]] = deque(maxlen=KEPT_LEGS)
-        """The newest legs of continuous motion, likewise."""
         self.is_over = False
         """True while a mission has ended and the run has not restarted."""
         self.episodes = BeliefEpisodes()
@@ -509,8 +504,6 @@ class RunHistory:
     def add_leg(self, ended: LegEnded, seen: Mapping[str, CommandResult]) -> None:
         """Add a leg of continuous motion that has ended; `seen` has the readings during it by sensor code."""
         leg = ended.leg
-        if not self.is_over:
-            self.newest_legs.append((self.order, ended))
         pose, went = leg.arrival(leg.end_time)
         turned, motion = pose.heading - leg.before.heading, leg.moved(leg.end_time)
         self._move(leg, ended.as_movement(), pose, leg.end_time, went, turned, motion, seen, *_NOTHING_ASKED)
@@ -596,7 +589,6 @@ class RunHistory:
             self._truth.restart()
         if not self.is_over:
             self.newest.clear()
-            self.newest_legs.clear()
         self.placed = self.order
         self._blocked = False
         if self.paths is not None:

@@ -73,12 +73,12 @@ def test_a_wall_that_the_nominal_maze_does_not_have_is_told_at_the_contact() -> 
     mission.believe()
     mission.give("u1", "d1-30")
     cause = mission.why()
-    assert "In the set mission there is no wall." in cause.text
-    assert cause.advice == "Give your program the maze of this run."
+    said = "Unlike in the set mission, there is a wall in row 1, column 4"
+    assert any(each.startswith(said) for each in cause.evidence)
     mission = begin()
     mission.believe()
     mission.give("u1", "d1-90")
-    assert "there is no wall" not in mission.why().text
+    assert not any("Unlike" in each for each in mission.why().evidence)
 
 
 def cause_of_slowness() -> Cause:
@@ -98,35 +98,11 @@ def test_time_that_went_to_no_one_thing_is_told_by_its_parts() -> None:
     assert cause.advice == "Save time where most of it goes."
 
 
-def test_a_gripper_that_closes_on_nothing_again_and_again_is_a_matter_of_counting() -> None:
-    mission = begin((90.0, 42.0, 180.0))
-    mission.give("u1", *("p1-1", "p1-0") * 12)
-    cause = mission.why(1, words="failed")
-    assert cause.kind is Kind.MISSED_GRIP
-    assert cause.advice.startswith("Count the tries")
-
-
-def test_movements_by_nothing_are_told() -> None:
-    mission = begin(limit=100.0)
-    mission.give("u5", *("w1-0", "s1-0") * 100)
-    cause = mission.why(1)
-    assert cause.kind is Kind.GOT_NOWHERE
-    assert cause.advice.endswith("most of them are 0.")
-
-
 def test_a_load_sensor_that_was_never_read_is_told_where_a_held_block_is_let_go() -> None:
     mission = begin((28.0, 42.0, 180.0))
     mission.give("u1", "d1-4", "p1-1", "i1", "p1-0", "p1-1", "i1", "p1-0")
     cause = mission.why()
-    assert "l1, which tells of a held block, was never read." in cause.text
-    assert cause.advice.startswith("Read l1 after each grip")
-
-
-def test_a_load_sensor_that_was_read_between_open_jaws_is_told() -> None:
-    mission = begin((28.0, 42.0, 180.0))
-    mission.give("d1-4", "u5", "l1", "d1--3")
-    cause = mission.why(1, words="failed")
-    assert "l1 was read there, which tells of a block in closed jaws alone." in cause.text
+    assert cause.text.endswith("l1 was never read before that.")
 
 
 def test_a_code_that_no_device_has_is_the_cause_if_it_comes_often() -> None:
@@ -134,21 +110,11 @@ def test_a_code_that_no_device_has_is_the_cause_if_it_comes_often() -> None:
     mission.give(*("u1", "d2-3") * 5)
     cause = mission.why(1, words="failed")
     assert cause.kind is Kind.REFUSED
-    assert cause.text.startswith(
-        "5 of 10 commands were refused, since no device has their code, such as d2-3"
-    )
+    assert cause.text.startswith("5 of 10 commands were refused, such as d2-3 at ")
+    assert "no sensor or drive has the code d2" in cause.text
     mission = begin()
     mission.give("d2-3", *["u1"] * 40)
     assert mission.why(1, words="failed").kind is not Kind.REFUSED
-
-
-def test_turns_by_more_than_half_a_turn_are_told() -> None:
-    mission = begin()
-    mission.give("u1", "r1-359.9", "r1-90", "r1--270")
-    assert "2 turns by more than 181 deg, the first r1-359.9 at " in " ".join(mission.why(1).evidence)
-    mission = begin()
-    mission.give("u1", "r1-180")
-    assert "turns" not in " ".join(mission.why(1).evidence)
 
 
 def test_a_belief_that_is_wrong_since_a_person_moved_the_robot_was_right_before() -> None:
@@ -276,7 +242,10 @@ def test_movements_to_and_fro_have_both_signs() -> None:
     ("error", "advice"),
     [
         ("KeyboardInterrupt", ""),
-        ("simmer_tui.client.RobotTimeoutError: no reply to 'p1-1' within 30 s", "Try: look at the link: "),
+        (
+            "simmer_tui.client.RobotTimeoutError: no reply to 'p1-1' within 30 s",
+            "Try: look which command got no reply",
+        ),
     ],
 )
 def test_an_interrupt_and_a_reply_that_did_not_come_are_no_error_of_a_line(error: str, advice: str) -> None:

@@ -48,7 +48,7 @@ def test_a_flat_grid_is_unsure() -> None:
     mission.give(*READ)
     believe(mission, 0, 2, share=1 / 32)
     cause = mission.why()
-    assert (cause.kind, cause.text[:8]) == (Kind.LOST, "It never")
+    assert (cause.kind, cause.text[:8]) == (Kind.LOST, "It was n")
     assert not any(" deg; its spread" in each for each in cause.evidence)
 
 
