@@ -407,7 +407,7 @@ def test_contacts_after_the_mission_change_no_verdict_on_screen(mission_run: Any
     live = LiveVerdict(
         Reducer(checkpoint),
         RunHistory(checkpoint),
-        Task(0, 300.0, None),
+        Task(0, 300.0, None, tuple(Goal)),
         lambda *call: calls.put(call),
         lambda event: None,
     )
@@ -454,7 +454,7 @@ def test_a_program_that_ends_with_its_mission_is_told_one_verdict(mission_run: A
     live = LiveVerdict(
         Reducer(checkpoint),
         RunHistory(checkpoint),
-        Task(0, 300.0, None),
+        Task(0, 300.0, None, tuple(Goal)),
         lambda *call: calls.put(call),
         told.append,
     )
