@@ -25,11 +25,12 @@ def wire_fact(run: RunEvidence) -> Fact | None:
     away, fault = run.turned_away, run.deciding_fault
     if away is not None:
         why = away.text.partition(": ")[2]
-        text = f"A program was turned away at {away.elapsed:.1f} s: {why}."
         advice = "End the other program, then start this one."
         if _TOKEN in why:
             advice = "Send the simulator's token as the first line, before any command."
-        return Fact(text, away, advice=advice)
+        else:
+            why = f"{why}, and another was connected"
+        return Fact(f"A program was turned away at {away.elapsed:.1f} s: {why}.", away, advice=advice)
     if fault is None:
         return None
     refused, of = run.all_refused
