@@ -253,7 +253,8 @@ def ranges_before(seen: Attempt, lost: BeliefRow) -> tuple[str, bool]:
             off.append((at, sensor.code, float(values[place]), float(expected[place])))
     if count < FEWEST["nominal"] or rights < _MOSTLY_RIGHT * count:
         return "", False
-    told = f" {rights} of its last {counted(count, 'range')} before that were right"
+    share = "Its" if rights == count else f"{rights} of its"
+    told = f" {share} last {counted(count, 'range')} before that were right"
     # A small error hardly shows in ranges.
     if is_small(lost):
         return f"{told}.", False
@@ -261,8 +262,9 @@ def ranges_before(seen: Attempt, lost: BeliefRow) -> tuple[str, bool]:
         return f"{told}, and fit that place as well.", False
     at, code, value, other = max(off)
     read = f"{code} read {shown_range(value)} at {at:.1f} s, and from there it would have read"
-    do = "does" if len(off) == 1 else "do"
-    return f"{told}, and {len(off)} of them {do} not fit there: {read} {shown_range(other)}.", True
+    misfits = f"{len(off)} of them {'does' if len(off) == 1 else 'do'} not fit"
+    none = "none of them fits" if len(off) == rights else misfits
+    return f"{told}, and {none} there: {read} {shown_range(other)}.", True
 
 
 def displacement_text(first: Pose, second: Pose) -> str:

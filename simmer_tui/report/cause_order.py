@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 
 from msgspec import Struct
 
-from simmer_tui.report.cause_text import NAMED, Fact, findings_text, goals_text
+from simmer_tui.report.cause_text import NAMED, Fact, findings_text, goals_text, strayed_text
 from simmer_tui.report.causes import Cause, Kind, MomentKind
 from simmer_tui.report.command_causes import moved_fact, refused_fact, wire_fact
 from simmer_tui.report.contact_causes import (
@@ -33,7 +33,7 @@ from simmer_tui.report.ending_causes import (
     slow_fact,
 )
 from simmer_tui.report.run_evidence import RunEvidence
-from simmer_tui.report.set_differences import set_differences
+from simmer_tui.report.set_differences import set_differences, world_differences
 from simmer_tui.report.typical_runs import most_different
 
 
@@ -76,6 +76,7 @@ def advice_on(kind: Kind) -> str:
 
 def _made(run: RunEvidence, rule: CauseRule, fact: Fact) -> Cause:
     seen, parts, culprits = run.seen, [fact.text], fact.culprits
+    world = world_differences(seen)
     advice = rule.advice if fact.advice is None else fact.advice
     if fact.has_behind or rule is NO_RULE:
         declared, marked = _declared(run)
@@ -83,25 +84,30 @@ def _made(run: RunEvidence, rule: CauseRule, fact: Fact) -> Cause:
         if marked and rule.kind is not Kind.TOO_SLOW:
             named = " and ".join(marked)
             advice = f"Give your program the numbers of this set for {named}, or correct for them."
-        parts += [declared, behind]
+        parts += [world, declared, behind]
         culprits = tuple(dict.fromkeys((*culprits, *marked, *codes)))
     met = run.contact if run.has_contact else None
     parts.append(fact.then)
     goals = goals_text(run)
     if met is None and rule.kind in _ABOUT_GOALS:
-        parts.append(goals)
+        strayed = strayed_text(run)
+        # Where it should have been no program would have found it.
+        parts.insert(0 if strayed else len(parts), goals)
+        advice = _SEARCH if strayed else advice
     text = " ".join(filter(None, parts))
     evidence: tuple[str, ...] = (run.arrived_text, belief_text(seen, seen.beliefs[0]), goals)
     if met is not None:
         # What a wrong drive does is no error of the movements that are repeated: of it they say nothing.
         tried = "" if run.findings_about(drives=True) else shown_tried(met.tried)
-        evidence = (run.arrived_text, belief_text(seen, met.met.belief), tried)
+        unused = f"The gripper was never {run.unused_grip[1]}." if run.unused_grip is not None else ""
+        evidence = (run.arrived_text, belief_text(seen, met.met.belief), tried, unused)
     elif seen.is_silent:
         evidence = (f"Last output: {run.last_words}." if run.last_words else "",)
     there = f"When it was ended, the program was at {run.ended_at}." if run.ended_at else ""
     evidence = (
         *evidence,
         there if run.ended_at not in text else "",
+        world,
         set_differences(seen, with_limit=rule.kind is not Kind.TOO_SLOW),
     )
     # A reason may end with a question; a sentence ends with one mark.
@@ -272,6 +278,8 @@ ORDER: tuple[CauseRule, ...] = (
     ),
 )
 """The rules, the first first."""
+_SEARCH = "Put the block into the loading zone, or search the whole maze for it."
+"""Advice where the block lay elsewhere."""
 _ABOUT_GOALS = (Kind.LOST, Kind.SILENCE, Kind.GOT_NOWHERE, Kind.TOO_SLOW, Kind.ENDED)
 """Causes beside which it matters how far the mission came."""
 _AT_THE_END = (Kind.CRASHED, Kind.UNREAD, Kind.TOO_SLOW, Kind.ENDED)

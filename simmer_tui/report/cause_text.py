@@ -153,17 +153,26 @@ def then_text(run: RunEvidence) -> str:
     return f"Then {'its time was up' if out_of_time else 'the program ended by itself'}."
 
 
+def strayed_text(run: RunEvidence) -> str:
+    """A sentence on a block that was never taken and lies outside the loading zone; empty without one."""
+    seen = run.seen
+    loading, block = cells_of(seen.spec.maze, BLOCK), seen.history.blocks.items[-1].block
+    # Where the block of a real robot lies no log says.
+    is_known = seen.task is not None and bool(loading) and not seen.history.is_twin
+    if seen.taken or not is_known or any(cell.holds(block.x, block.y) for cell in loading):
+        return ""
+    return f"The block lay at {place_text(block.x, block.y)}, outside the loading zone."
+
+
 def goals_text(run: RunEvidence) -> str:
     """The goal that was not met, in a sentence."""
     seen, zone = run.seen, None if run.seen.task is None else run.seen.task.zone
     if seen.task is None or (seen.taken and not seen.holding) or seen.is_silent:
         return ""
     if not seen.holding:
-        loading, block = cells_of(seen.spec.maze, BLOCK), seen.history.blocks.items[-1].block
-        # Where the block of a real robot lies no log says.
-        is_known = bool(loading) and not seen.history.is_twin
-        if is_known and not any(cell.holds(block.x, block.y) for cell in loading):
-            return f"The block lay at {place_text(block.x, block.y)}, outside the loading zone."
-        return "The robot had not taken the block yet." if run.goals else "It never entered the loading zone."
+        never = (
+            "The robot had not taken the block yet." if run.goals else "It never entered the loading zone."
+        )
+        return strayed_text(run) or never
     where = "" if zone is None else f" at {place_text(zone.x, zone.y)}"
     return f"The robot held the block, and had not set it down in the drop zone{where}."

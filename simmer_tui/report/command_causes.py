@@ -16,6 +16,8 @@ from simmer_tui.sim.records import Status
 
 _REFUSED_SHARE = 0.05
 """Share of commands that were refused from which that changed the run. Judged."""
+_TOKEN = "--token"
+"""Word of the reason for which a program without the token is turned away."""
 
 
 def wire_fact(run: RunEvidence) -> Fact | None:
@@ -23,8 +25,12 @@ def wire_fact(run: RunEvidence) -> Fact | None:
     away, fault = run.turned_away, run.deciding_fault
     if away is not None:
         why = away.text.partition(": ")[2]
-        text = f"A program was turned away at {away.elapsed:.1f} s: {why}, and another was connected."
-        return Fact(text, away, advice="End the other program, then start this one.")
+        advice = "End the other program, then start this one."
+        if _TOKEN in why:
+            advice = "Send the simulator's token as the first line, before any command."
+        else:
+            why = f"{why}, and another was connected"
+        return Fact(f"A program was turned away at {away.elapsed:.1f} s: {why}.", away, advice=advice)
     if fault is None:
         return None
     refused, of = run.all_refused

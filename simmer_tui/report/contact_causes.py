@@ -13,7 +13,7 @@ from simmer_tui.report.ending_causes import lacked_time, stalled_fact
 from simmer_tui.report.finding import Finding, FindingKind
 from simmer_tui.report.run_evidence import RunEvidence
 from simmer_tui.report.why import shown_range
-from simmer_tui.run.facts import ALIKE, SLIGHT
+from simmer_tui.run.facts import ALIKE, SLIGHT, LastReading
 from simmer_tui.run.phrases import obstacle_place
 from simmer_tui.sim.command import counted
 
@@ -41,9 +41,8 @@ def sensor_wrong_fact(run: RunEvidence) -> Fact | None:
     last = None if met is None or met.is_blind else met.misread
     if met is None or last is None:
         return None
-    read = f"{last.code} read {shown_range(last.value)} at {last.time:.1f} s"
     return Fact(
-        f"{read}, the true distance was {shown_range(last.true)}; then {sent_text(run)}.",
+        f"{_read_and_sent(run, met, last, f', the true distance was {shown_range(last.true)}')}.",
         since=last.time,
         place=met.met.contact.point,
         culprits=(last.code,),
@@ -90,7 +89,7 @@ def unread_fact(run: RunEvidence) -> Fact | None:
         if met is None or not met.is_blind or not met.looking:
             return None
         advice = f"Read {met.looking} before you send {met.met.ended.command.code}."
-        return replace(_at_contact(run, met, advice=advice), culprits=(met.looking,))
+        return replace(_at_contact(run, met, None, advice=advice), culprits=(met.looking,))
     codes, seen = run.unseen_block, run.seen
     if not codes or seen.closed or seen.stuck is not None or seen.beliefs[1] is not None or lacked_time(run):
         return None
@@ -115,9 +114,8 @@ def known_wall_fact(run: RunEvidence) -> Fact | None:
             f"Compare each movement with {shown.code} before you send it, "
             "and print what your program has for it."
         )
-        read = f"{shown.code} read {shown_range(shown.value)} at {shown.time:.1f} s; then "
-        return _at_contact(run, met, read, advice=advice)
-    return _at_contact(run, met, advice=_wall_advice(run, met)) if met.is_into_known else None
+        return _at_contact(run, met, _read_and_sent(run, met, shown), advice=advice)
+    return _at_contact(run, met, None, advice=_wall_advice(run, met)) if met.is_into_known else None
 
 
 def too_close_fact(run: RunEvidence) -> Fact | None:
@@ -130,12 +128,14 @@ def too_close_fact(run: RunEvidence) -> Fact | None:
         advice = "Plan with the held block, and an inch more on each side."
     elif met.leads_into:
         advice = _wall_advice(run, met)
-    last, read = None if met.belief or met.met.contact.held_block else met.facing, ""
-    turned = last is not None and met.met.row.turned_before - last.turned > ALIKE
-    if last is not None and not met.unread_text and met.shows(last):
-        aside = ", before the robot turned" if turned else ""
-        read = f"{last.code} read {shown_range(last.value)} at {last.time:.1f} s{aside}; then "
-    fact = _at_contact(run, met, read, advice=advice)
+    if met.unread_ahead:
+        advice = f"Read {met.unread_ahead} before you send {met.met.ended.command.code}."
+    last = None if met.belief or met.met.contact.held_block else met.facing
+    told = None
+    if last is not None and not met.is_unread and met.shows(last):
+        turned = met.met.row.turned_before - last.turned > ALIKE
+        told = _read_and_sent(run, met, last, ", before the robot turned" if turned else "")
+    fact = _at_contact(run, met, told, advice=advice)
     errors = None if met.is_blind else met.drive_errors
     if errors is None:
         return fact
@@ -149,16 +149,24 @@ def _wall_advice(run: RunEvidence, met: ContactEvidence) -> str:
     return _MAP_ADVICE.format(wall=obstacle_place(met.met.contact, run.seen.spec))
 
 
-def _at_contact(run: RunEvidence, met: ContactEvidence, read: str = "", *, advice: str | None = None) -> Fact:
-    """The facts of a contact: a belief that was right, what was read, what was sent, and what came of it."""
+def _read_and_sent(run: RunEvidence, met: ContactEvidence, last: LastReading, more: str = "") -> str:
+    """A reading and the deciding command, in their order: a velocity may have been sent before."""
+    read = f"{last.code} read {shown_range(last.value)} at {last.time:.1f} s{more}"
+    is_before = not met.goes_on or last.time <= met.sent
+    return f"{read}; then {sent_text(run)}" if is_before else f"{sent_text(run)}; {read}"
+
+
+def _at_contact(run: RunEvidence, met: ContactEvidence, told: str | None, *, advice: str | None) -> Fact:
+    """The facts of a contact: the belief, what was read, what was sent, and what came of it."""
     belief = ""
-    # That leaves the map or the plan.
-    if met.knew and met.belief is not None and met.belief.distance <= SLIGHT:
-        belief = f"Its belief was right, off by {met.belief.error_text}; "
+    if met.belief is not None:
+        # A right one leaves the map or the plan.
+        right = "right, " if met.knew and met.belief.distance <= SLIGHT else ""
+        belief = f"Its belief was {right}off by {met.belief.error_text}; "
     if met.goes_on:
         advice = _GOES_ON.format(code=met.met.ended.command.code)
     return Fact(
-        f"{belief}{read}{sent_text(run)}.{met.unread_text}",
+        f"{belief}{sent_text(run) if told is None else told}.{met.unread_text}",
         met.met.row,
         since=met.sent,
         place=met.met.contact.point,

@@ -228,11 +228,29 @@ class ContactEvidence:
         if is_all and self._is_old(self._ranges) and not self._seen.was_moved:
             latest = max((each.time for each in self._ranges), default=None)
             return f" No range sensor had been read{'' if latest is None else f' since {latest:.1f} s'}."
-        is_told = self.looking and (self.is_blind or self.looks_at(self.looking))
-        if not is_told or held or not self._is_old([self.facing]):
-            return ""
+        if not self.is_unread:
+            ahead = self.unread_ahead
+            return f" {ahead}, which looks that way, was {self._never_read}." if ahead else ""
         since = self._never_read if self.facing is None else f"not read since {self.facing.time:.1f} s"
         return f" {self._who_looks} was {since}."
+
+    @property
+    def is_unread(self) -> bool:
+        """True if the sensor that looks at the contact was not read shortly before."""
+        is_told = self.looking and (self.is_blind or self.looks_at(self.looking))
+        return bool(is_told) and not self.met.contact.held_block and self._is_old([self.facing])
+
+    @cached_property
+    def unread_ahead(self) -> str:
+        """Code of the range sensor that looks along a straight movement at what it touched, and was never
+        read; empty without one, or if another that looks that way was."""
+        if self.bearing is None or self.met.contact.held_block or self.looks is None:
+            return ""
+        if abs(half_turn(self.met.contact.bearing - self.bearing)) > BESIDE:
+            return ""
+        sensors = [each for each in self._seen.spec.sensors if each.kind.is_range and each.enabled]
+        along = [each.code for each in sensors if abs(half_turn(each.rotation - self.bearing)) <= ALIKE]
+        return "" if any(code in self.met.readings for code in along) else next(iter(along), "")
 
     @cached_property
     def is_blind(self) -> bool:

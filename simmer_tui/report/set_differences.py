@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 
 from simmer_tui.config import load_default
+from simmer_tui.config.nominal import Nominal
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.sim.footprint import Footprint
@@ -33,17 +34,26 @@ def _bundled() -> SimulationSpec:
     return load_default().simulation
 
 
-def set_differences(seen: Attempt, *, with_limit: bool = True) -> str:
-    """A sentence on what the run's set has otherwise than the nominal one, its sensors apart; empty without a
-    nominal set, or a difference. The time limit may be told elsewhere."""
+def world_differences(seen: Attempt) -> str:
+    """A sentence on what is otherwise in the maze than in the nominal set: its walls and its block; empty
+    without a nominal set, or a difference."""
     nominal = seen.history.nominal
     if nominal is None:
         return ""
     own, usual = seen.spec, nominal.spec
-    parts = [*_of_maze(own, usual)]
+    parts = _of_maze(own, usual)
     if own.block_size != usual.block_size:
         size = f"the block is {own.block_size:g} in wide, not {usual.block_size:g} in"
         parts.append(size if own.block_size else "there is no block")
+    return _unlike(nominal, parts)
+
+
+def set_differences(seen: Attempt, *, with_limit: bool = True) -> str:
+    """The same of the robot, its sensors apart, and of the time limit, which may be told elsewhere."""
+    nominal = seen.history.nominal
+    if nominal is None:
+        return ""
+    own, usual, parts = seen.spec, nominal.spec, []
     reach, usual_reach = (Footprint.of(each.robot).reach for each in (own, usual))
     if abs(reach - usual_reach) >= _REACH:
         parts.append(f"the robot reaches {reach:.3g} in from its centre, not {usual_reach:.3g} in")
@@ -63,6 +73,10 @@ def set_differences(seen: Attempt, *, with_limit: bool = True) -> str:
             parts.append(f"{each.code} moves at {each.speed:g} {unit}, not {row.speed:g} {unit}")
     if with_limit and seen.task is not None and nominal.time_limit not in (None, seen.task.time_limit):
         parts.append(f"the time limit is {seen.task.time_limit:g} s, not {nominal.time_limit:g} s")
+    return _unlike(nominal, parts)
+
+
+def _unlike(nominal: Nominal, parts: list[str]) -> str:
     return f"Unlike in the set {nominal.name}, {'; '.join(parts)}." if parts else ""
 
 

@@ -829,6 +829,39 @@ def test_a_person_who_drives_while_no_program_is_connected_disturbs_none(
     assert mission.why(1).kind is not Kind.MOVED
 
 
+def test_a_reading_after_a_velocity_is_told_after_it() -> None:
+    mission = begin()
+    mission.give("u1", "u2", "u4", "vv-6;0;0", *("wt-0.4", "u1") * 12)
+    text = mission.why().text
+    assert re.match(r"vv-6;0;0 was sent at 50\.\d s, and nothing ended it; u1 read ", text)
+
+
+def test_the_sensor_that_looks_along_a_movement_and_was_never_read_is_told() -> None:
+    mission = begin()
+    mission.give("u2", "d1-4", "u2", "d1-4", "u2", "d1-4", "u2", "d1-4")
+    cause = mission.why()
+    assert "u1, which looks " in cause.text
+    assert "was never read" in cause.text
+    assert cause.advice == "Read u1 before you send d1."
+
+
+def test_a_belief_that_was_off_is_told_at_a_contact() -> None:
+    mission = begin()
+    mission.give("u1", "u2", "u4")
+    mission.believe(ahead=1.5, spread=1.0)
+    mission.give("d1-60")
+    assert mission.why().text.startswith("Its belief was off by 1.5 in and 0 deg; ")
+
+
+def test_a_program_without_the_token_is_told_to_send_it() -> None:
+    mission = begin()
+    text = "a connection from 127.0.0.1 turned away: its first line is not the --token"
+    mission.engine.tell(Notice(NoticeKind.TURNED_AWAY, text))
+    cause = mission.why(1)
+    assert cause.text.endswith("s: its first line is not the --token.")
+    assert cause.advice.startswith("Send the simulator's token")
+
+
 def test_a_second_client_beside_the_first_is_said_first() -> None:
     mission = begin()
     connection(mission, NoticeKind.CONNECTED)
