@@ -23,14 +23,6 @@ Motion = Trajectory | Leg
 """A piece of motion: a movement, or a leg of a continuous motion."""
 
 
-class Now(Struct, frozen=True):
-    """The present of a robot: simulated time, its pose, and the piece of motion under way, if any."""
-
-    time: float
-    pose: Pose
-    under_way: Motion | None
-
-
 class BlockPlace(Struct, frozen=True):
     """The block from a simulated time on: where it lies, or, while it is held, in the robot's frame."""
 

@@ -28,12 +28,11 @@ from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.motion import CollisionChecker, Planner
 from simmer_tui.sim.obstacles import Obstacles, block_problem, robot_problem
 from simmer_tui.sim.pose import Pose
-from simmer_tui.sim.reading_effects import effects_of
-from simmer_tui.sim.recent_motion import BlockPlace, Now, RecentMotion
+from simmer_tui.sim.recent_motion import BlockPlace, RecentMotion
 from simmer_tui.sim.records import TOO_MANY_WAIT, CommandResult, Grip, Reading, Status, VelocityChange
 from simmer_tui.sim.sensors.base import CountingSensor, ObservingSensor, Sensor, View, World, sensor_of
 from simmer_tui.sim.sensors.faults import Faults, Pings, has_faults
-from simmer_tui.sim.sensors.lidar import Lidar, Turning
+from simmer_tui.sim.sensors.lidar import Lidar, Now, Turning
 from simmer_tui.sim.sensors.range_sensors import RangeSensor
 from simmer_tui.sim.specs import Axes, DriveKind, DriveSpec, GripperSpec, SensorSpec, SimulationSpec
 from simmer_tui.sim.trajectory import Trajectory
@@ -111,10 +110,7 @@ class Simulator:
         self._streams = noise.Streams(seed)
         # The last complete revolution began at most two turns ago.
         self._recent = RecentMotion(max((2.0 / each.spec.scan_rate for each in self._lidars), default=0.0))
-        self._effects = effects_of(spec, self._recent)
-        self._turning = {
-            each.spec.code: Turning(each, self.maze, self._recent, self._effects) for each in self._lidars
-        }
+        self._turning = {each.spec.code: Turning(each, self.maze, self._recent) for each in self._lidars}
         pings = Pings()
         self._faults = {
             code: Faults(sensor, self._streams[noise.fault_stream(sensor.id)], pings)
@@ -391,14 +387,13 @@ class Simulator:
     def plain_reading(self, code: str) -> float:
         """The reading of a sensor now without random errors, as its electronics report it. Raises
         UnknownSensorError."""
-        sensor = self._working(code)
-        return sensor.reading(self._sensed(sensor, self.true_value(code)), None, self.time)
+        return self._working(code).reading(self.true_value(code), None, self.time)
 
     def steady_seconds(self, code: str) -> float:
         """Seconds from now in which a sensor's plain reading surely stays the same, if the motion under way
         does; infinite for a robot that stands. Raises UnknownSensorError."""
         sensor, leg = self._working(code), self._continuous.leg
-        if self.trajectory is not None or sensor.spec.drift or self._effects is not None:
+        if self.trajectory is not None or sensor.spec.drift:
             return 0.0
         if leg is None:
             return math.inf
@@ -506,23 +501,10 @@ class Simulator:
 
     def _drawn(self, sensor: Sensor, true: float) -> float:
         """A reading of a true value, with errors drawn for it."""
-        if self._effects is not None:
-            true = self._sensed(sensor, true)
         if not self._noise:
             return sensor.reading(true, None, self.time)
         faults = self._faults.get(sensor.spec.code)
         return (sensor if faults is None else faults).reading(true, self._streams[sensor.id], self.time)
-
-    def _sensed(self, sensor: Sensor, true: float) -> float:
-        """The value that a sensor senses for a true one now, by effects of time and motion."""
-        if self._effects is None:
-            return true
-        values, times = np.array([true]), np.array([self.time])
-        return float(self._effects.changed(sensor.spec, values, times, self._now)[0])
-
-    @property
-    def _now(self) -> Now:
-        return Now(self.time, self.pose, self.trajectory or self._continuous.leg)
 
     def wait_for_scan(self, command: Command) -> None:
         """Called before a command in instant motion. If it requests rays of a lidar that were already read,
@@ -539,7 +521,8 @@ class Simulator:
         ray = turning.ray(command.argument)
         if isinstance(ray, str):
             return ray
-        return turning.reading(ray, self._now, self._streams[turning.lidar.id] if self._noise else None)
+        now = Now(self.time, self.pose, self.trajectory or self._continuous.leg)
+        return turning.reading(ray, now, self._streams[turning.lidar.id] if self._noise else None)
 
     def _observe(self, sensor: Sensor, pose: Pose) -> tuple[float, View | None]:
         code = sensor.spec.code

@@ -32,7 +32,7 @@ from simmer_tui.sim.obstacles import Obstacles, block_problem, placement_problem
 from simmer_tui.sim.path import Path as RobotPath
 from simmer_tui.sim.path import PathPosition
 from simmer_tui.sim.pose import Pose
-from simmer_tui.sim.recent_motion import BlockPlace, Now, RecentMotion
+from simmer_tui.sim.recent_motion import BlockPlace, RecentMotion
 from simmer_tui.sim.records import LidarScan, ray_bearings
 from simmer_tui.sim.scan_rays import extremes, rays_of
 from simmer_tui.sim.sensors import (
@@ -56,7 +56,7 @@ from simmer_tui.sim.sensors import (
 )
 from simmer_tui.sim.sensors.base import ObservingSensor, World, parameter_value, with_parameters
 from simmer_tui.sim.sensors.faults import Pings
-from simmer_tui.sim.sensors.lidar import Turning
+from simmer_tui.sim.sensors.lidar import Now, Turning
 from simmer_tui.sim.specs import (
     Axes,
     ContactRule,

@@ -12,6 +12,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import ClassVar
 
 import numpy as np
+from msgspec import Struct
 from msgspec.structs import replace
 
 from simmer_tui.sim import columns
@@ -22,8 +23,7 @@ from simmer_tui.sim.columns import CsvColumn
 from simmer_tui.sim.command import counted, parse_value
 from simmer_tui.sim.maze import Maze, Rays, chosen_rays
 from simmer_tui.sim.pose import Pose
-from simmer_tui.sim.reading_effects import ReadingEffects
-from simmer_tui.sim.recent_motion import BlockPlace, Now, RecentMotion
+from simmer_tui.sim.recent_motion import BlockPlace, Motion, RecentMotion
 from simmer_tui.sim.records import LidarScan, RangeScan, Reading
 from simmer_tui.sim.sensors.base import Prior, World
 from simmer_tui.sim.sensors.range_sensors import RangeSensor, RangeSpec
@@ -228,16 +228,21 @@ def _meet(block: Block, rays: Rays, distances: FloatArray, block_from: float) ->
     distances[near[nearer]] = to_block[nearer]
 
 
+class Now(Struct, frozen=True):
+    """The present of a robot: simulated time, its pose, and the piece of motion under way, if any."""
+
+    time: float
+    pose: Pose
+    under_way: Motion | None
+
+
 class Turning:
     """A lidar during one run: its last revolution, and the rays of it that have been read."""
 
-    def __init__(
-        self, lidar: Lidar, maze: Maze, recent: RecentMotion, effects: ReadingEffects | None = None
-    ) -> None:
+    def __init__(self, lidar: Lidar, maze: Maze, recent: RecentMotion) -> None:
         self.lidar = lidar
         self._maze = maze
         self._recent = recent
-        self._effects = effects
         self._scan: LidarScan | None = None
         self._blocks: tuple[tuple[slice, BlockPlace], ...] = ()
         """Places of the block at the times of its rays."""
@@ -292,10 +297,7 @@ class Turning:
             true = before.true
         else:
             true = lidar.distances(self._maze, poses, blocks)
-        sensed = true
-        if self._effects is not None:
-            sensed = self._effects.changed(lidar.spec, true, moments, now)
-        ranges = lidar.ranges_said(sensed, moments, random)
+        ranges = lidar.ranges_said(true, moments, random)
         self._scan = LidarScan(revolution, ranges, lidar.turned_by, true, poses)
         self._blocks = blocks
         self._read.clear()
