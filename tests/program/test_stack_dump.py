@@ -15,13 +15,13 @@ from simmer_tui.program import Program, ProgramOutput
 SECONDS = 120.0
 pytestmark = pytest.mark.skipif(not hasattr(os, "memfd_create"), reason="memory files are of Linux")
 
+# What is printed arrives before the program goes on: it waits in the same line.
 LOCK = """\
 import threading
 lock = threading.Lock()
 def wait_for_block():
     lock.acquire()
-    print("there", flush=True)
-    lock.acquire()
+    print("there", flush=True), lock.acquire()
 wait_for_block()
 """
 LOOP = """\
@@ -37,8 +37,7 @@ def other():
     threading.Event().wait()
 threading.Thread(target=other, daemon=True).start()
 def main():
-    print("there", flush=True)
-    threading.Event().wait()
+    print("there", flush=True), threading.Event().wait()
 main()
 """
 HANDLES = """\
@@ -71,9 +70,9 @@ def stopped(tmp_path: Path, text: str, **environment: str) -> tuple[str, str]:
 @pytest.mark.parametrize(
     ("text", "place"),
     [
-        (LOCK, ("robot.py:6",)),
-        (LOOP, ("robot.py:3", "robot.py:4")),
-        (THREADS, ("robot.py:7",)),
+        (LOCK, ("robot.py:5",)),
+        (LOOP, ("robot.py:2", "robot.py:3", "robot.py:4")),
+        (THREADS, ("robot.py:6",)),
         (HANDLES, ("",)),
     ],
 )
