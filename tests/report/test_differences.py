@@ -15,7 +15,7 @@ from simmer_tui.report.moments import moments_of
 from simmer_tui.report.verdict import Verdict, verdict_of
 from simmer_tui.run.events import Action, ActionName, ProgramEnded
 from simmer_tui.sim import ObservingSensor, Pose, World
-from simmer_tui.sim.specs import EMPTY, WALL, GripperSpec, SensorSpec, SimulationSpec
+from simmer_tui.sim.specs import EMPTY, WALL, Axes, DriveKind, GripperSpec, SensorSpec, SimulationSpec
 from tests.report.test_causes import begin
 
 
@@ -93,6 +93,22 @@ def test_a_block_outside_its_zone_is_told_before_the_time_that_went_by() -> None
     assert cause.kind is Kind.TOO_SLOW
     assert cause.text.startswith("The block lay at (66.0, 18.0), outside the loading zone. ")
     assert cause.advice.startswith("Put the block into the loading zone")
+
+
+@pytest.mark.parametrize("closes", [False, True])
+def test_a_program_that_ended_without_a_grip_is_told_so(closes: bool) -> None:
+    mission = begin()
+    mission.give("u1", "d1-1", *(("p1-1", "p1-0") if closes else ()))
+    assert ("The gripper was never closed." in mission.why(1).text) is not closes
+
+
+def test_usual_errors_of_a_drive_are_told_at_a_contact_and_not_blamed() -> None:
+    mission = begin(bias={DriveKind.RIGHT: Axes(x=0.08)})
+    mission.give("u1", "u2", "u4", "d1-14.2")
+    cause = mission.why()
+    assert (cause.kind, cause.culprits) == (Kind.TOO_CLOSE, ())
+    assert cause.text.endswith("Without the errors of d1 in the movement, nothing would have been touched.")
+    assert cause.advice == "Compare each movement with the distance to the wall before you send it."
 
 
 def cause_of_slowness() -> Cause:
