@@ -219,7 +219,8 @@ def test_every_field_with_an_effect_names_the_device(
     mission: SimulationSpec, kind: type[Any], field: str
 ) -> None:
     rows = (*mission.sensors, *load(find_set("lidar")).simulation.sensors)
-    usual: SensorSpec = next(each for each in rows if each.kind is kind)
+    made = kind.spec_type(kind=kind, number=1, code="m1")
+    usual: SensorSpec = next((each for each in rows if each.kind is kind), made)
     value = FIELDS.get((kind.name, field), CHANGED[field])
     row = replace(usual, rays=5) if field == "vertical_field_of_view" else usual
     # Another sensor before it sends the sound that it may hear.
