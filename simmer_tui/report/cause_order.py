@@ -90,10 +90,10 @@ def _made(run: RunEvidence, rule: CauseRule, fact: Fact) -> Cause:
     parts.append(fact.then)
     goals = goals_text(run)
     if met is None and rule.kind in _ABOUT_GOALS:
-        strayed = strayed_text(run)
-        # Where it should have been no program would have found it.
-        parts.insert(0 if strayed else len(parts), goals)
-        advice = _SEARCH if strayed else advice
+        # A search fails where the block is not; a lost or silent program fails before that.
+        is_first = rule.kind in _OF_A_SEARCH and bool(strayed_text(run))
+        parts.insert(0 if is_first else len(parts), goals)
+        advice = _SEARCH if is_first else advice
     text = " ".join(filter(None, parts))
     evidence: tuple[str, ...] = (run.arrived_text, belief_text(seen, seen.beliefs[0]), goals)
     if met is not None:
@@ -163,7 +163,7 @@ ORDER: tuple[CauseRule, ...] = (
         Kind.REFUSED,
         refused_fact,
         MomentKind.FAULT,
-        "most commands to drive, a twentieth of all, or the last one were refused",
+        "most commands to drive were refused, a twentieth of all, or one that was never carried out",
         "what followed",
         "Check the reply to each command in your program: a refused one does nothing.",
     ),
@@ -280,6 +280,8 @@ ORDER: tuple[CauseRule, ...] = (
 """The rules, the first first."""
 _SEARCH = "Put the block into the loading zone, or search the whole maze for it."
 """Advice where the block lay elsewhere."""
+_OF_A_SEARCH = (Kind.GOT_NOWHERE, Kind.TOO_SLOW, Kind.ENDED)
+"""Causes that a block elsewhere explains: without it there is nothing to find."""
 _ABOUT_GOALS = (Kind.LOST, Kind.SILENCE, Kind.GOT_NOWHERE, Kind.TOO_SLOW, Kind.ENDED)
 """Causes beside which it matters how far the mission came."""
 _AT_THE_END = (Kind.CRASHED, Kind.UNREAD, Kind.TOO_SLOW, Kind.ENDED)

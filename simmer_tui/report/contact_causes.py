@@ -22,7 +22,7 @@ AGAINST_WALLS = "Compare each movement with the distance to the wall before you 
 _MAP_ADVICE = "Look whether your program's map has {wall}, and compare each movement with the distance to it."
 """Advice where a right belief led into a wall."""
 _GOES_ON = "End the velocity in time: send {code} with zeros. It goes on until another one comes."
-_READ_TWICE = "Read {code} three times and take the middle value, before each movement."
+_READ_THREE_TIMES = "Read {code} three times and take the middle value, before each movement."
 _BY_FAULT = {
     FindingKind.STUCK: "Check the cable, the pin and the power of {code}.",
     FindingKind.SIGN: "Exchange the wires of {code}, or take the opposite in your program.",
@@ -46,7 +46,7 @@ def sensor_wrong_fact(run: RunEvidence) -> Fact | None:
         since=last.time,
         place=met.met.contact.point,
         culprits=(last.code,),
-        advice=_READ_TWICE.format(code=last.code),
+        advice=_READ_THREE_TIMES.format(code=last.code),
         moment=MomentKind.SIGHT,
         has_behind=True,
         then=contact_sentence(run),

@@ -309,7 +309,9 @@ def ended_fact(run: RunEvidence) -> Fact | None:
     limit = "" if seen.task is None else f" after {seen.seconds:.1f} of {seen.task.time_limit:g} s"
     ended = f"{capitalized(exit_text(run.exit_code))}{limit}, before it was done."
     text = f"{ended}{words}{waited_text(run)} {stand_text(run)}".rstrip()
-    if seen.task is not None and seen.spec.gripper is not None and not (seen.closed or seen.is_silent):
+    # Of a real robot's jaws no log has the truth.
+    is_known = seen.task is not None and seen.spec.gripper is not None and not seen.history.is_twin
+    if is_known and not (seen.closed or seen.is_silent):
         text += " The gripper was never closed."
     advice = None
     if ended_by_link(run.last_words):

@@ -49,7 +49,8 @@ def world_differences(seen: Attempt) -> str:
 
 
 def set_differences(seen: Attempt, *, with_limit: bool = True) -> str:
-    """The same of the robot, its sensors apart, and of the time limit, which may be told elsewhere."""
+    """A sentence on what the robot, its sensors apart, and the time limit have otherwise than in the nominal
+    set; the limit may be told elsewhere."""
     nominal = seen.history.nominal
     if nominal is None:
         return ""

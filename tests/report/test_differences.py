@@ -111,6 +111,23 @@ def test_usual_errors_of_a_drive_are_told_at_a_contact_and_not_blamed() -> None:
     assert cause.advice == "Compare each movement with the distance to the wall before you send it."
 
 
+def test_a_block_outside_its_zone_explains_no_silence() -> None:
+    cause = begin(block=(66.0, 18.0)).why(1)
+    assert cause.kind is Kind.SILENCE
+    assert "block lay" not in cause.text
+    assert "connect to the address" in cause.advice.lower()
+
+
+def test_a_block_outside_its_zone_stands_behind_a_wrong_belief() -> None:
+    mission = begin(block=(66.0, 18.0))
+    mission.give("u1", "u2", "u4")
+    mission.believe(ahead=40.0)
+    cause = mission.why(1)
+    assert cause.kind is Kind.LOST
+    assert cause.text.endswith("The block lay at (66.0, 18.0), outside the loading zone.")
+    assert "block" not in cause.advice
+
+
 def cause_of_slowness() -> Cause:
     """The cause of a run that reads and moves by turns until its time limit, 62 s, is over."""
     mission = begin(limit=62.0, change=lambda sensor: replace(sensor, read_time=0.4))
