@@ -5,23 +5,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator
 
 from msgspec import Struct
 
-from simmer_tui.report.cause_text import NAMED, Fact, findings_text, goals_text, strayed_text
-from simmer_tui.report.causes import Cause, Kind, MomentKind
+from simmer_tui.report.causes import Cause, Fact, Kind
 from simmer_tui.report.command_causes import moved_fact, refused_fact, wire_fact
 from simmer_tui.report.contact_causes import (
-    AGAINST_WALLS,
-    CORRECT,
+    NAMED,
     drive_wrong_fact,
+    findings_text,
     known_wall_fact,
     sensor_wrong_fact,
     too_close_fact,
     unread_fact,
 )
-from simmer_tui.report.contact_evidence import belief_text, shown_tried
+from simmer_tui.report.contact_evidence import belief_text
 from simmer_tui.report.ending_causes import (
     crashed_fact,
     dropped_fact,
@@ -32,18 +31,19 @@ from simmer_tui.report.ending_causes import (
     silence_fact,
     slow_fact,
 )
+from simmer_tui.report.moments import Moment, MomentKind, end_moment
 from simmer_tui.report.run_evidence import RunEvidence
 from simmer_tui.report.set_differences import set_differences, world_differences
 from simmer_tui.report.typical_runs import most_different
+from simmer_tui.run.phrases import capitalized
 
 
 class CauseRule(Struct, frozen=True):
     """A rule: it holds where `find` gives a fact. `when` is its condition for the page, `excludes` what it
-    rules out, `advice` one line to follow (empty for none), `moment` the kind of moment that is marked."""
+    rules out, `advice` one line to follow (empty for none)."""
 
     kind: Kind
     find: Callable[[RunEvidence], Fact | None]
-    moment: MomentKind
     when: str
     excludes: str
     advice: str = ""
@@ -51,22 +51,20 @@ class CauseRule(Struct, frozen=True):
 
 def cause_of(run: RunEvidence) -> Cause:
     """The cause of a failed run: the first rule of `ORDER` that holds, else the unknown one."""
-    cause = _first(run, ORDER)
-    return cause or _made(run, NO_RULE, Fact(f"Unknown. {most_different(run.seen)}"))
+    return next(_causes(run, (*ORDER, NO_RULE)))
 
 
 def cause_so_far(run: RunEvidence) -> Cause | None:
     """The cause that a run which was stopped has shown so far; None without one. What it had not done yet it
     might have done."""
-    return _first(run, [rule for rule in ORDER if rule.kind not in _AT_THE_END])
+    return next(_causes(run, (rule for rule in ORDER if rule.kind not in _AT_THE_END)), None)
 
 
-def _first(run: RunEvidence, rules: Sequence[CauseRule]) -> Cause | None:
+def _causes(run: RunEvidence, rules: Iterable[CauseRule]) -> Iterator[Cause]:
     for rule in rules:
         fact = rule.find(run)
         if fact is not None:
-            return _made(run, rule, fact)
-    return None
+            yield _made(run, rule, fact)
 
 
 def advice_on(kind: Kind) -> str:
@@ -75,94 +73,77 @@ def advice_on(kind: Kind) -> str:
 
 
 def _made(run: RunEvidence, rule: CauseRule, fact: Fact) -> Cause:
-    seen, parts, culprits = run.seen, [fact.text], fact.culprits
-    world = world_differences(seen)
+    parts, culprits = [fact.text], fact.culprits
     advice = rule.advice if fact.advice is None else fact.advice
-    if fact.has_behind or rule is NO_RULE:
-        declared, marked = _declared(run)
-        behind, codes = _behind(run)
-        if marked and rule.kind is not Kind.TOO_SLOW:
-            named = " and ".join(marked)
+    world = world_differences(run.seen)
+    if fact.has_behind:
+        declared = list(run.declared)[:NAMED] if run.seen.task is not None else []
+        if declared and rule.kind is not Kind.TOO_SLOW:
+            named = " and ".join(declared)
             advice = f"Give your program the numbers of this set for {named}, or correct for them."
-        parts += [world, declared, behind]
-        culprits = tuple(dict.fromkeys((*culprits, *marked, *codes)))
-    met = run.contact if run.has_contact else None
+        behind, codes = _behind(run)
+        parts += [world, *(f"By this robot's set, {code} {run.declared[code]}." for code in declared), behind]
+        culprits = tuple(dict.fromkeys((*culprits, *declared, *codes)))
     parts.append(fact.then)
-    goals = goals_text(run)
-    if met is None and rule.kind in _ABOUT_GOALS:
+    if not run.has_contact and rule.kind in _ABOUT_GOALS:
         # A search fails where the block is not; a lost or silent program fails before that.
-        is_first = rule.kind in _OF_A_SEARCH and bool(strayed_text(run))
-        parts.insert(0 if is_first else len(parts), goals)
+        is_first = rule.kind in _OF_A_SEARCH and bool(run.strayed_text)
+        parts.insert(0 if is_first else len(parts), run.goals_text)
         advice = _SEARCH if is_first else advice
-    text = " ".join(filter(None, parts))
-    evidence: tuple[str, ...] = (run.arrived_text, belief_text(seen, seen.beliefs[0]), goals)
-    if met is not None:
-        # What a wrong drive does is no error of the movements that are repeated: of it they say nothing.
-        tried = "" if run.findings_about(drives=True) else shown_tried(met.tried)
-        unused = f"The gripper was never {run.unused_grip[1]}." if run.unused_grip is not None else ""
-        evidence = (run.arrived_text, belief_text(seen, met.met.belief), tried, unused)
-    elif seen.is_silent:
-        evidence = (f"Last output: {run.last_words}." if run.last_words else "",)
-    there = f"When it was ended, the program was at {run.ended_at}." if run.ended_at else ""
-    evidence = (
-        *evidence,
-        there if run.ended_at not in text else "",
-        world,
-        set_differences(seen, with_limit=rule.kind is not Kind.TOO_SLOW),
-    )
     # A reason may end with a question; a sentence ends with one mark.
-    text = text.replace("?.", "?")
-    at = fact.at
-    elapsed = fact.since if fact.since is not None else seen.elapsed if at is None else at.elapsed
+    text = " ".join(filter(None, parts)).replace("?.", "?")
+    evidence = _evidence(run, rule.kind)
     return Cause(
         kind=rule.kind,
         text=text,
-        evidence=tuple(each for each in evidence if each and each not in text),
-        elapsed=elapsed,
-        line=getattr(at, "line", seen.line),
-        place=fact.place or (seen.pose.x, seen.pose.y),
-        moment=fact.moment or rule.moment,
-        tried=met.tried if met is not None else (),
-        sure=fact.sure,
+        evidence=tuple(each for each in (*evidence, world) if each and each not in text),
+        moment=fact.marked,
+        tried=run.contact.tried if run.has_contact and run.contact is not None else (),
         culprits=culprits,
         advice=advice,
     )
 
 
-def _behind(run: RunEvidence) -> tuple[str, tuple[str, ...]]:
+def _behind(run: RunEvidence) -> tuple[str, list[str]]:
     """Sentences of the tables that stand behind a fact: wrong devices, else beliefs or corrections. And the
     codes of the devices."""
     if run.findings and run.seen.task is not None:
-        told, codes = findings_text(run.findings)
-        return told, codes
-    text, codes = run.belief.text, run.belief.culprits
-    if codes or not run.corrections:
-        return text, codes
-    told = ", and ".join(each.text for each in run.corrections)
-    of = tuple(dict.fromkeys(code for each in run.corrections for code in each.of))
-    return f"{text} {told}.".strip(), of
+        return findings_text(run.findings), [each.of for each in run.findings]
+    codes = [*run.belief.culprits] or [code for each in run.corrections for code in each.of]
+    told = "" if run.belief.culprits else ", and ".join(each.text for each in run.corrections)
+    return f"{run.belief.text} {told}{'.' if told else ''}".strip(), codes
 
 
-def _declared(run: RunEvidence) -> tuple[str, tuple[str, ...]]:
-    """Sentences on devices with a large error that their set declares, and their codes."""
-    if run.seen.task is None:
-        return "", ()
-    codes = tuple(run.declared)[:NAMED]
-    return " ".join(f"By this robot's set, {code} {run.declared[code]}." for code in codes), codes
+def _evidence(run: RunEvidence, kind: Kind) -> list[str]:
+    """Sentences that support a cause."""
+    seen = run.seen
+    found = [f"Last output: {run.last_words}." if run.last_words else ""]
+    if not seen.is_silent:
+        found = [run.arrived_text, belief_text(seen, run.last_belief), run.goals_text]
+    if run.has_contact and run.contact is not None:
+        # What a wrong drive does is no error of the movements that are repeated: of it they say nothing.
+        tried = "" if run.findings_about(drives=True) else run.contact.tried_text
+        unused = f"{capitalized(run.unused_grip[1])}." if run.unused_grip is not None else ""
+        found = [run.arrived_text, belief_text(seen, run.last_belief), tried, unused]
+    there = f"The program was at {run.ended_at}." if run.ended_at else ""
+    return [*found, there, set_differences(seen, with_limit=kind is not Kind.TOO_SLOW)]
+
+
+def _unknown(run: RunEvidence) -> Fact:
+    at = end_moment(run) or Moment(MomentKind.END, run.seen.elapsed, "the run ended", run.seen.line)
+    return Fact(at, f"Unknown. {most_different(run.seen)}", has_behind=True)
 
 
 ORDER: tuple[CauseRule, ...] = (
     CauseRule(
         Kind.WIRE,
         wire_fact,
-        MomentKind.FAULT,
         "a mistake of a line was reported, or a program turned away, and no goal was met after it",
         "all others",
     ),
     CauseRule(
         Kind.REFUSED,
         refused_fact,
-        MomentKind.FAULT,
         "most commands to drive were refused, a twentieth of all, or one that was never carried out",
         "what followed",
         "Check the reply to each command in your program: a refused one does nothing.",
@@ -170,14 +151,12 @@ ORDER: tuple[CauseRule, ...] = (
     CauseRule(
         Kind.CRASHED,
         crashed_fact,
-        MomentKind.PROGRAM,
         "an exception or a signal ended the program",
         "what led there",
     ),
     CauseRule(
         Kind.MOVED,
         moved_fact,
-        MomentKind.PERSON,
         "a person moved the robot or the block; or a second client came",
         "what followed",
         "Compare each reading with the belief, and search again when they no longer fit.",
@@ -185,7 +164,6 @@ ORDER: tuple[CauseRule, ...] = (
     CauseRule(
         Kind.SENSOR_WRONG,
         sensor_wrong_fact,
-        MomentKind.DEVICE,
         "a sensor differs from the nominal set; or its last reading of the wall was too long",
         "what followed",
         "Calibrate the sensor, or give the program the numbers of this set.",
@@ -193,15 +171,13 @@ ORDER: tuple[CauseRule, ...] = (
     CauseRule(
         Kind.DRIVE_WRONG,
         drive_wrong_fact,
-        MomentKind.DEVICE,
         "a drive differs from the nominal set; or without its large errors nothing would have been touched",
         "what followed",
-        CORRECT,
+        "Measure after each movement, and correct for the drive's error.",
     ),
     CauseRule(
         Kind.LOST,
         lost_fact,
-        MomentKind.LOST,
         "the belief was wrong or unsure at the contact, grip or end",
         "the path",
         "Turn on the spot and read all sensors until the belief is sure, before you drive on.",
@@ -209,7 +185,6 @@ ORDER: tuple[CauseRule, ...] = (
     CauseRule(
         Kind.SILENCE,
         silence_fact,
-        MomentKind.END,
         "no command came in the last quarter of the time, or none at all",
         "a program that is slow",
         "Print a line before each command, lock and wait: the last line shows where the program waits.",
@@ -217,22 +192,19 @@ ORDER: tuple[CauseRule, ...] = (
     CauseRule(
         Kind.KNOWN_WALL,
         known_wall_fact,
-        MomentKind.COMMAND,
         "a right reading or belief showed the wall, and the command led an inch or more into it",
         "wrong readings, drive errors",
-        AGAINST_WALLS,
+        "Compare each movement with the distance to the wall before you send it.",
     ),
     CauseRule(
         Kind.UNREAD,
         unread_fact,
-        MomentKind.COMMAND,
         "no range was read on the last 4 in or 45 deg; or the one that sees the block was not",
         "wrong readings",
     ),
     CauseRule(
         Kind.MISSED_GRIP,
         missed_grip_fact,
-        MomentKind.COMMAND,
         "the gripper closed on nothing, or was not used where the block was right for it",
         "a wrong belief",
         "Measure the distance to the block once more before you close the gripper.",
@@ -240,7 +212,6 @@ ORDER: tuple[CauseRule, ...] = (
     CauseRule(
         Kind.DROPPED_OUTSIDE,
         dropped_fact,
-        MomentKind.COMMAND,
         "the block was set down outside the drop zone",
         "a wrong belief",
         "Check the block's place, not the robot's, before you open the gripper.",
@@ -248,7 +219,6 @@ ORDER: tuple[CauseRule, ...] = (
     CauseRule(
         Kind.TOO_CLOSE,
         too_close_fact,
-        MomentKind.COMMAND,
         "the robot or its block touched a wall",
         "wrong beliefs",
         "Plan with an inch more on each side.",
@@ -256,7 +226,6 @@ ORDER: tuple[CauseRule, ...] = (
     CauseRule(
         Kind.GOT_NOWHERE,
         nowhere_fact,
-        MomentKind.COMMAND,
         "100 movements or a quarter of the time led to no goal or new place; or corrections do not shrink",
         "lack of time",
         "Count movements without a new place, and try another way after ten.",
@@ -264,7 +233,6 @@ ORDER: tuple[CauseRule, ...] = (
     CauseRule(
         Kind.TOO_SLOW,
         slow_fact,
-        MomentKind.END,
         "the time limit was reached",
         "a program that ended by itself",
         "Save time where most of it goes.",
@@ -272,7 +240,6 @@ ORDER: tuple[CauseRule, ...] = (
     CauseRule(
         Kind.ENDED,
         ended_fact,
-        MomentKind.PROGRAM,
         "the program ended by itself",
         "",
     ),
@@ -288,7 +255,7 @@ _AT_THE_END = (Kind.CRASHED, Kind.UNREAD, Kind.TOO_SLOW, Kind.ENDED)
 """Causes of which only the end of a run tells."""
 NO_RULE = CauseRule(
     Kind.UNKNOWN,
-    lambda run: None,
+    _unknown,
     MomentKind.END,
     "none holds: the three figures that differ most from runs that succeed are named",
     "",

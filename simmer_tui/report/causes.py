@@ -1,4 +1,4 @@
-"""Causes of failed runs: their kinds, and a cause as reports show it. `cause_order.py` decides on one."""
+"""Causes of failed runs: their kinds, the fact that decided, and a cause as reports show it."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Self
 from msgspec import Struct
 
 from simmer_tui.report.counterfactuals import Counterfactual
+from simmer_tui.report.moments import Moment
 
 
 class Kind(StrEnum):
@@ -41,45 +42,49 @@ class Kind(StrEnum):
     UNKNOWN = "unknown", "#7f7f7f"
 
 
-class MomentKind(StrEnum):
-    """Kinds of moments of a run."""
-
-    BEGAN = "began"
-    LOCALIZED = "localized"
-    FAULT = "fault"
-    PERSON = "person"
-    DEVICE = "device"
-    BOARD = "board"
-    LOST = "lost"
-    SIGHT = "last sight"
-    COMMAND = "deciding command"
-    GOAL = "goal"
-    END = "end"
-    PROGRAM = "program's end"
+LIKELY, CERTAIN = "likely", "certain"
+"""Sureness of a cause. One that names a device is likely at most: the program may know the device's
+numbers."""
 
 
-class Sureness(StrEnum):
-    """Sureness of a cause: one that depends on the program's decisions is likely at most, as nobody sees
-    them."""
+class Fact(Struct, frozen=True):
+    """The fact that decided a run: the moment that is marked, `text` in sentences, and `then`, the sentences
+    on what came of it. Wrong devices and beliefs are told between them if `has_behind`. `culprits` are the
+    codes of the devices that it is about. `advice` replaces that of its rule."""
 
-    CERTAIN = "certain"
-    LIKELY = "likely"
+    marked: Moment
+    text: str = ""
+    then: str = ""
+    has_behind: bool = False
+    culprits: tuple[str, ...] = ()
+    advice: str | None = None
 
 
 class Cause(Struct, frozen=True):
-    """Cause of a failed run: `text` is a fact in one or two sentences, `evidence` has the sentences that
-    support it. `elapsed` (seconds) and `line` (of the log; 0 if there is none) are its moment, of the kind
-    `moment`, `place` its place (inches). `culprits` are the codes of the sensors and drives to blame,
-    `advice` is one line to follow, empty for none."""
+    """Cause of a failed run: `text` is a fact in a few sentences, `evidence` has the sentences that support
+    it. `moment` is the one that is marked. `culprits` are the codes of the sensors and drives to blame,
+    `advice` is one line to follow, empty for none. `tried` are the changes with which a contact was planned
+    again."""
 
     kind: Kind
     text: str
     evidence: tuple[str, ...]
-    elapsed: float
-    line: int
-    place: tuple[float, float]
-    moment: MomentKind
+    moment: Moment
     tried: tuple[Counterfactual, ...] = ()
-    sure: Sureness = Sureness.CERTAIN
     culprits: tuple[str, ...] = ()
     advice: str = ""
+
+    @property
+    def sure(self) -> str:
+        """Its sureness: `certain` or `likely`."""
+        return LIKELY if self.kind in (Kind.SENSOR_WRONG, Kind.DRIVE_WRONG) else CERTAIN
+
+    @property
+    def elapsed(self) -> float:
+        """Time of its moment, elapsed seconds."""
+        return self.moment.elapsed
+
+    @property
+    def line(self) -> int:
+        """Line of its moment in the log; 0 without one."""
+        return self.moment.line

@@ -7,46 +7,53 @@ import math
 from msgspec.structs import replace
 
 from simmer_tui.report.belief_facts import has_read_range, is_small, ranges_before
-from simmer_tui.report.cause_text import (
-    Fact,
-    ended_by_link,
-    lost_text,
-    quiet_text,
-    stand_text,
-    then_text,
-    waited_text,
-)
+from simmer_tui.report.causes import Fact
 from simmer_tui.report.command_causes import moved_fact
 from simmer_tui.report.counterfactuals import Change
-from simmer_tui.report.run_evidence import RunEvidence
-from simmer_tui.run.facts import missed_zone
-from simmer_tui.run.history_rows import BeliefRow, GripRow
-from simmer_tui.run.phrases import (
-    capitalized,
-    exit_text,
-    miss_text,
-    outside_text,
-    place_text,
-    program_end_text,
-    times_text,
+from simmer_tui.report.moments import (
+    Moment,
+    MomentKind,
+    command_moment,
+    end_moment,
+    grip_moment,
+    lost_moment,
+    program_moment,
+    told,
 )
-from simmer_tui.run.progress import GROUND, HUNDRED
-from simmer_tui.sim.command import WORD, counted, cut
+from simmer_tui.report.run_evidence import RunEvidence
+from simmer_tui.run.events import ProgramEnded
+from simmer_tui.run.history_rows import BeliefRow
+from simmer_tui.run.phrases import exit_text, place_text, times_text
+from simmer_tui.run.progress import HUNDRED
+from simmer_tui.sim.command import WORD, cut
 from simmer_tui.sim.specs import CELL_SIZE
 
 # Judged: a good program crosses the maze with fewer movements.
 STAYED, MOVES = 0.25, 20
 """Share of the time limit, and number of movements (or none), without progress that count as a cause."""
-CONNECT_ADVICE = "connect to the address in SIMMER_HOST and SIMMER_PORT, and send a first command."
-LINK_ADVICE = "look which command got no reply; simmer-tui doctor checks the ports."
+CONNECT_ADVICE = "Connect to the address in SIMMER_HOST and SIMMER_PORT, and send a first command."
+LINK_ADVICE = "Look which command got no reply; simmer-tui doctor checks the ports."
+_BY_ERROR = {
+    # Editors and older systems have Pythons of their own.
+    "ModuleNotFoundError: No module named 'simmer_tui'": (
+        "Use the Python that has simmer_tui, or write 'from client import Robot' and copy client.py beside "
+        "it (simmer-tui examples samples)."
+    ),
+    "EOFError": "Take the question out of your program: nobody can type under --run.",
+    # A person at the keyboard ended it: its line is not wrong.
+    "KeyboardInterrupt": "",
+}
+"""Advice by the beginning of an error."""
+_SLOW_LINK = 0.5
+"""Mean seconds of a reply on the link from which it is slow: ten times a Bluetooth link's. Judged."""
 _COMPARE_MOTION = "Compare what your program adds to its belief with the command that it sends."
 _COMPARE_RANGES = "Print the ranges as your program uses them, beside those of its map at its belief."
-_KEEP_OPEN = "Keep one connection open for all commands."
 _WAITS_AT = "Find out what your program waits for, or repeats, at {place}."
 _LOOK_AT_SKETCH = (
     "Find out what the sketch waits for; simmer-tui check DIR compares its pins with wiring.toml."
 )
 _NOT_NEAR = "Search for the block before you close the gripper: it was not near."
+_READS_ON = "Print what your program compares in the loop that only reads, and what would end it."
 _SPARE = {
     "reading": "Read {code} less often.",
     "the link": "Send several commands in one message: each message waits for the link.",
@@ -58,34 +65,54 @@ _SPARE = {
 
 def crashed_fact(run: RunEvidence) -> Fact | None:
     """An exception or a signal that ended the program."""
-    program = run.program
-    if program is None or not program.crashed or program.stopped or run.has_contact:
+    program, ended = run.program, program_moment(run)
+    if program is None or ended is None or not program.crashed or program.stopped or run.has_contact:
         return None
     led = moved_fact(run) or stalled_fact(run)
     before = "" if led is None else f" {led.text}{led.then}"
-    text = f"{capitalized(program_end_text(program))}.{waited_text(run)}{before}"
-    return Fact(text, culprits=() if led is None else led.culprits, has_behind=led is None)
+    advice = _crash_advice(run, program)
+    return Fact(ended, f"{told(ended)}{waited_text(run)}{before}", has_behind=led is None, advice=advice)
+
+
+def _crash_advice(run: RunEvidence, program: ProgramEnded) -> str:
+    """One line to follow after the end of a program by an error; empty for none."""
+    if not program.started:
+        return "Run the command after --run alone in a terminal."
+    for beginning, advice in _BY_ERROR.items():
+        if program.error.startswith(beginning):
+            return advice
+    if run.ended_by_link:
+        return CONNECT_ADVICE if run.seen.is_silent else LINK_ADVICE
+    return f"Look at {program.place}, and print what it is given." if program.place else ""
+
+
+def waited_text(run: RunEvidence) -> str:
+    """The last answered command of a program that ended because of its link; of one with another error its
+    last reading. A sentence with a space before it."""
+    last = run.last_command
+    if last is not None and run.ended_by_link:
+        mean = run.seen.spent.link / max(run.seen.commands, 1)
+        slow = f" A reply took {mean:.1f} s on the link." if mean >= _SLOW_LINK else ""
+        return f" Its last answered command was {last[0]}, at {last[1]:.1f} s.{slow}"
+    has_error = run.program is not None and run.program.error
+    return f" Its last reading was {run.last_reading}." if has_error and run.last_reading else ""
 
 
 def lost_fact(run: RunEvidence) -> Fact | None:
     """A belief that was wrong or unsure at the contact, the grip or the end."""
     seen, met, grip = run.seen, run.contact if run.has_contact else None, run.last_grip
-    least = CELL_SIZE if run.unused_grip else 0.0
-    if met is not None:
-        belief, lost, least = met.belief, met.lost, 0.0
-    elif seen.task is None or (run.silence is not None and (seen.is_silent or not run.belief.text)):
+    belief, lost, least = run.last_belief, lost_moment(run), 0.0
+    if met is None:
         # A program that stopped for another reason may be off as well.
-        return None
-    elif grip is not None:
+        is_silent = run.silence is not None and (seen.is_silent or not run.belief.text)
+        if seen.task is None or (is_silent and grip is None):
+            return None
         # A miss that is larger than the error of the belief has another reason.
-        belief, lost = seen.belief_before(grip.order)
-        least = run.missed_by / 2.0
-    else:
-        belief, lost = seen.beliefs
+        least = run.missed_by / 2.0 if grip is not None else CELL_SIZE if run.unused_grip else 0.0
     if belief is None:
         return None
-    if lost is not None:
-        return _lost_since(run, lost) if belief.distance >= least else None
+    if lost is not None and run.lost_belief is not None:
+        return _lost_since(run, lost, run.lost_belief) if belief.distance >= least else None
     believed = None if met is None else met.saved_by(Change.BELIEVED)
     # A program that was stopped might have found its place.
     is_at_end = grip is None and not (least or run.stopped or stalled_fact(run))
@@ -93,12 +120,13 @@ def lost_fact(run: RunEvidence) -> Fact | None:
     if not (believed or is_misled):
         return None
     spread = "" if math.isnan(belief.spread) else f", with a spread of {belief.spread:.1f} in"
-    began = "It was not sure of its place: its" if belief.unsure else "Its"
-    text = f"{began} last belief was off by {belief.error_text}{spread}."
-    return Fact(text, belief, has_behind=True, then=then_text(run))
+    unsure = ": it was not sure of its place" if belief.unsure else ""
+    text = f"its last belief was off by {belief.error_text}{spread}{unsure}"
+    at = Moment(MomentKind.LOST, belief.elapsed, text, belief.line, place=(belief.true_x, belief.true_y))
+    return Fact(at, told(at), _then(run), has_behind=True)
 
 
-def _lost_since(run: RunEvidence, lost: BeliefRow) -> Fact:
+def _lost_since(run: RunEvidence, at: Moment, lost: BeliefRow) -> Fact:
     """A belief that was wrong, the facts beside it, and what came of it."""
     parted, advice, ranges, is_misfit = run.belief.parted, None, "", False
     if not has_read_range(run.seen, lost.order):
@@ -114,89 +142,71 @@ def _lost_since(run: RunEvidence, lost: BeliefRow) -> Fact:
         advice = _COMPARE_MOTION
     elif is_misfit:
         advice = _COMPARE_RANGES
-    text = f"{capitalized(lost_text(run, lost))}.{parted}{ranges}"
-    return Fact(text, lost, has_behind=True, advice=advice, then=then_text(run))
+    return Fact(at, f"{told(at)}{parted}{ranges}", _then(run), has_behind=True, advice=advice)
+
+
+def _then(run: RunEvidence) -> str:
+    """Sentences on what came of a wrong belief: contact, grip, silence or the end."""
+    if run.has_contact:
+        return told(command_moment(run), end_moment(run))
+    if run.last_grip is not None:
+        return told(grip_moment(run))
+    return "" if run.stopped and run.silence is None else _end_text(run)
+
+
+def _end_text(run: RunEvidence) -> str:
+    """The end of a run in sentences: the silence or its reason, the program's line, and its last output."""
+    if run.silence is None:
+        return told(end_moment(run) or program_moment(run))
+    where = f"The program was at {run.ended_at}." if run.ended_at else ""
+    words = f"Its last output: {run.last_words.rstrip('.')}." if run.last_words else ""
+    return " ".join(filter(None, (told(end_moment(run)), where, words)))
 
 
 def silence_fact(run: RunEvidence) -> Fact | None:
     """No command in the last quarter of the time, or none at all."""
-    seen, quiet = run.seen, run.silence
-    if quiet is None or (seen.task is None and run.exit_code is None and not run.cut_off):
+    seen, end = run.seen, end_moment(run)
+    if run.silence is None or (seen.task is None and run.exit_code is None and not run.cut_off):
         return None
-    if seen.is_silent:
-        text = "The program sent no command at all."
-        if seen.history.displays.first.given and run.exit_code is None:
-            text = "No board set a motor or read a sensor."
-            return Fact(text, since=seen.elapsed, advice=_LOOK_AT_SKETCH)
-        if run.exit_code:
-            text = f"{capitalized(exit_text(run.exit_code))} before it sent a command."
-        return Fact(text, since=seen.elapsed, advice=capitalized(CONNECT_ADVICE))
-    advice = _WAITS_AT.format(place=run.ended_at) if run.ended_at else None
-    return Fact("", since=quiet.since, then=quiet_text(run), has_behind=True, advice=advice)
+    if not seen.is_silent and end is not None:
+        advice = _WAITS_AT.format(place=run.ended_at) if run.ended_at else None
+        return Fact(end, then=_end_text(run), has_behind=True, advice=advice)
+    text, advice = "The program sent no command at all.", CONNECT_ADVICE
+    if run.exit_code:
+        text = f"{exit_text(run.exit_code).capitalize()} before it sent a command."
+    elif seen.history.displays.first.given and run.exit_code is None:
+        text, advice = "No board set a motor or read a sensor.", _LOOK_AT_SKETCH
+    return Fact(end or _at_end(run, text), text, advice=advice)
 
 
 def missed_grip_fact(run: RunEvidence) -> Fact | None:
     """A gripper that closed on nothing, or was not used where it should have been."""
-    seen, gripper = run.seen, run.seen.spec.gripper
+    seen, gripper, closed = run.seen, run.seen.spec.gripper, grip_moment(run)
     if seen.task is None or run.has_contact or gripper is None:
         return None
-    if seen.misses and not seen.taken:
-        return _closed_on_nothing(run)
+    if closed is not None and not seen.taken:
+        return Fact(
+            closed, told(closed), has_behind=True, advice=_NOT_NEAR if run.missed_by > CELL_SIZE else None
+        )
     unused = run.unused_grip
     if unused is None or run.stopped or lacked_time(run):
         return None
-    first, what, value = unused
-    text = f"The gripper was never {what}, first at {first.elapsed:.1f} s."
-    advice = f"Send {gripper.code}-{value} there."
-    return Fact(text, first, place=(first.x, first.y), culprits=(gripper.code,), advice=advice)
-
-
-def _closed_on_nothing(run: RunEvidence) -> Fact:
-    done, count = run.seen.misses[-1], len(run.seen.misses)
-    missed = done.grip.missed
-    often = "" if count == 1 else f" {times_text(count)}"
-    closed = run.closed_before(done)
-    if closed is not None and missed is not None and not any(missed):
-        last = f": its jaws were closed since {closed.elapsed:.1f} s"
-    else:
-        last = "" if missed is None else f"{'. The last time, ' if often else ': '}{miss_text(missed)}"
-    is_far = missed is not None and math.hypot(*missed) > CELL_SIZE
-    return Fact(
-        f"The gripper closed on nothing{often}{last}.",
-        done,
-        place=(done.grip.block.x, done.grip.block.y),
-        has_behind=True,
-        advice=_NOT_NEAR if is_far else None,
-    )
+    first, text, value = unused
+    at = (first.x, first.y)
+    marked = Moment(MomentKind.COMMAND, first.elapsed, text, first.line, gripper.code, at)
+    return Fact(marked, told(marked), culprits=(gripper.code,), advice=f"Send {gripper.code}-{value} there.")
 
 
 def dropped_fact(run: RunEvidence) -> Fact | None:
     """A block that was set down outside the drop zone."""
-    seen, done = run.seen, run.seen.put_down
-    if seen.task is None or done is None or run.has_contact:
+    seen, at = run.seen, grip_moment(run)
+    if seen.task is None or seen.put_down is None or at is None or run.has_contact:
         return None
-    block, zone = done.grip.block, seen.task.zone
-    where, off, advice = place_text(block.x, block.y), "not in the drop zone", None
+    zone, advice = seen.task.zone, None
     if zone is not None:
         there = place_text(zone.x, zone.y)
-        off = f"{outside_text(missed_zone(zone, block.x, block.y))} the cell around {there}"
         advice = f"Print where your program takes drop zone and block to be; the zone is at {there}."
-    text = f"It set the block down outside the drop zone: at {where}, {off}."
-    lay = next((row.block for row in seen.history.blocks.items if not row.held), block)
-    if lay is not block and math.hypot(block.x - lay.x, block.y - lay.y) <= GROUND:
-        text = f"It took the block {times_text(seen.takes)}, and let it go where it lay: at {where}, {off}."
-        advice = "Find out why your program opens the gripper there: it held the block."
-    for each in seen.load_sensors:
-        text += f" {each.code} {_load_text(run, each.code, done)} before that."
-    return Fact(text, done, place=(block.x, block.y), has_behind=True, advice=advice)
-
-
-def _load_text(run: RunEvidence, code: str, done: GripRow) -> str:
-    """The last reading of a load sensor before a grip, in words."""
-    readings, codes = run.seen.within(run.seen.history.readings), run.seen.history.sensor_codes
-    mine = readings[[codes[number] == code for number in readings["sensor"]]]
-    values = mine["value"][mine["order"] < done.order]
-    return f"read {values[-1]:g}" if len(values) else "was never read"
+    return Fact(at, told(at), has_behind=True, advice=advice)
 
 
 def nowhere_fact(run: RunEvidence) -> Fact | None:
@@ -206,88 +216,69 @@ def nowhere_fact(run: RunEvidence) -> Fact | None:
         return None
     if stuck is not None and seen.collision is not None and not run.has_contact:
         pose = seen.collision.row.pose
-        return Fact(
-            f"It was stuck at {place_text(pose.x, pose.y)}: {stuck.text}.", since=stuck.since, has_behind=True
-        )
+        text = f"it was stuck at {place_text(pose.x, pose.y)}: {stuck.text}"
+        at = Moment(MomentKind.COMMAND, stuck.since, text, place=(pose.x, pose.y))
+        return Fact(at, told(at), has_behind=True)
     fact = stalled_fact(run)
     if fact is None or not run.has_contact:
         return fact
-    return replace(fact, then=f"{fact.then} {then_text(run)}".lstrip())
+    return replace(fact, then=f"{fact.then} {_then(run)}".lstrip())
 
 
 def stalled_fact(run: RunEvidence) -> Fact | None:
     """It continued to move, or only to read, and reached no goal and no new place."""
-    seen, task = run.seen, run.seen.task
+    seen, task, stalled = run.seen, run.seen.task, run.seen.stalled
     if task is None:
         return None
-    stalled, long = seen.stalled, STAYED * task.time_limit
+    long = STAYED * task.time_limit
     if run.corrections:
-        # The table behind the fact tells of them.
         first = run.corrections[0]
-        return Fact("", since=first.elapsed, culprits=first.of, advice=first.advice, has_behind=True)
-    stays = _stays(run, long)
-    if stays is not None:
-        return stays
-    # A robot that stands and reads is slow, not without progress: half of the time must have been driving.
-    lasted = seen.elapsed - stalled.since
-    idle = lasted < long or stalled.driving < lasted / 2
-    if stalled.movements >= (HUNDRED if idle or not seen.out_of_time else MOVES):
-        turned = f", {stalled.turned:.0f} deg" if stalled.turned >= 1.0 else ""
-        moved = f"{stalled.movements} movements ({stalled.driven:.0f} in{turned})"
-        text = f"From {stalled.since:.1f} s on, {moved} reached no goal and no new place"
-        often = run.movements_by_code(stalled.since)
-        text = f"{text}: {often}." if often else f"{text}."
-        place = (stalled.place.x, stalled.place.y)
-        return Fact("", since=stalled.since, place=place, has_behind=True, then=text)
-    return None
-
-
-def _stays(run: RunEvidence, long: float) -> Fact | None:
-    """It read on, and moved no more for so many seconds."""
-    seen, history = run.seen, run.seen.history
-    moves, readings = seen.within(history.movements), seen.within(history.readings)
+        at = Moment(MomentKind.COMMAND, first.elapsed, first.text, first.line, first.of[0])
+        # The table behind the fact tells of them.
+        return Fact(at, culprits=first.of, advice=first.advice, has_behind=True)
+    moves, readings = seen.within(seen.history.movements), seen.within(seen.history.readings)
     since = float(moves["elapsed"][-1]) if len(moves) else seen.begun
     later = int((readings["elapsed"] > since).sum())
-    if later < HUNDRED or seen.elapsed - since < long:
+    if later >= HUNDRED and seen.elapsed - since >= long:
+        text = f"the last movement ended; after it came {later} readings, the last {run.last_reading}"
+        at = Moment(MomentKind.COMMAND, since, text)
+        return Fact(at, then=f"{told(at)} {run.stand_text}".rstrip(), has_behind=True, advice=_READS_ON)
+    # A robot that stands and reads is slow, not without progress: half of the time must have been driving.
+    lasted = seen.elapsed - stalled.since
+    is_idle = lasted < long or stalled.driving < lasted / 2
+    if stalled.movements < (HUNDRED if is_idle or not seen.out_of_time else MOVES):
         return None
-    came = f"{counted(later, 'reading')} did, the last {run.last_reading}"
-    text = f"From {since:.1f} s on no movement came, and {came}. {stand_text(run)}".rstrip()
-    advice = "Print what your program compares in the loop that only reads, and what would end it."
-    return Fact("", since=since, advice=advice, has_behind=True, then=text)
+    turned = f" and {stalled.turned:.0f} deg" if stalled.turned >= 1.0 else ""
+    often = run.movements_by_code(stalled.since)
+    text = (
+        "it reached its last new place or goal; "
+        f"after that came {stalled.movements} movements, {stalled.driven:.0f} in{turned} in all"
+    )
+    text = f"{text}: {often}" if often else text
+    at = Moment(MomentKind.COMMAND, stalled.since, text, place=(stalled.place.x, stalled.place.y))
+    return Fact(at, then=told(at), has_behind=True)
 
 
 def slow_fact(run: RunEvidence) -> Fact | None:
     """A time limit that was reached."""
-    seen, spent = run.seen, run.seen.spent
+    seen, spent, task = run.seen, run.seen.spent, run.seen.task
     if run.has_contact or not (seen.out_of_time or run.cut_off):
         return None
-    if run.cut_off and not seen.out_of_time:
-        return Fact("At the real time limit the program was still running.")
+    at = end_moment(run) or _at_end(run, "the run was ended at its time limit")
+    if not seen.out_of_time:
+        return Fact(at, "At the real time limit the program was still running.")
     most = next(iter(run.time_parts))
     listed = ", ".join(f"{name} {time:.1f} s" for name, time in run.time_parts.items() if time >= 0.05)
-    counts = spent.took if most == "reading" else spent.readings
-    code = next((code for code, _ in counts.most_common(1)), "")
-    often = times_text(spent.readings[code])
-    if most == "reading":
-        often = f"{often}, {spent.took[code] / 1000.0:.1f} s"
-    read = f" It read sensors {times_text(spent.readings.total())} ({code} {often})." if code else ""
+    code = next((code for code, _ in spent.took.most_common(1)), "")
+    often = f"It read sensors {times_text(spent.readings.total())}, for {spent.reading:.1f} s in all"
+    read = f" {often}; {code} {times_text(spent.readings[code])}." if code else ""
     is_most = 2.0 * run.time_parts[most] > seen.elapsed - seen.begun
-    limit = f"{seen.task.time_limit:g} s" if seen.task is not None and not run.cut_off else "time"
-    text = f"Most of its time went to {most} ({listed})." if is_most else f"Its {limit} went to {listed}."
+    text = f"Most of its time went to {most} ({listed})." if is_most else f"Its time went to {listed}."
+    nominal, limit = seen.history.nominal, seen.elapsed if task is None else task.time_limit
+    if nominal is not None and limit < (nominal.time_limit or 0.0):
+        text = f"The time limit was {limit:g} s, in the set {nominal.name} {nominal.time_limit:g} s. {text}"
     advice = _SPARE[most].format(code=code) if is_most else None
-    nominal = seen.history.nominal
-    if run.velocities_left:
-        text, advice = f"{_left_text(run)} {text}", _KEEP_OPEN
-    elif seen.task is not None and nominal is not None and seen.task.time_limit < (nominal.time_limit or 0.0):
-        usual = f"in the set {nominal.name} {nominal.time_limit:g} s"
-        text = f"The time limit was {seen.task.time_limit:g} s, {usual}. {text}"
-    return Fact("", has_behind=True, advice=advice, then=text + read)
-
-
-def _left_text(run: RunEvidence) -> str:
-    """A sentence on velocities that ended with the connections by which they came."""
-    often = f"it made {run.velocities_left} for {counted(run.seen.commands, 'command')}"
-    return f"Its velocities ended with their connections: {often}."
+    return Fact(at, then=text + read, has_behind=True, advice=advice)
 
 
 def lacked_time(run: RunEvidence) -> bool:
@@ -300,24 +291,21 @@ def lacked_time(run: RunEvidence) -> bool:
 
 def ended_fact(run: RunEvidence) -> Fact | None:
     """A program that ended by itself."""
-    seen = run.seen
-    if run.has_contact or run.program is None or run.exit_code is None:
+    seen, at = run.seen, program_moment(run)
+    if run.has_contact or at is None or run.exit_code is None or (seen.task is None and not run.exit_code):
         return None
-    if seen.task is None and not run.exit_code:
-        return None
-    words = f" Its last output: {run.last_words}." if run.last_words else ""
-    limit = "" if seen.task is None else f" after {seen.seconds:.1f} of {seen.task.time_limit:g} s"
-    ended = f"{capitalized(exit_text(run.exit_code))}{limit}, before it was done."
-    text = f"{ended}{words}{waited_text(run)} {stand_text(run)}".rstrip()
+    text = f"{told(at)}{waited_text(run)} {run.stand_text}".rstrip()
     # Of a real robot's jaws no log has the truth.
     is_known = seen.task is not None and seen.spec.gripper is not None and not seen.history.is_twin
     if is_known and not (seen.closed or seen.is_silent):
         text += " The gripper was never closed."
     advice = None
-    if ended_by_link(run.last_words):
-        advice = capitalized(LINK_ADVICE)
-    elif run.velocities_left:
-        text, advice = f"{_left_text(run)} {text}", _KEEP_OPEN
+    if run.ended_by_link:
+        advice = LINK_ADVICE
     elif run.last_words and run.exit_code:
         advice = f"Look in your program at what leads to '{cut(run.last_words, WORD)}'."
-    return Fact("", has_behind=True, advice=advice, then=text)
+    return Fact(at, then=text, has_behind=True, advice=advice)
+
+
+def _at_end(run: RunEvidence, text: str) -> Moment:
+    return Moment(MomentKind.END, run.seen.elapsed, text, run.seen.line)

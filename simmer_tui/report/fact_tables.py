@@ -64,8 +64,8 @@ def _commands(run: RunEvidence) -> Iterator[tuple[object, ...]]:
     yield "sent", seen.commands, _by_code(seen.command_codes, names)
     refused = rows[rows["refused"]]
     yield "refused", len(refused), _by_code(refused["code"], names)
-    faults = run.fault_texts
-    yield "faults on the wire", len(faults), "; ".join(faults[:_LISTED])
+    faults = "; ".join(run.fault_text(each) for each in run.faults[:_LISTED])
+    yield "faults on the wire", len(run.faults), faults
     unread = [s.code for s in seen.spec.sensors if s.enabled and s.code not in history.sensor_codes]
     yield "sensors never read", len(unread), " ".join(unread)
     alone = run.unseen_block

@@ -1,27 +1,56 @@
-"""Moments: at most seven facts of a run in order, each with its time. The one that is the cause is marked."""
+"""Moments: the facts of a run, each with its time. The one that is the cause is marked.
+
+Causes are told in the sentences of moments, so each fact has one sentence everywhere.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from textwrap import shorten
+from enum import StrEnum
 
 from msgspec import Struct
 from msgspec.structs import replace
 
 from simmer_tui.document.formats import COUNT, PASSAGE, Format, number
 from simmer_tui.document.model import DataColumn, DataTable, data_table
-from simmer_tui.report.cause_text import lost_text
-from simmer_tui.report.causes import Cause, MomentKind
 from simmer_tui.report.run_evidence import RunEvidence
 from simmer_tui.run.events import ActionName, NoticeKind, Result
-from simmer_tui.run.history_rows import NoticeRow
-from simmer_tui.run.phrases import grip_ending, place_text, pose_text, program_end_text, sent_by_text
+from simmer_tui.run.facts import displacement, missed_zone
+from simmer_tui.run.history_rows import ActionRow, NoticeRow
+from simmer_tui.run.phrases import (
+    grip_ending,
+    outside_text,
+    place_text,
+    pose_text,
+    program_end_text,
+    sent_by_text,
+    times_text,
+)
 from simmer_tui.sim.command import WORD, counted, cut
 
 MOST_MOMENTS = 7
 """Moments of a run: they fit on a screen, and a reader keeps as many in mind."""
-_WORDS = 80
-"""Characters of a program's last output in a moment: a line of a terminal."""
+
+
+class MomentKind(StrEnum):
+    """Kinds of moments of a run, in the order of those of one time: the program's start is before what it
+    saw, that before its command, and the end last."""
+
+    BEGAN = "began"
+    LOCALIZED = "localized"
+    FAULT = "fault"
+    PERSON = "person"
+    DEVICE = "device"
+    BOARD = "board"
+    LOST = "lost"
+    SIGHT = "last sight"
+    COMMAND = "deciding command"
+    GOAL = "goal"
+    END = "end"
+    PROGRAM = "program's end"
+
+
+_ORDER = list(MomentKind)
 _KEPT = (
     MomentKind.END,
     MomentKind.COMMAND,
@@ -39,10 +68,6 @@ _KEPT = (
 """Kinds of moments, those that are kept longest first."""
 
 
-_DEEDS = {ActionName.TELEPORT: "moved the robot", ActionName.BLOCK: "moved the block"}
-"""Actions of people whose names are not those of what they do."""
-
-
 class Moment(Struct, frozen=True):
     """One fact of a run: `text` says it, without its time. `elapsed` is in seconds, `line` that of the log (0
     without one), `code` the sensor's, drive's or command's, `place` in inches. `is_cause` marks the cause."""
@@ -57,8 +82,14 @@ class Moment(Struct, frozen=True):
 
     @property
     def sentence(self) -> str:
-        """The fact with its time: `0.6 s: the robot touched the wall`."""
+        """The fact with its time, in a list: `0.6 s: the robot touched the wall`."""
         return f"{self.elapsed:.1f} s: {self.text}"
+
+
+def told(*moments: Moment | None) -> str:
+    """Moments as sentences, in the order of their times: `At 0.6 s the robot touched the wall.`"""
+    known = sorted((each for each in moments if each is not None), key=lambda each: each.elapsed)
+    return " ".join(f"At {each.elapsed:.1f} s {each.text}." for each in known)
 
 
 _PLACE = Format(str, ("x_in", "y_in"), tuple)
@@ -93,71 +124,74 @@ def moments_table(moments: tuple[Moment, ...]) -> DataTable:
     return MOMENTS.filled(rows, note)
 
 
-def moments_of(run: RunEvidence, cause: Cause | None = None) -> tuple[Moment, ...]:
-    """The moments of an attempt, in order, at most `MOST_MOMENTS`."""
-    found = list(_all_moments(run))
-    marked: Moment | None = None
-    if cause is not None:
-        # The same fact is marked where the moments have it; another of its kind stays.
-        same = [each for each in found if each.kind is cause.moment and each.elapsed == cause.elapsed]
-        if same:
-            found.remove(same[-1])
-            marked = replace(same[-1], is_cause=True)
-        else:
-            code = cause.culprits[0] if cause.culprits else ""
-            text = _uncapitalized(_first_sentence(cause.text))
-            marked = Moment(cause.moment, cause.elapsed, text, cause.line, code, cause.place, is_cause=True)
+def moments_of(run: RunEvidence, cause: Moment | None = None) -> tuple[Moment, ...]:
+    """The moments of an attempt, in order, at most `MOST_MOMENTS`, with that of its cause marked."""
+    found = [each for each in _all_moments(run) if each != cause]
     # Newer ones of a kind come first: the last goal counts more than the one before.
     ranked = sorted(found, key=lambda each: (_KEPT.index(each.kind), -each.elapsed))
     kinds = [each.kind for each in ranked]
     places = sorted(range(len(ranked)), key=lambda place: (kinds[place] in kinds[:place], place))
-    kept = ([] if marked is None else [marked]) + [ranked[place] for place in places]
-    return tuple(sorted(kept[:MOST_MOMENTS], key=lambda each: (each.elapsed, _ORDER[each.kind])))
-
-
-# Of one time: the program's start before what it saw, that before its command, and the end last.
-_ORDER = {kind: place for place, kind in enumerate(MomentKind)}
+    kept = [ranked[place] for place in places]
+    if cause is not None:
+        kept.insert(0, replace(cause, is_cause=True))
+    return tuple(
+        sorted(kept[:MOST_MOMENTS], key=lambda each: (each.elapsed, _ORDER.index(each.kind))),
+    )
 
 
 def _all_moments(run: RunEvidence) -> Iterator[Moment]:
-    seen, history = run.seen, run.seen.history
-    start = history.start if not seen.placed or seen.placed != history.began else None
-    first = next(iter(run.belief.rows), None) if len(run.belief.rows) else None
-    began = "the run began" if start is None else f"the robot began at {pose_text(start)}"
-    if history.is_twin:
-        began = "the run began on a real robot, whose true place is not known"
-    elif first is not None:
-        began += f"; the program first believed to be at {place_text(float(first['x']), float(first['y']))}"
-    place = None if start is None or history.is_twin else (start.x, start.y)
-    yield Moment(MomentKind.BEGAN, seen.begun, began, place=place)
-    if run.localized is not None and not seen.history.is_twin:
-        each = run.localized
+    yield _began(run)
+    if run.localized is not None and not run.seen.history.is_twin:
+        at = run.localized
         yield Moment(
-            MomentKind.LOCALIZED, each.elapsed, f"it knew its place, off by {each.distance:.1f} in", each.line
+            MomentKind.LOCALIZED, at.elapsed, f"it knew its place, off by {at.distance:.1f} in", at.line
         )
     for goal in run.goals:
         yield Moment(MomentKind.GOAL, goal.elapsed, goal.event.subject.value, goal.line)
-    yield from _fault(run)
     yield from _boards(run)
-    yield from _person(run)
-    yield from _lost(run)
-    yield from _deciding(run)
-    yield from _end(run)
+    yield from _people(run)
+    one_of_each = (
+        *(fault_moment(run), refusal_moment(run), lost_moment(run), sight_moment(run)),
+        *(command_moment(run), grip_moment(run), end_moment(run), program_moment(run)),
+    )
+    yield from (each for each in one_of_each if each is not None)
 
 
-def _fault(run: RunEvidence) -> Iterator[Moment]:
-    fault, refused = next(iter(run.faults), None), next(iter(run.seen.refusals), None)
-    refused = refused if run.mostly_refused is None else run.mostly_refused[-1]
-    count, of = run.all_refused
-    fault_text = next(iter(run.fault_texts), "")
-    if fault is not None and (refused is None or fault.notice.advice or fault.elapsed <= refused.elapsed):
-        share = f"{count} of {counted(of, 'command')} were refused: " if 2 * count > of else ""
-        yield Moment(MomentKind.FAULT, fault.elapsed, f"{share}{fault_text}", fault.line)
-    elif refused is not None:
-        command, reason = refused.result.command, refused.result.reason
-        others = f"; in all, {count} of {of} commands were refused" if count > 1 else ""
-        text = f"{cut(command.shown, WORD)} was refused: {reason}{others}"
-        yield Moment(MomentKind.FAULT, refused.elapsed, text, refused.line, command.code)
+def _began(run: RunEvidence) -> Moment:
+    seen, history = run.seen, run.seen.history
+    if history.is_twin:
+        text = "the run began on a real robot, whose true place is not known"
+        return Moment(MomentKind.BEGAN, seen.begun, text)
+    start = history.start if not seen.placed or seen.placed != history.began else None
+    text = "the run began" if start is None else f"the robot began at {pose_text(start)}"
+    if len(run.belief.rows):
+        first = run.belief.rows[0]
+        text += f"; the program first believed to be at {place_text(float(first['x']), float(first['y']))}"
+    return Moment(MomentKind.BEGAN, seen.begun, text, place=None if start is None else (start.x, start.y))
+
+
+def fault_moment(run: RunEvidence) -> Moment | None:
+    """The fault that decided, a program that was turned away, or the first fault that was reported."""
+    row = run.turned_away
+    if row is not None:
+        reason = row.text.partition(": ")[2].rstrip(".")
+        return Moment(MomentKind.FAULT, row.elapsed, f"a program was turned away: {reason}", row.line)
+    row = run.deciding_fault or next(iter(run.faults), None)
+    if row is None:
+        return None
+    refused, of = run.all_refused
+    share = f"{refused} of {counted(of, 'command')} were refused: " if 2 * refused > of else ""
+    return Moment(MomentKind.FAULT, row.elapsed, f"{share}{run.fault_text(row)}", row.line)
+
+
+def refusal_moment(run: RunEvidence) -> Moment | None:
+    """The refused command that decided, or the first one."""
+    found = run.refusal
+    if found is None:
+        return None
+    command, reason = found.row.result.command, found.row.result.reason.rstrip(".")
+    text = f"{cut(command.shown, WORD)} was refused: {reason}; in all, {found.text}"
+    return Moment(MomentKind.FAULT, found.row.elapsed, text, found.row.line, command.code)
 
 
 def _boards(run: RunEvidence) -> Iterator[Moment]:
@@ -170,84 +204,126 @@ def _boards(run: RunEvidence) -> Iterator[Moment]:
         yield Moment(MomentKind.BOARD, row.elapsed, row.text, row.line)
 
 
-def _person(run: RunEvidence) -> Iterator[Moment]:
+def _people(run: RunEvidence) -> Iterator[Moment]:
     began = run.seen.history.began
     for row in run.seen.history.actions.items:
         name = row.done.action.name
         has_acted = row.order > began and name.helps
         if not row.done.refused and (has_acted or (row.order == began and name.restarts)):
-            text = f"a person {_DEEDS.get(name, f'used {name.value}')}: {row.done.text}"
-            yield Moment(MomentKind.PERSON, row.elapsed, text, row.line)
+            yield person_moment(run, row)
 
 
-def _lost(run: RunEvidence) -> Iterator[Moment]:
-    lost = run.seen.beliefs[1]
+def person_moment(run: RunEvidence, row: ActionRow) -> Moment:
+    """An action of a person."""
+    deed = f"used {row.done.action.name.value}: {row.done.text}"
+    match row.done.action.name:
+        case ActionName.TELEPORT:
+            way, turn = displacement(row.before, row.done.pose)
+            deed = f"moved the robot, by {way:.0f} in and {abs(turn):.0f} deg"
+        case ActionName.BLOCK:
+            deed = f"moved the block to {place_text(*row.done.action.arguments[:2])}"
+        case ActionName.RESET if row is run.seen.reset:
+            taken = ", and the block, which it had held, to its place" if run.seen.emptied else ""
+            deed = f"reset the run: the robot went back to its start{taken}, and the program went on"
+    at = (row.before.x, row.before.y)
+    return Moment(MomentKind.PERSON, row.elapsed, f"a person {deed}", row.line, place=at)
+
+
+def lost_moment(run: RunEvidence) -> Moment | None:
+    """The first wrong belief of those that led to the contact, the grip or the end."""
+    lost = run.lost_belief
     if lost is None or run.seen.history.is_twin:
-        return
-    off = f", {lost.error_text} off" if lost.deviation.off_place else ""
-    text = f"{lost_text(run, lost)}{off}"
-    yield Moment(MomentKind.LOST, lost.elapsed, text, lost.line, place=(lost.true_x, lost.true_y))
+        return None
+    off = lost.deviation
+    if off.rejects_truth:
+        said = f"it gave the true cell {100 * lost.true_probability:.0f} %"
+    elif off.off_place:
+        believed, true = place_text(lost.x, lost.y), place_text(lost.true_x, lost.true_y)
+        said = f"it believed to be at {believed} and was at {true}, {lost.error_text} off"
+    else:
+        said = f"its believed heading was off by {abs(off.turn):.0f} deg"
+    since = (
+        "it was lost from then on"
+        if run.belief.was_right or run.seen.was_moved
+        else "it never found its place"
+    )
+    return Moment(
+        MomentKind.LOST, lost.elapsed, f"{said}: {since}", lost.line, place=(lost.true_x, lost.true_y)
+    )
 
 
-def _deciding(run: RunEvidence) -> Iterator[Moment]:
-    """The last sight and the command of a contact, and the grip that decided."""
-    seen, met, grip = run.seen, run.contact, run.last_grip
-    if met is not None and (run.has_contact or seen.task is None):
-        row, last = met.met.row, met.facing
-        sent = sent_by_text(row.ended.command.source, row.shown)
-        yield Moment(MomentKind.COMMAND, met.sent, sent, row.line, row.ended.command.code)
-        at = met.sent if last is None else last.time
-        yield Moment(MomentKind.SIGHT, at, met.sight_text, code=met.looking)
-    if grip is not None:
-        place, kind = (grip.grip.block.x, grip.grip.block.y), MomentKind.COMMAND
-        is_let_go = grip.had and not grip.grip.closed
-        text = (
-            f"it set the block down at {place_text(*place)}" if is_let_go else f"it {grip_ending(grip.grip)}"
-        )
-        if run.has_contact:
-            kind = MomentKind.GOAL
-        code = seen.spec.gripper.code if seen.spec.gripper else ""
-        yield Moment(kind, grip.elapsed, text, grip.line, code, place)
+def sight_moment(run: RunEvidence) -> Moment | None:
+    """The last reading of the sensor that looks at the place that was touched."""
+    met = run.touched
+    if met is None:
+        return None
+    at = met.sent if met.last is None else met.last.time
+    return Moment(MomentKind.SIGHT, at, met.sight_text, code=met.watch)
 
 
-def _end(run: RunEvidence) -> Iterator[Moment]:
-    seen, over, program = run.seen, run.seen.over, run.program
+def command_moment(run: RunEvidence) -> Moment | None:
+    """The command whose movement touched something."""
+    met = run.touched
+    if met is None:
+        return None
+    row = met.met.row
+    often = f" {times_text(run.repeated)} in a row" if run.repeated > 1 else ""
+    often = ", and nothing ended it" if met.goes_on else often
+    text = f"{sent_by_text(row.ended.command.source, row.shown)}{often}"
+    return Moment(MomentKind.COMMAND, met.sent, text, row.line, row.ended.command.code, met.met.contact.point)
+
+
+def grip_moment(run: RunEvidence) -> Moment | None:
+    """The grip that decided: the block was let go and not taken again, or never taken."""
+    row, seen = run.last_grip, run.seen
+    if row is None:
+        return None
+    place = row.grip.block.x, row.grip.block.y
+    text = f"it {grip_ending(row.grip)}"
+    if row.had and not row.grip.closed:
+        text = f"it set the block down at {place_text(*place)}"
+        zone = None if seen.task is None else seen.task.zone
+        off = (0.0, 0.0) if zone is None else missed_zone(zone, *place)
+        if zone is not None and any(off):
+            text += f", {outside_text(off)} the drop zone's cell around {place_text(zone.x, zone.y)}"
+        if seen.takes > 1:
+            text += f"; it had taken it {times_text(seen.takes)}"
+    elif len(seen.misses) > 1:
+        text += f"; it closed on nothing {times_text(len(seen.misses))} in all"
+    code = "" if seen.spec.gripper is None else seen.spec.gripper.code
+    # Beside a contact it is no decision.
+    kind = MomentKind.GOAL if run.has_contact else MomentKind.COMMAND
+    return Moment(kind, row.elapsed, text, row.line, code, place)
+
+
+def end_moment(run: RunEvidence) -> Moment | None:
+    """The contact, the silence or the reason that ended the run; None if its program ended by itself."""
+    seen, over, met = run.seen, run.seen.over, run.touched
     at, line, place = seen.elapsed, seen.line, (seen.pose.x, seen.pose.y)
-    if run.contact is not None and (run.has_contact or (seen.task is None and run.silence is None)):
-        row = run.contact.met.row
-        at, line, place = row.elapsed, row.line, run.contact.met.contact.point
-        count = "" if run.has_contact else f"the last of {counted(seen.contacts, 'contact')}: "
-        text = f"{count}{run.contact.text}"
+    if met is not None and (run.has_contact or run.silence is None):
+        at, line, place = met.met.row.elapsed, met.met.row.line, met.met.contact.point
+        is_last = not run.has_contact and seen.contacts > 1
+        text = f"{met.text}, the last of {seen.contacts} contacts" if is_last else met.text
     elif run.silence is not None and not seen.is_silent:
-        limit = (
-            "" if run.stopped else f"; the run was ended at the {'real ' if run.cut_off else ''}time limit"
-        )
-        at, line, text = run.silence.since, 0, f"no command came any more{limit}"
+        at, line, text = run.silence.since, 0, run.silence_text
     elif over is not None and over.event.subject is Result.SUCCESS:
         text = "the mission succeeded"
-    elif over is not None and (seen.out_of_time or program is None):
+    elif over is not None and (seen.out_of_time or run.program is None):
         text = f"the mission ended: {over.event.reason}"
-    elif program is None:
+    elif run.program is None:
         text = "the program sent no command" if seen.is_silent else "the last command was answered"
     else:
-        # The end of a program that ended by itself is the end of its mission.
-        text = ""
-    if text:
-        yield Moment(MomentKind.END, at, text, line, place=place)
-    has_ended = over is None or over.event.subject is not Result.SUCCESS
-    if program is not None and has_ended:
-        said = shorten(run.last_words, _WORDS, placeholder=" ...")
-        words = f"; its last output: {said}" if said and not program.crashed else ""
-        text = program_end_text(program).replace("ended with", "ended by itself, with") + words
-        yield Moment(MomentKind.PROGRAM, seen.elapsed, text, seen.line, place=(seen.pose.x, seen.pose.y))
+        return None
+    return Moment(MomentKind.END, at, text, line, place=place)
 
 
-def _first_sentence(text: str) -> str:
-    """The first sentence of a text, without its full stop."""
-    return text.partition(". ")[0].rstrip(".")
-
-
-def _uncapitalized(text: str) -> str:
-    first, _, _ = text.partition(" ")
-    # The name of a sensor or drive is written as it is.
-    return text if not first.isalpha() else f"{text[0].lower()}{text[1:]}"
+def program_moment(run: RunEvidence) -> Moment | None:
+    """The end of the program, with its last output; None after a success."""
+    seen, program = run.seen, run.program
+    if program is None or (seen.over is not None and seen.over.event.subject is Result.SUCCESS):
+        return None
+    words = (
+        f"; its last output: {run.last_words.rstrip('.')}" if run.last_words and not program.crashed else ""
+    )
+    text = program_end_text(program).replace("ended with", "ended by itself, with") + words
+    return Moment(MomentKind.PROGRAM, seen.elapsed, text, seen.line, place=(seen.pose.x, seen.pose.y))

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import cached_property
-from itertools import takewhile
 
 import numpy as np
 from msgspec import Struct
 
+from simmer_tui.config.mission_plan import cells_of
 from simmer_tui.report.belief_facts import BeliefFacts
 from simmer_tui.report.command_audit import multiplied_corrections
 from simmer_tui.report.contact_evidence import ContactEvidence
@@ -21,22 +21,37 @@ from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.episodes import Episode, EpisodeKind
 from simmer_tui.run.events import Goal, NoticeKind, ProgramEnded
 from simmer_tui.run.facts import missed_zone
-from simmer_tui.run.history_rows import GripRow, MissionRow, MovementRow, NoticeRow, RefusalRow
-from simmer_tui.run.phrases import REAL_TIME_LIMIT, last_output, times_text
+from simmer_tui.run.history_rows import (
+    BeliefRow,
+    GripRow,
+    MissionRow,
+    MovementRow,
+    NoticeRow,
+    RefusalRow,
+)
+from simmer_tui.run.phrases import REAL_TIME_LIMIT, last_output, place_text, times_text
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.command import counted
+from simmer_tui.sim.records import Status
 from simmer_tui.sim.sensors import ObservingSensor, modelled_sensor
 from simmer_tui.sim.sensors.base import World
+from simmer_tui.sim.specs import BLOCK
 
 # Judged: a program that computes for so long between two commands has stopped.
 _QUIET, _QUIET_SHARE = 5.0, 0.25
 """Seconds, real or simulated, and share of the run without a command at its end that count as silence."""
+_REFUSED_SHARE = 0.05
+"""Share of commands that were refused from which that changed the run. Judged."""
 _SEEN = 1.0
 """Least change of a reading by the block, inches, with which a sensor sees it."""
 _POSES = 400
 """Most poses from which it is computed who sees the block: a few minutes of movements."""
 _NONSENSE = "makes no sense as a movement"
 """Words of the connection doctor for the value of a command."""
+_LINK_ERRORS = ("Connection", "BrokenPipe", "Timeout", "socket.timeout", "asyncio.TimeoutError")
+"""Beginnings of errors with which a program tells that its link ended, or gave no reply."""
+_LINK_WORDS = ("closed the connection", "no reply to")
+"""Words of the client of this project, and of others, for a link that ended, or gave no reply."""
 _CODES = 3
 """Codes of movements that are named in a sentence."""
 _STOPS = 3
@@ -50,6 +65,16 @@ class Silence(Struct, frozen=True):
 
     since: float
     real_seconds: float
+
+
+class Refusal(Struct, frozen=True):
+    """Refused commands: one of them, all in words, the codes of those to drive, and True in `decides` if they
+    changed the run."""
+
+    row: RefusalRow
+    text: str
+    codes: tuple[str, ...] = ()
+    decides: bool = False
 
 
 class RunEvidence:
@@ -92,11 +117,11 @@ class RunEvidence:
         rows = self.seen.history.faults.first.items
         return [row for row in rows if row.order > self.seen.history.began]
 
-    @cached_property
-    def fault_texts(self) -> list[str]:
-        """The faults in words. Of a number that makes no sense only that is told: a reply may have been
-        misread, late, or of another command."""
-        return [fact for fact, _ in map(_nonsense, self.faults)]
+    def fault_text(self, row: NoticeRow) -> str:
+        """A fault in words. Of a number that makes no sense only that is told: a reply may have been misread,
+        late, or of another command."""
+        fact, found, _ = row.text.partition(_NONSENSE)
+        return f"{fact}{_NONSENSE}" if found else row.text.rstrip(".")
 
     @cached_property
     def goals(self) -> list[MissionRow]:
@@ -109,50 +134,58 @@ class RunEvidence:
     def deciding_fault(self) -> NoticeRow | None:
         """The first fault of the program's connection or its lines, unless a goal was met after it."""
         last = self.goals[-1].order if self.goals else 0
-        silent = self.seen.is_silent
         rows = (row for row in self.faults if row.order > last)
-        return next((row for row in rows if (row.notice.advice and not _nonsense(row)[1]) or silent), None)
-
-    @cached_property
-    def refused_share(self) -> tuple[int, int]:
-        """Number of the program's refused commands, and of all its commands."""
-        rows = self.seen.within(self.seen.history.commands)
-        rows = rows[self.seen.counts(rows) & ~np.isin(rows["number"], self.seen.typed)]
-        return int(rows["refused"].sum()), len(rows)
+        clear = (row for row in rows if row.notice.advice and _NONSENSE not in row.text)
+        return next(iter(self.faults), None) if self.seen.is_silent else next(clear, None)
 
     @cached_property
     def all_refused(self) -> tuple[int, int]:
-        """The same of every command, those that came too early and again included."""
+        """Number of the program's refused commands, those that came too early and again included, and of all
+        its commands."""
         rows = self.seen.within(self.seen.history.commands)
         rows = rows[~np.isin(rows["number"], self.seen.typed)]
         return int(rows["refused"].sum()), len(rows)
 
     @cached_property
-    def mostly_refused(self) -> tuple[list[str], int, int, RefusalRow] | None:
-        """Codes of refused commands to drive, how many there were, of how many, and the first that was kept.
-        None unless they are more than were carried out, in the whole run or since the last progress."""
-        seen = self.seen
+    def refusal(self) -> Refusal | None:
+        """The refused commands: most of those to drive, a share of all, one that was never carried out, or
+        else the first one; None without any."""
+        seen, rows = self.seen, self.seen.refusals
         for since in (seen.begun, seen.stalled.since):
             codes, count, of = seen.refused_drives(since)
             # Only the newest refusals are kept with their reasons.
-            rows = [each for each in seen.all_refusals if each.result.command.code in codes]
-            rows = [each for each in rows if each.elapsed >= since]
-            if count >= FEWEST["set"] and 2 * count > of and rows:
-                return *seen.refused_drives(since, every=True), rows[0]
-        return None
+            mine = [row for row in seen.all_refusals if row.result.command.code in codes]
+            mine = [row for row in mine if row.elapsed >= since]
+            if count >= FEWEST["set"] and 2 * count > of and mine:
+                codes, count, of = seen.refused_drives(since, every=True)
+                text = f"{count} of {of} commands to drive were refused"
+                return Refusal(mine[0], text, tuple(codes), decides=True)
+        refused, of = self.all_refused
+        text = f"{refused} of {counted(of, 'command')} were refused"
+        unknown = next((row for row in rows if row.result.status is not Status.BUSY), None)
+        commands = seen.within(seen.history.commands)
+        commands = commands[seen.counts(commands) & ~np.isin(commands["number"], seen.typed)]
+        is_share = commands["refused"].sum() >= _REFUSED_SHARE * len(commands)
+        if unknown is not None and seen.task is not None and is_share:
+            codes = [unknown.result.command.code] if unknown.result.status is Status.REFUSED else []
+            return Refusal(unknown, text, tuple(codes), decides=True)
+        undone = None if self.has_contact or seen.task is None else self._undone
+        if undone is not None:
+            return Refusal(undone, f"{text}, this one for good", (undone.result.command.code,), decides=True)
+        return Refusal(rows[0], text) if rows else None
 
-    @cached_property
-    def undone(self) -> list[RefusalRow]:
-        """Refused commands after the last goal that were never carried out, the first first: those that would
-        have closed the gripper, if it took nothing, or the last one to drive."""
+    @property
+    def _undone(self) -> RefusalRow | None:
+        """The first refused command after the last goal that was never carried out: one that would have
+        closed the gripper, if it took nothing, or the last one to drive."""
         seen, since = self.seen, self.goals[-1].order if self.goals else 0
         rows = [row for row in seen.refusals if row.order >= since and not seen.is_carried_out(row)]
         gripper = "" if seen.spec.gripper is None or seen.taken else seen.spec.gripper.code
         grips = [row for row in rows if row.result.command.code == gripper]
         driving = {row.code for row in (*seen.spec.drive_rows, *seen.spec.velocities)}
         last = seen.within(seen.history.movements)["order"].max(initial=0)
-        drives = [row for row in rows if row.result.command.code in driving]
-        return grips or [row for row in drives[-1:] if row.order > last]
+        drives = [row for row in rows if row.result.command.code in driving and row.order > last]
+        return next(iter(grips or drives[-1:]), None)
 
     @cached_property
     def last_command(self) -> tuple[str, float] | None:
@@ -165,6 +198,13 @@ class RunEvidence:
         mine = moves["asked"][moves["number"] == last["number"]]
         asked = f"-{mine[-1]:g}" if len(mine) and math.isfinite(mine[-1]) else ""
         return f"{name}{asked}", float(last["elapsed"])
+
+    @property
+    def ended_by_link(self) -> bool:
+        """True if the error or the last words of the program tell that its link had ended, or gave no
+        reply."""
+        said = (self.last_words, "" if self.program is None else self.program.error)
+        return any(each.startswith(_LINK_ERRORS) or any(w in each for w in _LINK_WORDS) for each in said)
 
     @property
     def beside(self) -> NoticeRow | None:
@@ -223,6 +263,18 @@ class RunEvidence:
         if by_clock or ((self.cut_off or self.stopped) and by_real_time):
             return Silence(end, real)
         return None
+
+    @property
+    def silence_text(self) -> str:
+        """The time without a command at the end, in words; empty without one."""
+        quiet, last = self.silence, self.last_command
+        if quiet is None:
+            return ""
+        answered = "the last command" if last is None else f"{last[0]}, the last command,"
+        end = f"the run was ended at the {'real ' if self.cut_off else ''}time limit"
+        if self.stopped:
+            end = f"the program was stopped {quiet.real_seconds:.0f} s of real time later"
+        return f"{answered} was answered, and none came after it; {end}"
 
     @cached_property
     def corrections(self) -> list[Disagreement]:
@@ -285,6 +337,22 @@ class RunEvidence:
         return BeliefFacts(self.seen, {each.of for each in self.findings})
 
     @cached_property
+    def last_belief(self) -> BeliefRow | None:
+        """The belief that led to the contact, the grip or the end."""
+        return self._beliefs[0]
+
+    @cached_property
+    def lost_belief(self) -> BeliefRow | None:
+        """The first wrong belief of those that led there; None if they were right."""
+        return self._beliefs[1]
+
+    @property
+    def _beliefs(self) -> tuple[BeliefRow | None, BeliefRow | None]:
+        if self.has_contact and self.contact is not None:
+            return self.contact.belief, self.contact.lost
+        return self.seen.beliefs if self.last_grip is None else self.seen.belief_before(self.last_grip.order)
+
+    @cached_property
     def localized(self) -> Episode | None:
         """The first time that the program knew its place."""
         return next((each for each in self.seen.episodes if each.kind is EpisodeKind.LOCALIZED), None)
@@ -296,6 +364,11 @@ class RunEvidence:
         """The last contact."""
         met = self.seen.collision
         return None if met is None else ContactEvidence(self.seen, met)
+
+    @property
+    def touched(self) -> ContactEvidence | None:
+        """The contact that matters: the one that ended the mission, or the last one without a mission."""
+        return self.contact if self.has_contact or self.seen.task is None else None
 
     @cached_property
     def repeated(self) -> int:
@@ -315,21 +388,6 @@ class RunEvidence:
             return seen.put_down
         return seen.misses[-1] if seen.misses and not seen.taken else None
 
-    def closed_before(self, done: GripRow) -> GripRow | None:
-        """The first grip since which the jaws were closed at another closing; None if they were open."""
-        began, grips = self.seen.history.began, self.seen.history.grips.items
-        before = [row for row in reversed(grips) if began < row.order < done.order]
-        closed = list(takewhile(lambda row: row.grip.closed, before))
-        return closed[-1] if closed else None
-
-    @property
-    def velocities_left(self) -> int:
-        """Number of connections of a program that drove by velocities and connected for nearly each command:
-        a velocity ends with its connection. Else 0."""
-        seen, came = self.seen, sum(row.notice.kind is NoticeKind.CONNECTED for row in self._connections)
-        drives = any(each.code in seen.history.code_names for each in seen.spec.velocities)
-        return came if drives and came >= max(FEWEST["set"], seen.commands / 2) else 0
-
     @property
     def missed_by(self) -> float:
         """Inches by which the deciding grip missed the block, or the block the drop zone; 0 without one."""
@@ -343,23 +401,27 @@ class RunEvidence:
 
     @cached_property
     def unused_grip(self) -> tuple[MovementRow, str, int] | None:
-        """The first movement after which the gripper should have been used and never was: in words for that,
-        and the value of its command. None if there is none."""
+        """The first movement after which the gripper should have been used and never was, that in words, and
+        the value of its command. None if there is none."""
         seen = self.seen
         if seen.holding and seen.arrivals:
-            return seen.arrivals[0], "opened: the block was in the drop zone", 0
+            return seen.arrivals[0], "the block was in the drop zone, and the gripper was never opened", 0
         # A program that stays may be about to close it; one that reads the load sensor believes it closed.
         if seen.taken or seen.closed or not seen.graspable or seen.stuck is not None:
             return None
         # A robot on its way elsewhere may pass over the block by chance.
         until = seen.graspable[-1].order
-        often = len(seen.graspable) >= _STOPS or any(goal.order <= until for goal in self.goals)
-        if not seen.asked_after_grip and not (seen.left_block and often):
+        is_meant = len(seen.graspable) >= _STOPS or any(goal.order <= until for goal in self.goals)
+        if not seen.asked_after_grip and not (seen.left_block and is_meant):
             return None
-        times = counted(len(seen.graspable), "movement")
-        return seen.graspable[0], f"closed: {times} ended with the block between its jaws", 1
+        often = f"; {counted(len(seen.graspable), 'movement')} ended like this"
+        return (
+            seen.graspable[0],
+            f"the block was between the jaws, and the gripper was never closed{often}",
+            1,
+        )
 
-    # -- what fits -----------------------------------------------------------------------------------------
+    # -- in words ------------------------------------------------------------------------------------------
 
     @property
     def arrived_text(self) -> str:
@@ -380,6 +442,42 @@ class RunEvidence:
         value = f"{float(last['value'][0]):.4g} {unit}".rstrip()
         return f"{value} by {code}, at {float(last['elapsed'][0]):.1f} s"
 
+    @property
+    def stand_text(self) -> str:
+        """The robot's place at the end, and the belief of it."""
+        seen, belief = self.seen, self.seen.beliefs[0]
+        if seen.task is None or seen.history.is_twin:
+            return ""
+        believed = "" if belief is None else f", and its belief was off by {belief.error_text}"
+        return f"It stood at {place_text(seen.pose.x, seen.pose.y)}{believed}."
+
+    @property
+    def strayed_text(self) -> str:
+        """A sentence on a block that was never taken and lies outside the loading zone; empty without one."""
+        seen = self.seen
+        loading, block = cells_of(seen.spec.maze, BLOCK), seen.history.blocks.items[-1].block
+        # Where the block of a real robot lies no log says.
+        is_known = seen.task is not None and bool(loading) and not seen.history.is_twin
+        if seen.taken or not is_known or any(cell.holds(block.x, block.y) for cell in loading):
+            return ""
+        return f"The block lay at {place_text(block.x, block.y)}, outside the loading zone."
+
+    @property
+    def goals_text(self) -> str:
+        """The goal that was not met, in a sentence."""
+        seen, zone = self.seen, None if self.seen.task is None else self.seen.task.zone
+        if seen.task is None or (seen.taken and not seen.holding) or seen.is_silent:
+            return ""
+        if seen.holding:
+            where = "" if zone is None else f" at {place_text(zone.x, zone.y)}"
+            return f"The robot held the block, and had not set it down in the drop zone{where}."
+        never = (
+            "It never entered the loading zone."
+            if not self.goals
+            else "The robot had not taken the block yet."
+        )
+        return self.strayed_text or never
+
     def movements_by_code(self, since: float) -> str:
         """The movements from a moment on by their codes, with their usual size: `r1 375 times by 0.1`."""
         names, moves = self.seen.history.code_names, self.seen.within(self.seen.history.movements)
@@ -392,12 +490,6 @@ class RunEvidence:
             usual = f"{sign}{median_of(np.abs(asked)):.2g}"
             told.append(f"{names[numbers[place]]} {times_text(int(counts[place]))}, mostly by {usual}")
         return "; ".join(told)
-
-
-def _nonsense(row: NoticeRow) -> tuple[str, bool]:
-    """A fault in words, and True if it is a number that makes no sense."""
-    fact, found, _ = row.text.partition(_NONSENSE)
-    return (f"{fact}{_NONSENSE}", True) if found else (row.text, False)
 
 
 def _is_same(first: Columns, second: Columns) -> bool:

@@ -12,12 +12,18 @@ from enum import StrEnum
 from msgspec import Struct
 
 from simmer_tui.report.cause_order import cause_of, cause_so_far
-from simmer_tui.report.cause_text import ended_by_link, waited_text
 from simmer_tui.report.causes import Cause, Kind
 from simmer_tui.report.device_differences import device_findings
-from simmer_tui.report.ending_causes import CONNECT_ADVICE, LINK_ADVICE
 from simmer_tui.report.finding import Finding
-from simmer_tui.report.moments import Moment, moments_of
+from simmer_tui.report.moments import (
+    Moment,
+    end_moment,
+    fault_moment,
+    lost_moment,
+    moments_of,
+    refusal_moment,
+    told,
+)
 from simmer_tui.report.run_evidence import RunEvidence
 from simmer_tui.run.attempt import Attempt, Task
 from simmer_tui.run.events import Goal, NoticeKind, ProgramEnded, Result
@@ -27,7 +33,6 @@ from simmer_tui.run.phrases import (
     contacts_text,
     crash_text,
     last_output,
-    place_text,
     program_end_text,
 )
 from simmer_tui.run.run_history import RunHistory
@@ -118,7 +123,7 @@ def _plain_cause(cause: Cause | None) -> dict[str, object] | None:
     return {
         "kind": cause.kind.value,
         "text": cause.text,
-        "sure": cause.sure.value,
+        "sure": cause.sure,
         "culprits": list(cause.culprits),
         "time_s": cause.elapsed,
         "line": cause.line,
@@ -210,9 +215,9 @@ class _Judge:
             line=moment.line,
             goal=self._goal,
             cause=cause,
-            moments=moments_of(run, cause),
+            moments=moments_of(run, None if cause is None else cause.moment),
             evidence=() if cause is None else cause.evidence,
-            advice=self._advice(cause),
+            advice=f"Try: {cause.advice}" if cause is not None and cause.advice else "",
             notes=() if late is None else (f"After that the program crashed: {crash_text(late)}.",),
             program=self._program,
             restart=self._attempt.restart,
@@ -279,7 +284,8 @@ class _Judge:
                 return f"{capitalized(program_end_text(self._crash))}.".replace("?.", "?")
             if cause is not None and cause.kind is not Kind.CRASHED:
                 return f"Crashed {when}{reached}: {cause.text} Then: {crash_text(self._crash)}."
-            return f"Crashed {when}{reached}: {crash_text(self._crash)}.{waited_text(run)}"
+            beside = "" if cause is None else cause.text.removeprefix(told(cause.moment))
+            return f"Crashed {when}{reached}: {crash_text(self._crash)}.{beside}"
         if cause is not None:
             stop = "its connection ended" if self._program is None else "the program was stopped"
             stop = f", when {stop}" if run.stopped else ""
@@ -294,27 +300,7 @@ class _Judge:
             answered = f"the last, {last[0]}, was answered at {last[1]:.1f} s"
             return f"Still going {when}{reached}: {done}; {answered}, and none has come since."
         how = f"{end}; " if end else ""
-        return f"{outcome.value.capitalize()} {when}{reached}: {how}{self._worst()}."
-
-    def _advice(self, cause: Cause | None) -> str:
-        if cause is None:
-            return ""
-        program = self._program
-        own = program is not None and program.exit_code and not program.stopped
-        if program is None or not own or cause.kind not in _OF_THE_PROGRAM:
-            return f"Try: {cause.advice}" if cause.advice else ""
-        if not program.started:
-            return "Try: the command after --run alone in a terminal."
-        if program.error.startswith(_NO_PACKAGE):
-            return f"Try: {_OTHER_PYTHON}."
-        if ended_by_link(program.error):
-            return f"Try: {CONNECT_ADVICE if self._attempt.is_silent else LINK_ADVICE}"
-        if program.error.startswith("EOFError"):
-            return "Try: take the question out of your program: nobody can type under --run."
-        if program.crashed:
-            is_of_line = program.place and not program.error.startswith(_NO_LINE)
-            return f"Try: look at {program.place}, and print what it is given." if is_of_line else ""
-        return f"Try: find out why the program ends with exit code {program.exit_code}."
+        return f"{outcome.value.capitalize()} {when}{reached}: {how}{self._worst(run)}."
 
     def _end(self) -> str:
         """Words for the end of the program or of its connection; empty without one."""
@@ -322,50 +308,26 @@ class _Judge:
             return program_end_text(self._program)
         return "" if self._left is None else self._left.text
 
-    def _worst(self) -> str:
-        """The worst event of a run without a mission."""
-        attempt, history = self._attempt, self._history
-        stuck = attempt.stuck
-        if stuck is not None and attempt.collision is not None:
-            pose = attempt.collision.row.pose
-            return f"stuck at {place_text(pose.x, pose.y)}: {stuck.text}"
-        if attempt.contacts and attempt.collision is not None:
-            row = attempt.collision.row
-            last = "" if attempt.contacts == 1 else "the last "
-            return f"{contacts_text(attempt.contacts)}, {last}in {row.shown} at {row.elapsed:.1f} s"
-        lost = attempt.beliefs[1]
-        if lost is not None:
-            return f"lost since {lost.elapsed:.1f} s, by {lost.error_text}"
-        fault = next((f": {row.text}" for row in history.faults.first.items), "")
-        for count, name in ((history.faults.first.given, "fault"), (attempt.refused, "refused command")):
-            if count:
-                return f"{counted(count, name)}{fault}"
+    def _worst(self, run: RunEvidence) -> str:
+        """The worst event of a run without a cause."""
+        attempt, program = self._attempt, self._program
+        moments = (end_moment if run.touched else lost_moment, lost_moment, fault_moment, refusal_moment)
+        worst = next(filter(None, (moment(run) for moment in moments)), None)
+        if worst is not None:
+            return f"at {worst.elapsed:.1f} s {worst.text}"
         if attempt.is_silent:
             return "no command was sent"
-        program = self._program
+        wires = self._history.totals.wires
+        done = counted(attempt.commands, "command") if attempt.commands else counted(wires, "serial message")
         if program is not None and program.exit_code and not program.stopped:
             # It has failed in its own opinion, and its last line says why at best.
-            said, sent = last_output(program), history.unanswered
+            said, sent = last_output(program), self._history.unanswered
             waits = f"; its last message, '{sent[0]}' at {sent[1]:.1f} s, had no reply" if sent else ""
-            return f"it printed last: {said}{waits}" if said else f"it printed nothing{waits}"
-        wires = history.totals.wires
-        done = counted(attempt.commands, "command") if attempt.commands else counted(wires, "serial message")
-        if program is not None and program.exit_code:
-            return f"{done} until then"
-        is_counted = self._program is None and self._end().endswith(f" after {done}")
+            return f"{done}; it printed {f'last: {said}' if said else 'nothing'}{waits}"
+        is_counted = program is None and self._end().endswith(f" after {done}")
         return "nothing went wrong" if is_counted else f"{done}, nothing went wrong"
 
 
-_OF_THE_PROGRAM = (Kind.CRASHED, Kind.SILENCE)
-_NO_LINE = "KeyboardInterrupt"
-"""Error by a person at the keyboard: its line is not wrong."""
-_NO_PACKAGE = "ModuleNotFoundError: No module named 'simmer_tui'"
-# Editors and older systems have Pythons of their own.
-_OTHER_PYTHON = (
-    "the Python that has simmer_tui, or write 'from client import Robot' and copy client.py beside it "
-    "(simmer-tui examples samples)"
-)
-"""Advice for a program that another Python runs."""
 # A run that was taken over goes on, whatever had ended in the logged one.
 _GOES_ON = (NoticeKind.CONNECTED, NoticeKind.TAKEN_OVER)
 _CONNECTIONS = (*_GOES_ON, NoticeKind.LEFT)

@@ -23,7 +23,7 @@ from simmer_tui.config.nominal import nominal_of
 from simmer_tui.document.formats import COUNT, Format
 from simmer_tui.document.model import DataColumn, DataTable, data_table
 from simmer_tui.errors import TrialsError
-from simmer_tui.report.causes import Kind, Sureness
+from simmer_tui.report.causes import LIKELY, Kind
 from simmer_tui.run.phrases import capitalized
 from simmer_tui.sim.rules import listed
 from simmer_tui.trials.chance_control import REPEATS, ChanceControl, control_of, control_table
@@ -280,7 +280,7 @@ def explained(result: TrialResult, changed: Sequence[ChangedRun], name: str = ""
     `Run 7`."""
     name = name or f"Run {result.number}"
     cause = result.verdict.get("cause") or {}
-    likely = cause.get("sure") == Sureness.LIKELY.value
+    likely = cause.get("sure") == LIKELY
     own = [each for each in changed if not each.repeat]
     repeats = not any(each.succeeded for each in own if each.part is ChangedPart.NOTHING)
     tried = [each for each in own if each.part is not ChangedPart.NOTHING and each.succeeded is not None]

@@ -15,10 +15,10 @@ from simmer_tui.config.loader import Configuration, find_set, load
 from simmer_tui.config.mission_plan import Cell, MissionPlan
 from simmer_tui.config.nominal import Nominal
 from simmer_tui.report.cause_order import NO_RULE, ORDER, cause_of
-from simmer_tui.report.causes import Cause, Kind, MomentKind, Sureness
+from simmer_tui.report.causes import Cause, Kind
 from simmer_tui.report.counterfactuals import Change, CounterfactualWorld
 from simmer_tui.report.finding import Basis, Finding, FindingKind
-from simmer_tui.report.moments import MOST_MOMENTS, moments_of
+from simmer_tui.report.moments import MOST_MOMENTS, MomentKind, moments_of
 from simmer_tui.report.run_evidence import RunEvidence
 from simmer_tui.report.verdict import verdict_of
 from simmer_tui.robot.engine import Engine
