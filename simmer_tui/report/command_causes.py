@@ -49,7 +49,8 @@ def moved_fact(run: RunEvidence) -> Fact | None:
     row = seen.reset if seen.emptied else seen.moved
     if row is not None:
         moved = person_moment(run, row)
-        no_belief = "" if seen.beliefs[0] is None else " No belief was right after that."
+        was_wrong = row is seen.moved and seen.beliefs[0] is not None
+        no_belief = " No belief was right after that." if was_wrong else ""
         return Fact(moved, f"{told(moved)}{no_belief}")
     if seen.task is None:
         return None

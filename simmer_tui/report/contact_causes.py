@@ -18,11 +18,13 @@ from simmer_tui.report.moments import (
     told,
 )
 from simmer_tui.report.run_evidence import RunEvidence
+from simmer_tui.run.facts import SLIGHT
 from simmer_tui.run.phrases import obstacle_place
 from simmer_tui.sim.command import counted
 
 NAMED = 4
 """Findings named in a sentence; the table of devices has all."""
+_AGAINST_WALLS = "Compare each movement with the distance to the wall before you send it."
 _MAP_ADVICE = "Look whether your program's map has {wall}, and compare each movement with the distance to it."
 """Advice where a right belief led into a wall."""
 _GOES_ON = "End the velocity in time: send {code} with zeros. It goes on until another one comes."
@@ -110,11 +112,11 @@ def too_close_fact(run: RunEvidence) -> Fact | None:
     return _at_contact(run, None, advice)
 
 
-def _wall_advice(run: RunEvidence) -> str | None:
+def _wall_advice(run: RunEvidence) -> str:
     """Advice where a command led into a wall: a right belief leaves the map, which has the outer wall."""
     met = run.contact
     if met is None or not met.knew or met.is_outer_wall:
-        return None
+        return _AGAINST_WALLS
     return _MAP_ADVICE.format(wall=obstacle_place(met.met.contact, run.seen.spec))
 
 
@@ -128,7 +130,7 @@ def _at_contact(
     assert sent is not None
     belief = ""
     if met.belief is not None:
-        right = "right, " if met.knew else ""
+        right = "right, " if met.knew and met.belief.distance <= SLIGHT else ""
         belief = f"Its belief was {right}off by {met.belief.error_text}."
     if met.goes_on:
         advice = _GOES_ON.format(code=sent.code)

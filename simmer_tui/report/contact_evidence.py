@@ -23,7 +23,7 @@ from simmer_tui.run.facts import (
 )
 from simmer_tui.run.history_rows import BeliefRow
 from simmer_tui.run.phrases import contact_text, side_text
-from simmer_tui.sim.angles import half_turn
+from simmer_tui.sim.angles import half_turn, side_name
 from simmer_tui.sim.specs import CELL_SIZE, SensorSpec
 
 # Judged: after a third of a cell, or half a quarter turn, a sensor sees other obstacles.
@@ -141,10 +141,15 @@ class ContactEvidence:
 
     @property
     def _bearing(self) -> float | None:
-        """Direction of a movement in the robot's frame, degrees; None for a turn."""
-        totals = self.met.ended.trajectory.totals
+        """Commanded direction of a movement in the robot's frame, degrees; None for a turn."""
+        totals, kind = self.met.ended.trajectory.totals, self.met.ended.trajectory.kind
         far = math.hypot(totals.x, totals.y)
-        return math.degrees(math.atan2(totals.y, totals.x)) if math.isfinite(far) and far > _STOOD else None
+        if not math.isfinite(far) or far <= _STOOD:
+            return None
+        went = math.degrees(math.atan2(totals.y, totals.x))
+        if kind is None or kind.turns or self.met.by_velocity:
+            return went
+        return kind.bearing if abs(half_turn(kind.bearing - went)) <= 90.0 else kind.bearing + 180.0
 
     @property
     def leads_into(self) -> bool:
@@ -191,23 +196,38 @@ class ContactEvidence:
         return next(iter(self._looking), "") if self.last is None else self.last.code
 
     @property
+    def _latest(self) -> LastReading | None:
+        """The newest reading of a range sensor."""
+        return max(self._ranges, key=lambda each: each.time, default=None)
+
+    @property
+    def seen_at(self) -> float:
+        """Elapsed seconds of what `sight_text` tells."""
+        last = self._latest if self._is_old(self._ranges) else self.last
+        return self.sent if last is None else last.time
+
+    @property
     def sight_text(self) -> str:
-        """The last reading of that sensor, in words."""
-        last, latest = self.last, max(self._ranges, key=lambda each: each.time, default=None)
-        if latest is None and not self._seen.was_moved:
-            return "no range sensor had been read"
+        """The last reading of that sensor, in words; where no range sensor was read shortly before, the last
+        one of all."""
+        last, latest = self.last, self._latest
+        # Readings before a person moved the robot do not count.
+        yet = "since a person moved the robot" if self._seen.was_moved else "yet"
+        if latest is None:
+            return f"no range sensor had been read {yet}"
+        if self._is_old(self._ranges):
+            return f"{latest.code} read {shown_range(latest.value)}, and no range sensor was read after that"
         if not self.watch:
             return "no sensor looks at the place that was touched"
+        side = side_name(self._row_of(self.watch).rotation)
         if last is None:
-            # Readings before a person moved the robot do not count.
-            since = " since a person moved the robot" if self._seen.was_moved else ""
-            return f"{self.watch}, which looks there, had not been read{since}"
+            return f"{self.watch}, which looks {side}, had not been read {yet}"
         off = abs(last.value - last.true) > SLIGHT
         true = f"; the true distance was {shown_range(last.true)}" if off else ""
         # It looked elsewhere when it was read.
-        then = "; then the robot turned" if self.met.row.turned_before - last.turned > ALIKE else ""
-        again = "; it was not read again" if self._is_old([last]) else ""
-        return f"{last.code}, which looks there, read {shown_range(last.value)}{true}{then}{again}"
+        turned = "; then the robot turned" if self.met.row.turned_before - last.turned > ALIKE else ""
+        again = f"; {last.code} was not read again" if self._is_old([last]) else ""
+        return f"{last.code}, which looks {side}, read {shown_range(last.value)}{true}{turned}{again}"
 
     @property
     def is_unread(self) -> bool:
@@ -242,7 +262,7 @@ class ContactEvidence:
             return False
         if abs(last.value - last.true) > max(SLIGHT, COVERED * self._usual_error(last)):
             return False
-        if self._is_along(self._row_of(last).rotation):
+        if self._is_along(self._row_of(last.code).rotation):
             return last.value < self._commanded
         return last.value <= _CLOSE and self._leads_beyond
 
@@ -259,20 +279,22 @@ class ContactEvidence:
 
     def _usual_error(self, last: LastReading) -> float:
         """The standard deviation of a reading by its sensor's row; none of a reading without an echo."""
-        sensor = self._row_of(last)
+        sensor = self._row_of(last.code)
         true = abs(last.true) if math.isfinite(last.true) else 0.0
         return sensor.error * true + sensor.absolute_error
 
-    def _row_of(self, last: LastReading) -> SensorSpec:
-        return next(each for each in self._seen.spec.sensors if each.code == last.code)
+    def _row_of(self, code: str) -> SensorSpec:
+        return next(each for each in self._seen.spec.sensors if each.code == code)
 
     @property
     def text(self) -> str:
         """The contact, and its place in the movement."""
         contact, row = self.met.contact, self.met.row
         turned = f" and {abs(row.turned):.0f} deg" if abs(row.turned) >= 2 else ""
-        where = f"{contact_text(contact, self._seen.spec)}, {side_text(contact)}"
-        return f"{where}, after {self.went:.1f} in{turned} of {row.shown}"
+        side = side_text(contact)
+        where = f"on its {side}" if side in ("left", "right") else side
+        touched = contact_text(contact, self._seen.spec)
+        return f"{touched}, {where}, after {self.went:.1f} in{turned} of {row.shown}"
 
 
 def belief_text(seen: Attempt, belief: BeliefRow | None) -> str:

@@ -18,6 +18,7 @@ from simmer_tui.report.moments import (
     grip_moment,
     lost_moment,
     program_moment,
+    sight_moment,
     told,
 )
 from simmer_tui.report.run_evidence import RunEvidence
@@ -32,7 +33,7 @@ from simmer_tui.sim.specs import CELL_SIZE
 STAYED, MOVES = 0.25, 20
 """Share of the time limit, and number of movements (or none), without progress that count as a cause."""
 CONNECT_ADVICE = "Connect to the address in SIMMER_HOST and SIMMER_PORT, and send a first command."
-LINK_ADVICE = "Look which command got no reply; simmer-tui doctor checks the ports."
+LINK_ADVICE = "Check which command got no reply; simmer-tui doctor checks the ports."
 _BY_ERROR = {
     # Editors and older systems have Pythons of their own.
     "ModuleNotFoundError: No module named 'simmer_tui'": (
@@ -68,10 +69,11 @@ def crashed_fact(run: RunEvidence) -> Fact | None:
     program, ended = run.program, program_moment(run)
     if program is None or ended is None or not program.crashed or program.stopped or run.has_contact:
         return None
-    led = moved_fact(run) or stalled_fact(run)
-    before = "" if led is None else f" {led.text}{led.then}"
+    led = moved_fact(run) or stalled_fact(run) or (lost_fact(run) if run.lost_belief is not None else None)
+    before = "" if led is None else f" {led.text or led.then}".rstrip()
+    is_explained = led is None or led.has_behind
     advice = _crash_advice(run, program)
-    return Fact(ended, f"{told(ended)}{waited_text(run)}{before}", has_behind=led is None, advice=advice)
+    return Fact(ended, f"{told(ended)}{waited_text(run)}{before}", has_behind=is_explained, advice=advice)
 
 
 def _crash_advice(run: RunEvidence, program: ProgramEnded) -> str:
@@ -147,8 +149,9 @@ def _lost_since(run: RunEvidence, at: Moment, lost: BeliefRow) -> Fact:
 
 def _then(run: RunEvidence) -> str:
     """Sentences on what came of a wrong belief: contact, grip, silence or the end."""
-    if run.has_contact:
-        return told(command_moment(run), end_moment(run))
+    if run.has_contact and run.contact is not None:
+        sight = sight_moment(run) if run.contact.is_unread else None
+        return told(sight, command_moment(run), end_moment(run))
     if run.last_grip is not None:
         return told(grip_moment(run))
     return "" if run.stopped and run.silence is None else _end_text(run)
@@ -203,7 +206,9 @@ def dropped_fact(run: RunEvidence) -> Fact | None:
     if seen.task is None or seen.put_down is None or at is None or run.has_contact:
         return None
     zone, advice = seen.task.zone, None
-    if zone is not None:
+    if run.left_at_place:
+        advice = "Find out why your program opens the gripper there: it held the block."
+    elif zone is not None:
         there = place_text(zone.x, zone.y)
         advice = f"Print where your program takes drop zone and block to be; the zone is at {there}."
     return Fact(at, told(at), has_behind=True, advice=advice)
@@ -216,7 +221,7 @@ def nowhere_fact(run: RunEvidence) -> Fact | None:
         return None
     if stuck is not None and seen.collision is not None and not run.has_contact:
         pose = seen.collision.row.pose
-        text = f"it was stuck at {place_text(pose.x, pose.y)}: {stuck.text}"
+        text = f"it was stuck at {place_text(pose.x, pose.y)}: {stuck.held}"
         at = Moment(MomentKind.COMMAND, stuck.since, text, place=(pose.x, pose.y))
         return Fact(at, told(at), has_behind=True)
     fact = stalled_fact(run)
@@ -249,12 +254,8 @@ def stalled_fact(run: RunEvidence) -> Fact | None:
     if stalled.movements < (HUNDRED if is_idle or not seen.out_of_time else MOVES):
         return None
     turned = f" and {stalled.turned:.0f} deg" if stalled.turned >= 1.0 else ""
-    often = run.movements_by_code(stalled.since)
-    text = (
-        "it reached its last new place or goal; "
-        f"after that came {stalled.movements} movements, {stalled.driven:.0f} in{turned} in all"
-    )
-    text = f"{text}: {often}" if often else text
+    text = f"{stalled.movements} movements began that reached no goal and no new place"
+    text = f"{text} ({stalled.driven:.0f} in{turned}): {run.movements_by_code(stalled.since)}".rstrip(": ")
     at = Moment(MomentKind.COMMAND, stalled.since, text, place=(stalled.place.x, stalled.place.y))
     return Fact(at, then=told(at), has_behind=True)
 
@@ -270,8 +271,8 @@ def slow_fact(run: RunEvidence) -> Fact | None:
     most = next(iter(run.time_parts))
     listed = ", ".join(f"{name} {time:.1f} s" for name, time in run.time_parts.items() if time >= 0.05)
     code = next((code for code, _ in spent.took.most_common(1)), "")
-    often = f"It read sensors {times_text(spent.readings.total())}, for {spent.reading:.1f} s in all"
-    read = f" {often}; {code} {times_text(spent.readings[code])}." if code else ""
+    took = f"{code} {times_text(spent.readings[code])}, {spent.took[code] / 1000.0:.1f} s"
+    read = f" It read sensors {times_text(spent.readings.total())} ({took})." if code else ""
     is_most = 2.0 * run.time_parts[most] > seen.elapsed - seen.begun
     text = f"Most of its time went to {most} ({listed})." if is_most else f"Its time went to {listed}."
     nominal, limit = seen.history.nominal, seen.elapsed if task is None else task.time_limit
@@ -294,7 +295,7 @@ def ended_fact(run: RunEvidence) -> Fact | None:
     seen, at = run.seen, program_moment(run)
     if run.has_contact or at is None or run.exit_code is None or (seen.task is None and not run.exit_code):
         return None
-    text = f"{told(at)}{waited_text(run)} {run.stand_text}".rstrip()
+    text = " ".join(filter(None, (f"{told(at)}{waited_text(run)}", run.still_text, run.stand_text)))
     # Of a real robot's jaws no log has the truth.
     is_known = seen.task is not None and seen.spec.gripper is not None and not seen.history.is_twin
     if is_known and not (seen.closed or seen.is_silent):

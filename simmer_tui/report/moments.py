@@ -26,7 +26,7 @@ from simmer_tui.run.phrases import (
     sent_by_text,
     times_text,
 )
-from simmer_tui.sim.command import WORD, counted, cut
+from simmer_tui.sim.command import WORD, cut
 
 MOST_MOMENTS = 7
 """Moments of a run: they fit on a screen, and a reader keeps as many in mind."""
@@ -87,9 +87,9 @@ class Moment(Struct, frozen=True):
 
 
 def told(*moments: Moment | None) -> str:
-    """Moments as sentences, in the order of their times: `At 0.6 s the robot touched the wall.`"""
+    """Moments as sentences, in the order of their times: `At 0.6 s, the robot touched the wall.`"""
     known = sorted((each for each in moments if each is not None), key=lambda each: each.elapsed)
-    return " ".join(f"At {each.elapsed:.1f} s {each.text}." for each in known)
+    return " ".join(f"At {each.elapsed:.1f} s, {each.text}." for each in known)
 
 
 _PLACE = Format(str, ("x_in", "y_in"), tuple)
@@ -166,7 +166,7 @@ def _began(run: RunEvidence) -> Moment:
     text = "the run began" if start is None else f"the robot began at {pose_text(start)}"
     if len(run.belief.rows):
         first = run.belief.rows[0]
-        text += f"; the program first believed to be at {place_text(float(first['x']), float(first['y']))}"
+        text += f"; the program first believed it was at {place_text(float(first['x']), float(first['y']))}"
     return Moment(MomentKind.BEGAN, seen.begun, text, place=None if start is None else (start.x, start.y))
 
 
@@ -180,8 +180,8 @@ def fault_moment(run: RunEvidence) -> Moment | None:
     if row is None:
         return None
     refused, of = run.all_refused
-    share = f"{refused} of {counted(of, 'command')} were refused: " if 2 * refused > of else ""
-    return Moment(MomentKind.FAULT, row.elapsed, f"{share}{run.fault_text(row)}", row.line)
+    share = f". In all, {run.all_refused_text}" if 2 * refused > of else ""
+    return Moment(MomentKind.FAULT, row.elapsed, f"{run.fault_text(row)}{share}", row.line)
 
 
 def refusal_moment(run: RunEvidence) -> Moment | None:
@@ -190,7 +190,8 @@ def refusal_moment(run: RunEvidence) -> Moment | None:
     if found is None:
         return None
     command, reason = found.row.result.command, found.row.result.reason.rstrip(".")
-    text = f"{cut(command.shown, WORD)} was refused: {reason}; in all, {found.text}"
+    stop = "" if reason.endswith("?") else "."
+    text = f"{cut(command.shown, WORD)} was refused: {reason}{stop} In all, {found.text}"
     return Moment(MomentKind.FAULT, found.row.elapsed, text, found.row.line, command.code)
 
 
@@ -219,12 +220,13 @@ def person_moment(run: RunEvidence, row: ActionRow) -> Moment:
     match row.done.action.name:
         case ActionName.TELEPORT:
             way, turn = displacement(row.before, row.done.pose)
-            deed = f"moved the robot, by {way:.0f} in and {abs(turn):.0f} deg"
+            to = place_text(row.done.pose.x, row.done.pose.y)
+            deed = f"moved the robot by {way:.0f} in and {abs(turn):.0f} deg, to {to}"
         case ActionName.BLOCK:
             deed = f"moved the block to {place_text(*row.done.action.arguments[:2])}"
         case ActionName.RESET if row is run.seen.reset:
-            taken = ", and the block, which it had held, to its place" if run.seen.emptied else ""
-            deed = f"reset the run: the robot went back to its start{taken}, and the program went on"
+            taken = ", without the block that it had held" if run.seen.emptied else ""
+            deed = f"reset the run: the robot was at its start again{taken}, and the program went on"
     at = (row.before.x, row.before.y)
     return Moment(MomentKind.PERSON, row.elapsed, f"a person {deed}", row.line, place=at)
 
@@ -236,10 +238,10 @@ def lost_moment(run: RunEvidence) -> Moment | None:
         return None
     off = lost.deviation
     if off.rejects_truth:
-        said = f"it gave the true cell {100 * lost.true_probability:.0f} %"
+        said = f"its belief gave the true cell {100 * lost.true_probability:.0f} %"
     elif off.off_place:
         believed, true = place_text(lost.x, lost.y), place_text(lost.true_x, lost.true_y)
-        said = f"it believed to be at {believed} and was at {true}, {lost.error_text} off"
+        said = f"it believed it was at {believed} and was at {true}, {lost.error_text} off"
     else:
         said = f"its believed heading was off by {abs(off.turn):.0f} deg"
     since = (
@@ -257,8 +259,7 @@ def sight_moment(run: RunEvidence) -> Moment | None:
     met = run.touched
     if met is None:
         return None
-    at = met.sent if met.last is None else met.last.time
-    return Moment(MomentKind.SIGHT, at, met.sight_text, code=met.watch)
+    return Moment(MomentKind.SIGHT, met.seen_at, met.sight_text, code=met.watch)
 
 
 def command_moment(run: RunEvidence) -> Moment | None:
@@ -286,8 +287,8 @@ def grip_moment(run: RunEvidence) -> Moment | None:
         off = (0.0, 0.0) if zone is None else missed_zone(zone, *place)
         if zone is not None and any(off):
             text += f", {outside_text(off)} the drop zone's cell around {place_text(zone.x, zone.y)}"
-        if seen.takes > 1:
-            text += f"; it had taken it {times_text(seen.takes)}"
+        text += ", where it had lain" if run.left_at_place else ""
+        text += f"; it had taken it {times_text(seen.takes)}" if seen.takes > 1 else ""
     elif len(seen.misses) > 1:
         text += f"; it closed on nothing {times_text(len(seen.misses))} in all"
     code = "" if seen.spec.gripper is None else seen.spec.gripper.code
@@ -309,7 +310,7 @@ def end_moment(run: RunEvidence) -> Moment | None:
     elif over is not None and over.event.subject is Result.SUCCESS:
         text = "the mission succeeded"
     elif over is not None and (seen.out_of_time or run.program is None):
-        text = f"the mission ended: {over.event.reason}"
+        text = f"the mission ended {'at' if seen.out_of_time else 'because'} {over.event.reason}"
     elif run.program is None:
         text = "the program sent no command" if seen.is_silent else "the last command was answered"
     else:

@@ -30,6 +30,7 @@ from simmer_tui.run.history_rows import (
     RefusalRow,
 )
 from simmer_tui.run.phrases import REAL_TIME_LIMIT, last_output, place_text, times_text
+from simmer_tui.run.progress import GROUND
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.command import counted
 from simmer_tui.sim.records import Status
@@ -46,6 +47,8 @@ _SEEN = 1.0
 """Least change of a reading by the block, inches, with which a sensor sees it."""
 _POSES = 400
 """Most poses from which it is computed who sees the block: a few minutes of movements."""
+_STOOD = 0.05
+"""Inches below which a movement has not moved the robot: a turn, or a wall in its way."""
 _NONSENSE = "makes no sense as a movement"
 """Words of the connection doctor for the value of a command."""
 _LINK_ERRORS = ("Connection", "BrokenPipe", "Timeout", "socket.timeout", "asyncio.TimeoutError")
@@ -146,6 +149,12 @@ class RunEvidence:
         rows = rows[~np.isin(rows["number"], self.seen.typed)]
         return int(rows["refused"].sum()), len(rows)
 
+    @property
+    def all_refused_text(self) -> str:
+        """The same in words: `1 of 4 commands was refused`."""
+        refused, of = self.all_refused
+        return f"{refused} of {counted(of, 'command')} {'was' if refused == 1 else 'were'} refused"
+
     @cached_property
     def refusal(self) -> Refusal | None:
         """The refused commands: most of those to drive, a share of all, one that was never carried out, or
@@ -160,8 +169,7 @@ class RunEvidence:
                 codes, count, of = seen.refused_drives(since, every=True)
                 text = f"{count} of {of} commands to drive were refused"
                 return Refusal(mine[0], text, tuple(codes), decides=True)
-        refused, of = self.all_refused
-        text = f"{refused} of {counted(of, 'command')} were refused"
+        text = self.all_refused_text
         unknown = next((row for row in rows if row.result.status is not Status.BUSY), None)
         commands = seen.within(seen.history.commands)
         commands = commands[seen.counts(commands) & ~np.isin(commands["number"], seen.typed)]
@@ -171,7 +179,9 @@ class RunEvidence:
             return Refusal(unknown, text, tuple(codes), decides=True)
         undone = None if self.has_contact or seen.task is None else self._undone
         if undone is not None:
-            return Refusal(undone, f"{text}, this one for good", (undone.result.command.code,), decides=True)
+            return Refusal(
+                undone, f"{text}; this one was never carried out", (undone.result.command.code,), decides=True
+            )
         return Refusal(rows[0], text) if rows else None
 
     @property
@@ -270,11 +280,11 @@ class RunEvidence:
         quiet, last = self.silence, self.last_command
         if quiet is None:
             return ""
-        answered = "the last command" if last is None else f"{last[0]}, the last command,"
+        answered = "the last command" if last is None else last[0]
         end = f"the run was ended at the {'real ' if self.cut_off else ''}time limit"
         if self.stopped:
-            end = f"the program was stopped {quiet.real_seconds:.0f} s of real time later"
-        return f"{answered} was answered, and none came after it; {end}"
+            end = f"the program was stopped, {quiet.real_seconds:.0f} s of real time later"
+        return f"{answered} was answered, and no command came after it until {end}"
 
     @cached_property
     def corrections(self) -> list[Disagreement]:
@@ -399,6 +409,15 @@ class RunEvidence:
         block = row.grip.block
         return 0.0 if zone is None else math.hypot(*missed_zone(zone, block.x, block.y))
 
+    @property
+    def left_at_place(self) -> bool:
+        """True if the block was let go where it had lain at first."""
+        lay = next((row.block for row in self.seen.history.blocks.items if not row.held), None)
+        if lay is None or self.seen.put_down is None:
+            return False
+        block = self.seen.put_down.grip.block
+        return math.hypot(block.x - lay.x, block.y - lay.y) <= GROUND
+
     @cached_property
     def unused_grip(self) -> tuple[MovementRow, str, int] | None:
         """The first movement after which the gripper should have been used and never was, that in words, and
@@ -414,12 +433,9 @@ class RunEvidence:
         is_meant = len(seen.graspable) >= _STOPS or any(goal.order <= until for goal in self.goals)
         if not seen.asked_after_grip and not (seen.left_block and is_meant):
             return None
-        often = f"; {counted(len(seen.graspable), 'movement')} ended like this"
-        return (
-            seen.graspable[0],
-            f"the block was between the jaws, and the gripper was never closed{often}",
-            1,
-        )
+        count, text = len(seen.graspable), "the block was between the jaws, and the gripper was never closed"
+        often = f"; it was there after {count} movements" if count > 1 else ""
+        return seen.graspable[0], f"{text}{often}", 1
 
     # -- in words ------------------------------------------------------------------------------------------
 
@@ -450,6 +466,17 @@ class RunEvidence:
             return ""
         believed = "" if belief is None else f", and its belief was off by {belief.error_text}"
         return f"It stood at {place_text(seen.pose.x, seen.pose.y)}{believed}."
+
+    @property
+    def still_text(self) -> str:
+        """The time without a movement at the end, in a sentence; empty if it was short."""
+        seen = self.seen
+        moves = seen.within(seen.history.movements)
+        since = float(max(moves["elapsed"][moves["went"] > _STOOD], default=seen.begun))
+        later = moves[moves["elapsed"] > since]
+        if seen.elapsed - since < _QUIET or (later["grips"] | later["contact"]).any():
+            return ""
+        return f"From {since:.1f} s on no movement came{' but turns' if len(later) else ''}."
 
     @property
     def strayed_text(self) -> str:

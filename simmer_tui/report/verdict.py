@@ -314,7 +314,7 @@ class _Judge:
         moments = (end_moment if run.touched else lost_moment, lost_moment, fault_moment, refusal_moment)
         worst = next(filter(None, (moment(run) for moment in moments)), None)
         if worst is not None:
-            return f"at {worst.elapsed:.1f} s {worst.text}"
+            return f"at {worst.elapsed:.1f} s, {worst.text}"
         if attempt.is_silent:
             return "no command was sent"
         wires = self._history.totals.wires
@@ -323,7 +323,7 @@ class _Judge:
             # It has failed in its own opinion, and its last line says why at best.
             said, sent = last_output(program), self._history.unanswered
             waits = f"; its last message, '{sent[0]}' at {sent[1]:.1f} s, had no reply" if sent else ""
-            return f"{done}; it printed {f'last: {said}' if said else 'nothing'}{waits}"
+            return f"after {done} it printed {f'last: {said}' if said else 'nothing'}{waits}"
         is_counted = program is None and self._end().endswith(f" after {done}")
         return "nothing went wrong" if is_counted else f"{done}, nothing went wrong"
 

@@ -425,7 +425,7 @@ def test_a_program_that_cannot_be_started_has_a_verdict_and_127(tmp_path: Path, 
     code, out, err = ended("--run", command, "--log", str(log))
     assert (code, out) == (127, "")
     *_, advice, last = err.splitlines()
-    assert advice == "  Try: the command after --run alone in a terminal."
+    assert advice == "  Try: Run the command after --run alone in a terminal."
     assert last.startswith("verdict: The program could not start: --run")
     found = build_report(log).verdict
     assert (found.outcome, last) == (Outcome.CRASHED, f"verdict: {found.text}")
@@ -592,11 +592,13 @@ def test_a_mission_that_failed_says_why_and_its_log_says_the_same(tmp_path: Path
     code, _, err = ended("--mission", "--seed", "5", "--log", str(log), "--run", driver)
     assert code == 1
     told = err.splitlines()[-1]
-    read = r"No range sensor had been read\."
-    assert re.match(rf"verdict: Failed after .*: w1-200 was sent\. {read} Contact at", told), err
+    read = r"At 0\.0 s, no range sensor had been read yet\."
+    sent = rf"{read} At 0\.0 s, w1-200 was sent\. At \d+\.\d s, the robot touched the wall"
+    assert re.match(rf"verdict: Failed after .*: {sent}", told), err
     assert "The program sent no belief." in err
     assert "1 command arrived, 0 refused." in err
-    assert re.search(r"^  \d+\.\d s: the robot touched the wall", err, re.MULTILINE)
+    assert re.search(r"^  \d+\.\d s: the robot began at", err, re.MULTILINE)
+    assert err.count("the robot touched the wall") == 1, "the verdict tells it"
     assert f"verdict: {build_report(log).verdict.text}" == told
 
 

@@ -34,7 +34,7 @@ def test_the_terminal_shows_what_happened(eventful_log: Path, capsys: Any) -> No
     assert run_report([str(eventful_log)]) == 0
     out, err = capsys.readouterr()
     for words in (
-        "stuck at (27.0, 45.0)",
+        "the robot touched the maze's outer wall at",
         "Commands",
         "Contacts",
         "Refused commands",
@@ -143,7 +143,7 @@ def test_the_page_is_whole_and_needs_nothing_else(eventful_log: Path, tmp_path: 
     assert text.count("<div class='picture ") == page.tags.count("script") == 2
     assert set(re.findall(r"https?://[^'\"]*", text)) == {"http://www.w3.org/2000/svg"}
     assert "&lt;script&gt;alert(1)" in text
-    assert "stuck at (27.0, 45.0)" in text
+    assert "touched the maze&#x27;s outer wall at (27.0, 48.0)" in text
     assert "@media print" in text
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from simmer_tui.cli.log_reports import build_report
-from simmer_tui.report.causes import MomentKind
+from simmer_tui.report.moments import MomentKind
 from simmer_tui.run.events import Notice
 from simmer_tui.sketch.bench_check import bench_lines
 from simmer_tui.sketch.compiler import find_compiler

@@ -240,7 +240,7 @@ def test_a_crash_has_its_verdict_in_panel_and_list_and_asked_for(pane: Pane) -> 
     pane.start("--mission", "--run", shlex.join([sys.executable, "-c", code]))
     pane.until("verdict Crashed after", "KeyError: 'u9' in <string>:4.")
     pane.type(":why", "Enter")
-    pane.until("Try: look at <string>:4")
+    pane.until("Try: Look at <string>:4")
     pane.type(":why move", "Enter")
     pane.until("nothing in its way")
 
