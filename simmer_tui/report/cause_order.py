@@ -125,7 +125,7 @@ def _evidence(run: RunEvidence, kind: Kind) -> list[str]:
         tried = "" if run.findings_about(drives=True) else run.contact.tried_text
         unused = f"{capitalized(run.unused_grip[1])}." if run.unused_grip is not None else ""
         found = [run.arrived_text, belief_text(seen, run.last_belief), tried, unused]
-    there = f"The program was at {run.ended_at}." if run.ended_at else ""
+    there = f"When it was ended, the program was at {run.ended_at}." if run.ended_at else ""
     return [*found, there, set_differences(seen, with_limit=kind is not Kind.TOO_SLOW)]
 
 
@@ -256,7 +256,6 @@ _AT_THE_END = (Kind.CRASHED, Kind.UNREAD, Kind.TOO_SLOW, Kind.ENDED)
 NO_RULE = CauseRule(
     Kind.UNKNOWN,
     _unknown,
-    MomentKind.END,
     "none holds: the three figures that differ most from runs that succeed are named",
     "",
 )

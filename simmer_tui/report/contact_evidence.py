@@ -203,7 +203,7 @@ class ContactEvidence:
     @property
     def seen_at(self) -> float:
         """Elapsed seconds of what `sight_text` tells."""
-        last = self._latest if self._is_old(self._ranges) else self.last
+        last = self._latest if self.is_blind else self.last
         return self.sent if last is None else last.time
 
     @property
@@ -215,19 +215,19 @@ class ContactEvidence:
         yet = "since a person moved the robot" if self._seen.was_moved else "yet"
         if latest is None:
             return f"no range sensor had been read {yet}"
-        if self._is_old(self._ranges):
+        if self.is_blind:
             return f"{latest.code} read {shown_range(latest.value)}, and no range sensor was read after that"
         if not self.watch:
             return "no sensor looks at the place that was touched"
         side = side_name(self._row_of(self.watch).rotation)
         if last is None:
-            return f"{self.watch}, which looks {side}, had not been read {yet}"
+            return f"{self.watch} ({side}) had not been read {yet}"
         off = abs(last.value - last.true) > SLIGHT
         true = f"; the true distance was {shown_range(last.true)}" if off else ""
         # It looked elsewhere when it was read.
         turned = "; then the robot turned" if self.met.row.turned_before - last.turned > ALIKE else ""
         again = f"; {last.code} was not read again" if self._is_old([last]) else ""
-        return f"{last.code}, which looks {side}, read {shown_range(last.value)}{true}{turned}{again}"
+        return f"{last.code} ({side}) read {shown_range(last.value)}{true}{turned}{again}"
 
     @property
     def is_unread(self) -> bool:
@@ -237,7 +237,12 @@ class ContactEvidence:
         by_drive = self.met.contact.drift or (self.saved_by(Change.EXACT) and not self._unseen)
         if turns_block or by_drive or not self.watch:
             return False
-        return self._is_old([self.last] if self.belief is None else self._ranges)
+        return self._is_old([self.last]) if self.belief is None else self.is_blind
+
+    @property
+    def is_blind(self) -> bool:
+        """True if no range sensor was read shortly before."""
+        return self._is_old(self._ranges)
 
     @property
     def _ranges(self) -> list[LastReading]:

@@ -242,7 +242,7 @@ def again(name: str) -> Paragraph:
 def _verdict(verdict: Verdict) -> list[DocumentPart]:
     """The verdict: its sentence, and its reasons."""
     return [
-        Paragraph(verdict.text, "verdict", "strong"),
+        Paragraph(verdict.summary, "verdict", "strong"),
         moments_table(verdict.moments),
         Bullets("Why", [*verdict.reasons, *filter(None, (verdict.advice,))], "why"),
         NestedValue("verdict", verdict.plain()),

@@ -150,7 +150,7 @@ def _lost_since(run: RunEvidence, at: Moment, lost: BeliefRow) -> Fact:
 def _then(run: RunEvidence) -> str:
     """Sentences on what came of a wrong belief: contact, grip, silence or the end."""
     if run.has_contact and run.contact is not None:
-        sight = sight_moment(run) if run.contact.is_unread else None
+        sight = sight_moment(run) if run.contact.is_blind else None
         return told(sight, command_moment(run), end_moment(run))
     if run.last_grip is not None:
         return told(grip_moment(run))
@@ -161,7 +161,7 @@ def _end_text(run: RunEvidence) -> str:
     """The end of a run in sentences: the silence or its reason, the program's line, and its last output."""
     if run.silence is None:
         return told(end_moment(run) or program_moment(run))
-    where = f"The program was at {run.ended_at}." if run.ended_at else ""
+    where = f"When it was ended, the program was at {run.ended_at}." if run.ended_at else ""
     words = f"Its last output: {run.last_words.rstrip('.')}." if run.last_words else ""
     return " ".join(filter(None, (told(end_moment(run)), where, words)))
 
@@ -179,7 +179,7 @@ def silence_fact(run: RunEvidence) -> Fact | None:
         text = f"{exit_text(run.exit_code).capitalize()} before it sent a command."
     elif seen.history.displays.first.given and run.exit_code is None:
         text, advice = "No board set a motor or read a sensor.", _LOOK_AT_SKETCH
-    return Fact(end or _at_end(run, text), text, advice=advice)
+    return Fact(end or _at_end(run, "the program sent no command"), text, advice=advice)
 
 
 def missed_grip_fact(run: RunEvidence) -> Fact | None:
@@ -245,7 +245,8 @@ def stalled_fact(run: RunEvidence) -> Fact | None:
     since = float(moves["elapsed"][-1]) if len(moves) else seen.begun
     later = int((readings["elapsed"] > since).sum())
     if later >= HUNDRED and seen.elapsed - since >= long:
-        text = f"the last movement ended; after it came {later} readings, the last {run.last_reading}"
+        began = "the last movement ended" if len(moves) else "the run began"
+        text = f"{began}; after that came {later} readings, the last {run.last_reading}"
         at = Moment(MomentKind.COMMAND, since, text)
         return Fact(at, then=f"{told(at)} {run.stand_text}".rstrip(), has_behind=True, advice=_READS_ON)
     # A robot that stands and reads is slow, not without progress: half of the time must have been driving.
@@ -254,7 +255,7 @@ def stalled_fact(run: RunEvidence) -> Fact | None:
     if stalled.movements < (HUNDRED if is_idle or not seen.out_of_time else MOVES):
         return None
     turned = f" and {stalled.turned:.0f} deg" if stalled.turned >= 1.0 else ""
-    text = f"{stalled.movements} movements began that reached no goal and no new place"
+    text = f"progress ended: {stalled.movements} movements after that reached no goal and no new place"
     text = f"{text} ({stalled.driven:.0f} in{turned}): {run.movements_by_code(stalled.since)}".rstrip(": ")
     at = Moment(MomentKind.COMMAND, stalled.since, text, place=(stalled.place.x, stalled.place.y))
     return Fact(at, then=told(at), has_behind=True)

@@ -323,8 +323,10 @@ def program_moment(run: RunEvidence) -> Moment | None:
     seen, program = run.seen, run.program
     if program is None or (seen.over is not None and seen.over.event.subject is Result.SUCCESS):
         return None
-    words = (
-        f"; its last output: {run.last_words.rstrip('.')}" if run.last_words and not program.crashed else ""
-    )
-    text = program_end_text(program).replace("ended with", "ended by itself, with") + words
+    text = program_end_text(program).replace("ended with", "ended by itself, with")
+    has_time = not (program.crashed or seen.out_of_time or run.has_contact)
+    if run.exit_code is not None and seen.task is not None and has_time:
+        text += f", before its time limit of {seen.task.time_limit:g} s"
+    if run.last_words and not program.crashed:
+        text += f"; its last output: {run.last_words.rstrip('.')}"
     return Moment(MomentKind.PROGRAM, seen.elapsed, text, seen.line, place=(seen.pose.x, seen.pose.y))

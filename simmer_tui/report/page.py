@@ -89,7 +89,7 @@ def verdict_box(verdict: Verdict, *, is_mission: bool) -> VerdictBox:
         what = "Run"
     return VerdictBox(
         key="verdict",
-        text=verdict.text,
+        text=verdict.summary,
         headline=f"{what} {verdict.outcome.value}",
         tone=_TONES.get(verdict.outcome, Tone.PLAIN),
         sign=_CRASH_SIGN if crashed else "",

@@ -377,8 +377,9 @@ class RunEvidence:
 
     @property
     def touched(self) -> ContactEvidence | None:
-        """The contact that matters: the one that ended the mission, or the last one without a mission."""
-        return self.contact if self.has_contact or self.seen.task is None else None
+        """The contact that matters: the one that ended the mission, or the last one of a run without an
+        end."""
+        return self.contact if self.has_contact or self.seen.over is None else None
 
     @cached_property
     def repeated(self) -> int:

@@ -95,6 +95,17 @@ class Verdict(Struct, frozen=True, kw_only=True):
         return "; ".join(each.sentence for each in self.moments[-2:])
 
     @property
+    def summary(self) -> str:
+        """The outcome, the kind of its cause, and the sentences that no moment tells: for pages that list the
+        moments."""
+        text = self.text
+        if self.cause is not None and self.cause.kind is not Kind.CRASHED:
+            text = text.replace(self.cause.text, f"{self.cause.kind}. {self.cause.text}")
+        for each in self.moments:
+            text = text.replace(told(each), "").replace(f" {each.text}.", "")
+        return " ".join(text.split())
+
+    @property
     def lines(self) -> list[str]:
         """All of it but the program's output: the sentence first, then its reasons."""
         # What the first sentence says is not said again.
@@ -311,7 +322,8 @@ class _Judge:
     def _worst(self, run: RunEvidence) -> str:
         """The worst event of a run without a cause."""
         attempt, program = self._attempt, self._program
-        moments = (end_moment if run.touched else lost_moment, lost_moment, fault_moment, refusal_moment)
+        first = end_moment if run.touched is not None else lost_moment
+        moments = (first, lost_moment, fault_moment, refusal_moment)
         worst = next(filter(None, (moment(run) for moment in moments)), None)
         if worst is not None:
             return f"at {worst.elapsed:.1f} s, {worst.text}"
@@ -323,7 +335,9 @@ class _Judge:
             # It has failed in its own opinion, and its last line says why at best.
             said, sent = last_output(program), self._history.unanswered
             waits = f"; its last message, '{sent[0]}' at {sent[1]:.1f} s, had no reply" if sent else ""
-            return f"after {done} it printed {f'last: {said}' if said else 'nothing'}{waits}"
+            return f"it printed {f'last: {said}' if said else 'nothing'}{waits}"
+        if program is not None and program.exit_code:
+            return f"{done} until then"
         is_counted = program is None and self._end().endswith(f" after {done}")
         return "nothing went wrong" if is_counted else f"{done}, nothing went wrong"
 

@@ -220,7 +220,7 @@ FAULTS = {
     "clearance": Fault(small_robot, frozenset({Kind.TOO_CLOSE, Kind.KNOWN_WALL}), small=True),
     "frozen belief": Fault(frozen, frozenset({Kind.LOST})),
     "ignored sensors": Fault(
-        ignoring, frozenset({Kind.UNREAD, Kind.LOST}), says="no range sensor had been read"
+        ignoring, frozenset({Kind.UNREAD, Kind.LOST}), says="no range sensor was read after that"
     ),
     "other drop zone": Fault(other_zone, frozenset({Kind.DROPPED_OUTSIDE})),
     "reading too often": Fault(reading_on, frozenset({Kind.TOO_SLOW}), read_time=0.1),

@@ -39,7 +39,7 @@ def test_the_cause_says_since_when_a_grid_gave_the_true_cell_nearly_nothing() ->
     believe(mission, 3, 5, 0)
     cause = mission.why()
     assert cause.kind is Kind.LOST
-    assert re.match(r"At 50\.\d s it gave the true cell 0 %: it was lost from then on\.", cause.text)
+    assert re.match(r"At 50\.\d s, its belief gave the true cell 0 %: it was lost from then on\.", cause.text)
     assert mission.history.beliefs[-1].elapsed == cause.elapsed
 
 
@@ -80,7 +80,7 @@ def test_the_report_gives_no_heading_where_none_was_sent(start_run: Any) -> None
     run.send("d1-3", "r1-20")
     believe(run, 0, 2)
     assert "heading" not in belief_rows(run.path)
-    assert re.search(r": at 0\.7 s it believed .*, [\d.]+ in off: ", build_report(run.path).verdict.text)
+    assert re.search(r": at 0\.7 s, it believed .*, [\d.]+ in off: ", build_report(run.path).verdict.text)
 
 
 def test_the_error_of_the_heading_is_that_of_beliefs_with_one(start_run: Any) -> None:

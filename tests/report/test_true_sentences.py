@@ -31,8 +31,8 @@ def test_numbers_of_refused_commands_are_those_of_the_tables() -> None:
     run = mission.evidence()
     cause = cause_of(run)
     assert cause.kind is Kind.REFUSED
-    assert re.match(r"At 50\.\d s d1-0\.5 was refused: ", cause.text)
-    assert cause.text.endswith("in all, 91 of 100 commands to drive were refused.")
+    assert re.match(r"At 50\.\d s, d1-0\.5 was refused: ", cause.text)
+    assert cause.text.endswith(". In all, 91 of 100 commands to drive were refused.")
     assert "Wait for the end" in cause.advice
     commands = {row["fact"]: row["count"] for row in fact_tables(run)[0].objects()}
     assert commands["refused"] == 91
@@ -62,7 +62,7 @@ def test_a_command_beyond_what_was_read_straight_ahead_is_said_with_that_reading
     mission = begin((66.0, 42.0, 0.0), bias={DriveKind.RIGHT: Axes(y=0.3)})
     mission.give("u1", "u2", "u4", "d1-60")
     cause = mission.why()
-    read = re.match(r"At 50\.\d s u1, .*, read (\d+\.\d) in\. At 50\.\d s d1-60 was sent\.", cause.text)
+    read = re.match(r"At 50\.\d s, u1, .*, read (\d+\.\d) in\. At 50\.\d s, d1-60 was sent\.", cause.text)
     assert read is not None
     assert float(read[1]) < 60.0
     assert (cause.kind, cause.advice.startswith("Compare each movement with u1")) == (Kind.KNOWN_WALL, True)
@@ -75,8 +75,8 @@ def test_a_velocity_that_goes_on_while_nothing_is_sent_is_told_from_its_last_com
     cause = mission.why()
     assert (cause.kind, cause.elapsed) == (Kind.UNREAD, pytest.approx(50.1, abs=0.1))
     assert cause.text.startswith(
-        "At 50.1 s u1, which looks there, had not been read. "
-        "At 50.1 s vv-6;0;0 was sent, and nothing ended it. At "
+        "At 50.1 s, u1, which looks ahead, had not been read yet. "
+        "At 50.1 s, vv-6;0;0 was sent, and nothing ended it. At "
     )
 
 
@@ -105,8 +105,8 @@ def test_a_block_that_was_let_go_where_it_lay_was_carried_nowhere() -> None:
     mission.give("d1-4", *("p1-1", "l1", "p1-0") * 3)
     cause = mission.why(1)
     assert cause.kind is Kind.DROPPED_OUTSIDE
-    assert re.match(r"At 53\.\d s it set the block down at \(20\.0, 42\.0\), ", cause.text)
-    assert "where it lay" in cause.text
+    assert re.match(r"At 53\.\d s, it set the block down at \(20\.0, 42\.0\), ", cause.text)
+    assert ", where it had lain; " in cause.text
     assert cause.text.endswith("; it had taken it 3 times.")
     # It is of no use to look at the sensor, which was right.
     assert cause.advice == "Find out why your program opens the gripper there: it held the block."
@@ -123,10 +123,26 @@ def test_jaws_that_were_closed_before_are_told() -> None:
 
 def test_a_sensor_that_looked_elsewhere_when_it_was_read_is_not_said_to_have_seen_the_wall() -> None:
     mission = begin((66.0, 42.0, 90.0))
-    mission.give("u1", "u2", "u3", "r1--90", "d1-60")
+    mission.give("u1", "u2", "r1--90", "u3", "d1-60")
     (sight,) = [each for each in moments_of(mission.evidence()) if each.kind is MomentKind.SIGHT]
     assert sight.code == "u1"
     assert "; then the robot turned" in sight.text
+
+
+def test_a_last_reading_before_a_turn_is_told_without_a_direction() -> None:
+    mission = begin((66.0, 42.0, 90.0))
+    mission.give("u1", "u2", "u3", "r1--90", "d1-60")
+    (sight,) = [each for each in moments_of(mission.evidence()) if each.kind is MomentKind.SIGHT]
+    assert sight.text == "u3 read 39.0 in, and no range sensor was read after that"
+
+
+def test_a_reading_before_a_turn_is_not_said_to_show_the_wall_after_it() -> None:
+    # u1 read the wall ahead; after the turn the robot touches another one.
+    mission = begin()
+    mission.give("u1", "u2", "u4", "r1-30", "u2", "d1-60")
+    cause = mission.why()
+    assert cause.kind is not Kind.KNOWN_WALL
+    assert "Compare each movement with u1" not in cause.advice
 
 
 def test_a_reading_of_a_wall_aside_is_not_said_to_show_the_corner_ahead() -> None:
@@ -134,8 +150,8 @@ def test_a_reading_of_a_wall_aside_is_not_said_to_show_the_corner_ahead() -> Non
     mission = begin((42.0, 33.5, 0.0))
     mission.give("u1", "u2", "u4", "u5", "t1", "d1-20")
     cause = mission.why()
-    assert re.search(r"d1-20 was sent\. At 51\.\d s the robot touched ", cause.text)
-    assert "which looks there, read" not in cause.text
+    assert re.search(r"d1-20 was sent\. At 51\.\d s, the robot touched ", cause.text)
+    assert "u2" not in cause.text
     assert "u2" not in cause.advice
 
 
@@ -147,9 +163,9 @@ def test_the_time_of_a_reading_is_that_of_the_sensor_that_is_named() -> None:
     assert met is not None
     assert met.last is not None
     assert met.last.code == "u5"
-    read = f"At {met.last.time:.1f} s u5, which looks there, read "
+    read = f"At {met.last.time:.1f} s, u5, which looks ahead, read "
     assert read in mission.why().text
-    assert met.sight_text.endswith("; it was not read again")
+    assert met.sight_text.endswith("; u5 was not read again")
 
 
 def test_the_way_of_a_velocity_is_compared_with_no_distance() -> None:
@@ -164,15 +180,19 @@ def test_the_way_of_a_velocity_is_compared_with_no_distance() -> None:
     assert cause.advice == "End the velocity in time: send vx with zeros. It goes on until another one comes."
 
 
-def test_what_came_before_a_person_moved_the_robot_is_not_denied() -> None:
+@pytest.mark.parametrize(
+    ("after", "said"),
+    [((), "no range sensor had been read"), (("u4",), "u1, which looks ahead, had not been read")],
+)
+def test_what_came_before_a_person_moved_the_robot_is_not_denied(after: tuple[str, ...], said: str) -> None:
     mission = begin((9.0, 42.0, 0.0))
     mission.give("u1", "u2")
     mission.believe()
     teleport(mission, 66.0, 42.0, 0.0)
-    mission.give("d1-60")
+    mission.give(*after, "d1-60")
     evidence = mission.evidence()
     texts = [each.text for each in moments_of(evidence)]
-    assert "u1, which looks there, had not been read since a person moved the robot" in texts
+    assert f"{said} since a person moved the robot" in texts
     assert "The program sent no belief since a person moved the robot." in cause_of(evidence).evidence
 
 
@@ -246,7 +266,7 @@ def test_a_fault_is_told_where_nothing_else_was_wrong() -> None:
     mission.give("u1")
     mission.history.add_program_end(ProgramEnded(53.0, 1))
     text = verdict_of(mission.history, None).text
-    assert text.endswith("; at 50.0 s 9600 baud, but the sketch has 38400.")
+    assert text.endswith("; at 50.0 s, 9600 baud, but the sketch has 38400.")
 
 
 @pytest.mark.parametrize("reply", [False, True])

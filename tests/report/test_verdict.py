@@ -141,7 +141,8 @@ def test_the_commands_of_a_client_that_left_are_counted_once(
 
 
 @pytest.mark.parametrize(
-    ("answer", "worst"), [("w1-1", "3 commands, nothing went wrong"), ("d1-1", "In all, 1 of 3 commands was refused")]
+    ("answer", "worst"),
+    [("w1-1", "3 commands, nothing went wrong"), ("d1-1", "In all, 1 of 3 commands was refused")],
 )
 def test_what_is_sent_until_the_robot_has_stopped_is_not_refused(
     start_run: Callable[..., Any], answer: str, worst: str
@@ -157,8 +158,11 @@ def test_what_is_sent_until_the_robot_has_stopped_is_not_refused(
 @pytest.mark.parametrize(
     ("ended", "worst"),
     [
-        (ProgramEnded(9.0, 1, stderr=(OutputLine(1.0, "no wall"),)), "it printed last: no wall"),
-        (ProgramEnded(9.0, 3), "it printed nothing"),
+        (
+            ProgramEnded(9.0, 1, stderr=(OutputLine(1.0, "no wall"),)),
+            "after 1 command it printed last: no wall",
+        ),
+        (ProgramEnded(9.0, 3), "after 1 command it printed nothing"),
         (ProgramEnded(9.0, 143, stopped=True), "1 command until then"),
     ],
 )
