@@ -13,9 +13,10 @@ from operator import itemgetter
 import numpy as np
 from msgspec import Struct
 from msgspec.structs import astuple, replace
+from scipy.special import bdtrc
 
-from simmer_tui.report.finding import FEWEST, Device, Finding, FindingKind, holm
-from simmer_tui.report.robust_fit import binomial_tail, median_of
+from simmer_tui.report.finding import FEWEST, Device, Finding, FindingKind
+from simmer_tui.report.robust_fit import median_of
 from simmer_tui.report.sensor_differences import least_error
 from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.sensors import Sensor
@@ -76,9 +77,15 @@ class SensorSample(Struct, frozen=True):
 
 
 def kept(tests: Iterable[Claim]) -> tuple[Finding, ...]:
-    """The findings of all tests that hold an error of 1 % together, the surest first."""
-    standing = holm(tests, lambda each: each.probability, _ERROR)
-    return tuple(each.finding for each in standing if each.finding is not None)
+    """The findings of all tests that hold an error of 1 % together, the surest first: S. Holm, "A simple
+    sequentially rejective multiple test procedure", Scandinavian Journal of Statistics 6 (1979)."""
+    ranked, found = sorted(tests, key=lambda each: each.probability), []
+    for place, each in enumerate(ranked):
+        if each.probability * (len(ranked) - place) > _ERROR:
+            break
+        if each.finding is not None:
+            found.append(each.finding)
+    return tuple(found)
 
 
 def other_quantity(device: Device, sample: SensorSample) -> Claim:
@@ -88,7 +95,7 @@ def other_quantity(device: Device, sample: SensorSample) -> Claim:
     for each in sample.alternatives:
         hits, count, explained = _held_against(sample, each)
         # Bonferroni: as many faults were tried.
-        probability = min(binomial_tail(hits, count, 0.5) * len(sample.alternatives), 1.0)
+        probability = min(float(bdtrc(hits - 1, count, 0.5)) * len(sample.alternatives), 1.0)
         least = min(least, probability)
         if count >= FEWEST["set"] and explained >= _EXPLAINED:
             explaining.append((explained, each, count))
@@ -156,7 +163,8 @@ def other_direction(
     direction = np.array(astuple(row.kind.direction))
     along = done @ direction / asked
     # Movements of which less than half is done on their axis: without a fault hardly one in a hundred.
-    probability = binomial_tail(int((along < _OTHER_AXIS).sum()), len(asked), 0.01)
+    off_axis = int((along < _OTHER_AXIS).sum())
+    probability = float(bdtrc(off_axis - 1, len(asked), 0.01))
     typical, count = median_of(along), len(asked)
     if typical >= _OTHER_AXIS:
         return Claim(probability)

@@ -8,190 +8,133 @@ with the smallest residuals are named.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from operator import itemgetter
 
 import numpy as np
 from msgspec import Struct
+from msgspec.structs import astuple
 
-from simmer_tui.report.finding import FEWEST, LEAST_DEGREES, Disagreement, moment
-from simmer_tui.report.robust_fit import binomial_tail, mad_scale, robust_fit
+from simmer_tui.report.robust_fit import mad_scale, measured
 from simmer_tui.report.run_readings import by_sensor
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.episodes import SAME_POSE
 from simmer_tui.run.facts import DEFAULT_ALLOWED_TURN
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.angles import cos_sin_array, half_turn
-from simmer_tui.sim.arrays import BoolArray, FloatArray
+from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.sensors import CountingSensor, modelled_sensor
 
 SURE = 1.5
 """Largest spread, inches, at which a mean pose still predicts single readings: half of a robot's width;
 judged."""
-_FEWEST = FEWEST["set"]
-# Judged: a filter corrects its belief by a few percent of the path.
+LEAST_MOVEMENTS = 11
+"""Movements that a factor must explain: with fewer, all might be nearer to it by chance, in one of 2,000."""
 _LEAST_SHARE = 0.05
-"""Least difference of a factor from 1 that matters."""
+"""Least difference of a factor from 1. Judged: a filter corrects its belief by a few percent of the path."""
 _EXPLAINED = 0.7
 """Least share of movements that a factor must explain; the others are corrections. Judged."""
-_DISTANCE, _TURN = 1.0, 5.0
-"""Shortest path and turn that count, inches and degrees: corrections are smaller."""
+_TURN, _DISTANCE = (5.0, 2.0), (1.0, 0.5)
+"""Shortest turn that counts and usual size of corrections, degrees; the same of distances, inches."""
+_AS_GOOD = 1.4
+"""Scatter over that of the best device with which another one explains as much. The standard error of a
+scatter of 30 movements is a fifth of it."""
 _LONGEST_TURN = 150.0
 """Turns above this, degrees, may have been believed to go in the other direction."""
 
 
-class _Axis(Struct, frozen=True):
-    """One kind of motion: how far the robot went between beliefs and how far the program believed, (n,).
-    `least` is the shortest motion that counts, `correction` the usual size of corrections of a belief."""
+class ErrorPattern(Struct, frozen=True):
+    """One error that most beliefs have, in words; `of` are the codes of the sensors and drives that it may be
+    from."""
 
-    believed: FloatArray
-    true: FloatArray
-    usable: BoolArray
-    least: float
-    correction: float
+    text: str
+    of: tuple[str, ...] = ()
 
 
-class _Source(Struct, frozen=True):
-    """A source from which a program may know the motion of an axis: (n,), NaN where it has none."""
-
-    code: str
-    values: FloatArray
-    is_drive: bool
-
-
-class BeliefMotion:
-    """The motion from each belief to the next."""
-
-    def __init__(self, attempt: Attempt, since: int) -> None:
-        """`since` is the running number of the event after which beliefs count; the robot must not be placed
-        after it."""
-        self._attempt = attempt
-        history = attempt.history
-        self._beliefs = beliefs = attempt.within(history.beliefs, since)
-        # The first belief depends on events before it.
-        self._moves = attempt.within(history.movements, attempt.placed)
-        self._readings = attempt.within(history.readings, attempt.placed)
-        self._at = np.searchsorted(self._moves["order"], beliefs["order"])
-        """Number of movements before each belief."""
-        turn, true_turn = np.diff(beliefs["heading"]), np.diff(beliefs["true_heading"])
-        self._turn = half_turn(turn)
-        self._true_turn = true_turn
-        believed = _in_frame(beliefs, ("x", "y", "heading"), self._turn)
-        self._believed_distance = np.hypot(*believed)
-        self._same = (np.abs(np.vstack((believed, self._turn))) < SAME_POSE).all(axis=0)
-        """True where the same pose was sent again: it does not depend on readings or commands."""
-        self._moved = _in_frame(beliefs, ("true_x", "true_y", "true_heading"), true_turn)
-        self._gone = np.hypot(*self._moved)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            self._along = (believed * self._moved).sum(axis=0) / self._gone
-
-    def explanations(self) -> list[list[Disagreement]]:
-        """For turns and for distances, the sensors and drives that explain a difference; none without one."""
-        if len(self._beliefs) <= _FEWEST:
-            return []
-        sure = self._beliefs["allowed_turn"] <= DEFAULT_ALLOWED_TURN
-        near = np.nan_to_num(self._beliefs["spread"]) <= SURE
-        usable = sure[1:] & sure[:-1]
-        in_half = np.abs(self._true_turn) <= _LONGEST_TURN
-        turns = _Axis(self._turn, self._true_turn, usable & in_half, _TURN, LEAST_DEGREES)
-        distances = _Axis(self._along, self._gone, usable & near[1:] & near[:-1], _DISTANCE, 0.5)
-        made = (
-            self._explained(turns, [*self._counters(turning=True), *self._drives(turning=True)]),
-            self._explained(distances, [*self._counters(turning=False), *self._drives(turning=False)]),
-        )
-        return [each for each in made if each]
-
-    def _explained(self, axis: _Axis, sources: list[_Source]) -> list[Disagreement]:
-        usable = axis.usable & ~self._same & np.isfinite(axis.believed)
-        places = np.flatnonzero(usable & (np.abs(axis.true) >= axis.least))
-        if len(places) < _FEWEST:
-            return []
-        believed, true = axis.believed[places], axis.true[places]
-        spread = axis.correction / 2 + 0.02 * np.abs(true)
-        factor = float(robust_fit(true[:, None], believed, spread).values[0])
-        apart = np.abs((factor - 1.0) * true) > axis.correction
-        near = np.abs(believed - factor * true) < np.abs(believed - true)
-        fits = np.abs(believed - factor * true) <= 4 * spread
-        if abs(factor - 1.0) < _LEAST_SHARE or apart.sum() < _FEWEST or fits[apart].mean() < _EXPLAINED:
-            return []
-        probability = binomial_tail(int(near[apart].sum()), int(apart.sum()), 0.5)
-        begun = self._beliefs[int(places[np.flatnonzero(apart & near)[0]])]
-        found = []
-        for source in sources:
-            values = source.values[places]
-            known = np.isfinite(values)
-            if known.sum() < max(_FEWEST, len(places) / 2):
-                continue
-            fit = robust_fit(values[known][:, None], believed[known], spread[known])
-            scatter = mad_scale(believed[known] - fit.values[0] * values[known])
-            low, high = fit.interval(0)
-            value = float(fit.values[0])
-            figures = f"{low:.2f} to {high:.2f}, {fit.count} movements"
-            used = "commands" if source.is_drive else "replies"
-            text = f"{value:.2f} times {source.code}'s {used} ({figures})"
-            # Smaller differences cannot be distinguished: poses are sent in hundredths.
-            scatter, of = max(scatter, axis.correction / 20), (source.code,)
-            found.append(Disagreement(of, text, fit.count, probability, scatter, *moment(begun)))
-        return found
-
-    # -- sources of known motion -----------------------------------------------------------------------
-
-    def _counters(self, *, turning: bool) -> list[_Source]:
-        """The counters that measure turns, or distances."""
-        found = []
-        for sensor, counts in self._counts():
-            lever = sensor.lever
-            with np.errstate(invalid="ignore", divide="ignore"):
-                share = (lever[:2, None] * self._moved).sum(axis=0) / self._gone
-                # A wheel that hardly rolls does not measure the path.
-                along = np.where(np.abs(share) > 0.5, (counts - lever[2] * self._true_turn) / share, np.nan)
-            if not turning:
-                found.append(_Source(sensor.spec.code, along, False))
-            elif lever[2] and not lever[:2].any():
-                found.append(_Source(sensor.spec.code, counts / lever[2], False))
-        return found
-
-    def _counts(self) -> Iterator[tuple[CountingSensor, FloatArray]]:
-        """The counters, each with its counts from belief to belief before its gain."""
-        for spec, rows in by_sensor(self._attempt.history, self._readings):
-            sensor = modelled_sensor(spec)
-            if isinstance(sensor, CountingSensor) and spec.gain and not spec.wrap:
-                yield sensor, self._counted(rows) / spec.gain
-
-    def _counted(self, mine: Columns) -> FloatArray:
-        """Counts of a sensor from belief to belief, in its unit, NaN where it was not read at both; (n,)."""
-        beliefs = self._beliefs
-        place = np.searchsorted(mine["order"], beliefs["order"]) - 1
-        if not len(mine):
-            return np.full(len(beliefs) - 1, np.nan)
-        last = mine[np.maximum(place, 0)]
-        # Read after the last movement before the belief.
-        fresh = (place >= 0) & (np.searchsorted(self._moves["order"], last["order"]) == self._at)
-        return np.diff(np.where(fresh, last["value"], np.nan))
-
-    def _drives(self, *, turning: bool) -> list[_Source]:
-        names, moves = self._attempt.history.code_names, self._moves
-        drives = [
-            each for each in self._attempt.spec.drives if each.kind.turns is turning and each.code in names
-        ]
-        numbers = {each.code: names.index(each.code) for each in drives}
-        of_kind = np.isin(moves["code"], list(numbers.values()))
-        found = []
-        for row in drives:
-            mine = moves["code"] == numbers[row.code]
-            asked = np.where(mine, np.nan_to_num(moves["asked"], nan=np.nan) * row.gain, 0.0)
-            rivals = of_kind & ~mine
-            sums = np.concatenate(((0.0,), np.cumsum(asked)))
-            others = np.concatenate(((0,), np.cumsum(rivals)))
-            amounts = np.diff(sums[self._at])
-            # The only drive on its axis; otherwise the motion cannot be assigned to one.
-            alone = (np.diff(others[self._at]) == 0) & (amounts != 0.0)
-            used = amounts if turning else np.abs(amounts)
-            found.append(_Source(row.code, np.where(alone, used, np.nan), True))
-        return found
+def step_patterns(attempt: Attempt) -> Iterator[list[ErrorPattern]]:
+    """For turns and for distances, the counters and drives that explain the believed motion, the best first;
+    none where it is right."""
+    beliefs = attempt.within(attempt.history.beliefs, attempt.placed)
+    if len(beliefs) < LEAST_MOVEMENTS:
+        return
+    true = _motion(beliefs, ("true_x", "true_y", "true_heading"), np.diff(beliefs["true_heading"]))
+    believed = _motion(beliefs, ("x", "y", "heading"), half_turn(np.diff(beliefs["heading"])))
+    sources = list(_sources(attempt, beliefs, true[2]))
+    sure = beliefs["allowed_turn"] <= DEFAULT_ALLOWED_TURN
+    near = np.nan_to_num(beliefs["spread"]) <= SURE
+    # The same pose sent again does not depend on readings or commands.
+    is_new = (np.abs(believed) >= SAME_POSE).any(axis=0)
+    turns = is_new & sure[1:] & sure[:-1] & (np.abs(true[2]) <= _LONGEST_TURN)
+    distances = turns & near[1:] & near[:-1]
+    for is_turn, usable, least, correction in ((True, turns, *_TURN), (False, distances, *_DISTANCE)):
+        found: list[tuple[float, ErrorPattern]] = []
+        for code, noun, axis, values in sources:
+            if bool(axis[2]) is is_turn:
+                went = axis @ true
+                chosen = usable & np.isfinite(values) & (np.abs(went) >= least)
+                motion = went[chosen], (axis @ believed)[chosen], values[chosen]
+                found += _explaining(code, noun, *motion, correction)
+        found.sort(key=itemgetter(0))
+        # A little more scatter than that of the best may be by chance.
+        yield [each for scatter, each in found if scatter <= _AS_GOOD * found[0][0]]
 
 
-def _in_frame(beliefs: Columns, names: tuple[str, str, str], turns: FloatArray) -> FloatArray:
-    """Displacements from pose to pose in the robot's frame halfway, (2, n): inches ahead and to the left."""
+def _explaining(
+    code: str, noun: str, true: FloatArray, believed: FloatArray, values: FloatArray, correction: float
+) -> Iterator[tuple[float, ErrorPattern]]:
+    """The scatter that a source leaves and its factor in words, if its `values` explain the believed motion,
+    (n,) each; `correction` is the usual size of corrections of a belief."""
+    spread = correction / 2 + 0.02 * np.abs(true)
+    factor, interval = measured(1.0, values, believed, spread)
+    off = np.abs(believed - factor * values)
+    apart = np.abs(factor * values - true) > correction
+    hits = apart & (off <= 4 * spread) & (off < np.abs(believed - true))
+    is_explained = hits.sum() >= max(LEAST_MOVEMENTS, _EXPLAINED * apart.sum())
+    if interval is None or not is_explained or abs(factor - 1.0) < _LEAST_SHARE:
+        return
+    figures = f"{interval[0]:.2f} to {interval[1]:.2f}, {len(values)} movements"
+    # Smaller differences cannot be distinguished: poses are sent in hundredths.
+    scatter = max(mad_scale(off), correction / 20)
+    yield scatter, ErrorPattern(f"{factor:.2f} times {code}'s {noun} ({figures})", (code,))
+
+
+def _sources(
+    attempt: Attempt, beliefs: Columns, turned: FloatArray
+) -> Iterator[tuple[str, str, FloatArray, FloatArray]]:
+    """The counters and the drives that a program may know its motion from.
+
+    Yields the code, `replies` or `commands`, the value for an inch ahead, an inch to the left and a degree
+    turned, (3,), and the values between beliefs, (n,), inches or degrees, NaN where there are none. What
+    wheels count for the true turns is left out.
+    """
+    history = attempt.history
+    # The first belief depends on events before it.
+    moves = attempt.within(history.movements, attempt.placed)
+    at = np.searchsorted(moves["order"], beliefs["order"])
+    for spec, rows in by_sensor(history, attempt.within(history.readings, attempt.placed)):
+        sensor = modelled_sensor(spec)
+        if isinstance(sensor, CountingSensor) and spec.gain and not spec.wrap:
+            place = np.searchsorted(rows["order"], beliefs["order"]) - 1
+            last = rows[np.maximum(place, 0)]
+            # Read after the last movement before the belief.
+            fresh = (place >= 0) & (np.searchsorted(moves["order"], last["order"]) == at)
+            values, axis = np.diff(np.where(fresh, last["value"], np.nan)) / spec.gain, sensor.lever
+            if axis[:2].any():
+                values, axis = values - axis[2] * turned, axis * (1.0, 1.0, 0.0)
+            size = np.abs(axis).sum()
+            yield spec.code, "replies", axis / size, values / size
+    for row in attempt.spec.drives:
+        if row.code in history.code_names:
+            mine = moves["code"] == history.code_names.index(row.code)
+            sums = np.cumsum(np.where(mine, moves["asked"] * row.gain, 0.0))
+            asked = np.diff(np.concatenate(((0.0,), sums))[at])
+            axis = np.array(astuple(row.kind.direction))
+            yield row.code, "commands", axis, np.where(asked == 0.0, np.nan, asked)
+
+
+def _motion(beliefs: Columns, names: tuple[str, str, str], turns: FloatArray) -> FloatArray:
+    """The motion from pose to pose in the robot's frame halfway: inches ahead and to the left, and the
+    turns, (3, n)."""
     x, y, heading = (beliefs[name] for name in names)
     cos, sin = cos_sin_array(heading[:-1] + turns / 2)
     ahead, aside = np.diff(x), np.diff(y)
-    return np.array((cos * ahead + sin * aside, cos * aside - sin * ahead))
+    return np.array((cos * ahead + sin * aside, cos * aside - sin * ahead, turns))

@@ -67,7 +67,7 @@ class BentScans:
         bends.last = scan
         bends.scans += 1
         poses = scan.poses
-        if not len(poses) or bool((poses == poses[-1]).all()):
+        if (poses == poses[-1:]).all():
             return
         bends.moved += 1
         lidar = sensor_of(spec)

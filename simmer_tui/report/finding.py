@@ -1,26 +1,20 @@
 """A finding: one difference of a sensor or a drive from its nominal set, or of a real one from its set.
 
 A finding has its figure with an interval, the number of readings or movements behind it, and a sentence.
-Explanations of beliefs are tests: those of a run have a familywise error of 0.1 %.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable
 from enum import StrEnum
-from typing import TypeVar
 
 from msgspec import Struct
 from msgspec.structs import replace
 
 from simmer_tui.document.formats import COUNT, number
 from simmer_tui.document.model import DataColumn, DataTable, data_table
-from simmer_tui.report.robust_fit import MAD_ERROR, Z_95
-from simmer_tui.run.table import Columns
 from simmer_tui.sim.command import counted
 
-FALSE_FINDING_RATE = 0.001
-"""Probability that a run without a fault has any finding: of a hundred runs hardly one has one."""
 FEWEST = {"set": 8, "nominal": 3}
 """Readings or movements below which nothing is claimed, by basis. Beyond the set: with fewer, one outlier is
 more than an eighth. Against the nominal set it is known that the rows differ: the median of three is
@@ -28,8 +22,6 @@ enough."""
 # Below these nothing changes in a maze of 12 in cells.
 LEAST_INCHES, LEAST_DEGREES, LEAST_SHARE = 1.0, 2.0, 0.02
 """Least sizes that matter: of an offset, in inches or degrees, and of a gain."""
-
-_T = TypeVar("_T")
 
 
 class FindingKind(StrEnum):
@@ -114,18 +106,6 @@ class Device(Struct, frozen=True):
         return Finding(self.code, kind, value, low, high, unit, count, self.basis, text, other, what)
 
 
-def holm(
-    tests: Iterable[_T], probability: Callable[[_T], float], rate: float = FALSE_FINDING_RATE
-) -> Iterator[_T]:
-    """The tests that hold a familywise error together, the surest first, by the p-value of each: S. Holm, "A
-    simple sequentially rejective multiple test procedure", Scandinavian Journal of Statistics 6 (1979)."""
-    ranked = sorted(tests, key=probability)
-    for place, each in enumerate(ranked):
-        if probability(each) * (len(ranked) - place) > rate:
-            return
-        yield each
-
-
 def interval_text(low: float, high: float, value: float) -> str:
     """An interval in words, from the end nearer to 0, with as many digits as its width justifies."""
     if value < 0.0 and high <= 0.0:
@@ -167,46 +147,3 @@ def findings_table(found: Iterable[Finding]) -> DataTable:
 def plain_findings(found: Iterable[Finding]) -> tuple[dict[str, object], ...]:
     """Findings for programs, each by the keys of their table."""
     return tuple(findings_table(found).objects())
-
-
-# -- explanations of beliefs ------------------------------------------------------------------
-
-
-class Disagreement(Struct, frozen=True):
-    """One explanation of beliefs that differ from the truth: `of` are the codes of the sensors or drives.
-    `text` says what the beliefs fit, `count` is the number of readings or movements behind it.
-
-    `probability` is that of evidence as strong without a disagreement, corrected for all tests of its kind.
-    `scatter` is the residual scatter, in a unit of the evidence. `elapsed` (seconds) and `line` (of the log)
-    are where it began. `advice` is one line to follow, empty for none.
-    """
-
-    of: tuple[str, ...]
-    text: str
-    count: int
-    probability: float
-    scatter: float
-    elapsed: float
-    line: int
-    advice: str = ""
-
-
-def moment(row: Columns) -> tuple[float, int]:
-    """The elapsed time and the line of a row of a history's table."""
-    return float(row["elapsed"]), int(row["line"])
-
-
-def kept_disagreements(found: Iterable[Sequence[Disagreement]]) -> list[list[Disagreement]]:
-    """The explanations that hold an error of 0.1 % a run together (`holm`), the surest first.
-
-    Args:
-        found: For each thing that was tested, its explanations. Of those that explain the same evidence, the
-            ones that leave about as little as the best are kept.
-    """
-    standing = []
-    for each in holm(found, lambda test: min(one.probability for one in test)):
-        best = min(each, key=lambda one: one.scatter)
-        # A scatter within the error of the best one may be larger only by chance.
-        most = best.scatter * (1.0 + Z_95 * MAD_ERROR / best.count**0.5)
-        standing.append(sorted((one for one in each if one.scatter <= most), key=lambda one: one.scatter))
-    return standing

@@ -11,10 +11,10 @@ from msgspec import Struct
 
 from simmer_tui.config.mission_plan import cells_of
 from simmer_tui.report.belief_facts import BeliefFacts
-from simmer_tui.report.command_audit import multiplied_corrections
+from simmer_tui.report.command_audit import Corrections, multiplied_corrections
 from simmer_tui.report.contact_evidence import ContactEvidence
 from simmer_tui.report.device_differences import declared_errors
-from simmer_tui.report.finding import FEWEST, Disagreement, Finding, kept_disagreements
+from simmer_tui.report.finding import FEWEST, Finding
 from simmer_tui.report.robust_fit import median_of
 from simmer_tui.report.run_readings import poses_of, world_without_block
 from simmer_tui.run.attempt import Attempt
@@ -287,16 +287,14 @@ class RunEvidence:
         return f"{answered} was answered, and no command came after it until {end}"
 
     @cached_property
-    def corrections(self) -> list[Disagreement]:
-        """The drives, and what measures them, by which corrections did not shrink; none where they did."""
+    def corrections(self) -> list[Corrections]:
+        """The corrections that did not shrink, by drive; none where they did."""
         if self.seen.history.is_twin:
             return []
         known = {each.of for each in self.findings}
         drives = [each for each in self.seen.spec.drives if each.code not in known]
-        kept = kept_disagreements(
-            each for row in drives for each in multiplied_corrections(self.seen, row) if each
-        )
-        return kept[0] if kept else []
+        found = [multiplied_corrections(self.seen, row) for row in drives]
+        return [each for each in found if each is not None]
 
     # -- devices -------------------------------------------------------------------------------------------
 

@@ -7,29 +7,12 @@ from collections.abc import Callable
 
 import pytest
 
+from simmer_tui.report.belief_audit import LEAST_MOVEMENTS
 from simmer_tui.report.belief_facts import BeliefFacts
 from simmer_tui.report.fact_tables import NO_TRUTH, fact_tables
-from simmer_tui.report.finding import Disagreement, kept_disagreements
 from simmer_tui.run.events import Belief
 from simmer_tui.sim import Pose, parse_command
 from tests.report.test_causes import Mission, begin
-
-# -- of several ---------------------------------------------------------------------------------------
-
-
-def made(code: str, probability: float, scatter: float = 1.0) -> Disagreement:
-    return Disagreement((code,), f"{code} is off", 20, probability, scatter, 1.0, 1)
-
-
-def test_of_explanations_of_the_same_those_as_good_as_the_best_are_kept() -> None:
-    [found] = kept_disagreements([[made("g1", 1e-9, 1.0), made("r1", 1e-9, 1.2), made("o3", 1e-9, 2.0)]])
-    assert [each.of for each in found] == [("g1",), ("r1",)]
-
-
-def test_all_together_hold_an_error_of_one_in_a_thousand() -> None:
-    assert kept_disagreements([[made("u1", 0.0004)], [made("u2", 0.5)]])
-    assert not kept_disagreements([[made("u1", 0.0006)], [made("u2", 0.5)]])
-
 
 # -- beliefs ------------------------------------------------------------------------------------------
 
@@ -45,7 +28,7 @@ class DeadReckoner:
         by_commands: Callable[[str, float], float] | None = None,
     ) -> None:
         self.mission, self.heard, self.by_commands = mission, heard, by_commands
-        self.spread = 0.3
+        self.spread, self.told_turn = 0.3, 0.0
         self.pose = mission.simulator.pose
         self.counted = self.counters()
 
@@ -75,7 +58,8 @@ class DeadReckoner:
 
     def tell(self) -> None:
         simulator = self.mission.simulator
-        self.mission.engine.tell(Belief(simulator.time, self.pose, simulator.pose, self.spread))
+        told = Pose(self.pose.x, self.pose.y, self.pose.heading + self.told_turn)
+        self.mission.engine.tell(Belief(simulator.time, told, simulator.pose, self.spread))
 
     def wander(self, rounds: int = 12) -> None:
         for step in range(rounds):
@@ -100,6 +84,33 @@ def test_a_gyro_whose_replies_are_taken_as_something_else_is_named(gain: float) 
     cause = mission.why(1)
     assert cause.culprits[0] == "g1"
     assert f"Its steps fit {gain:.2f} times g1's replies (" in cause.text
+
+
+def test_a_drive_that_explains_as_much_as_a_counter_is_named_beside_it() -> None:
+    # Without noise commands and replies are the same.
+    mission = begin()
+    DeadReckoner(mission, lambda code, reply: 0.8 * reply if code == "g1" else reply).wander()
+    assert set(facts(mission).culprits) == {"g1", "r1"}
+    assert "0.80 times g1's replies (" in facts(mission).text
+
+
+@pytest.mark.parametrize(("count", "names"), [(LEAST_MOVEMENTS - 1, ()), (LEAST_MOVEMENTS, ("g1",))])
+def test_of_few_movements_nobody_is_named(count: int, names: tuple[str, ...]) -> None:
+    mission = begin(noise=True)
+    program = DeadReckoner(mission, lambda code, reply: 0.8 * reply if code == "g1" else reply)
+    program.tell()
+    program.wander(count)
+    assert facts(mission).culprits[:1] == names
+
+
+def test_headings_that_are_told_in_another_frame_are_no_fault_of_a_counter() -> None:
+    mission = begin(noise=True)
+    program = DeadReckoner(mission)
+    program.told_turn = 180.0
+    program.wander(24)
+    assert "turned by" in facts(mission).text
+    assert not facts(mission).steps
+    assert not facts(mission).culprits
 
 
 def test_wheels_whose_replies_are_taken_for_less_are_named() -> None:
