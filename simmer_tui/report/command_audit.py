@@ -35,12 +35,13 @@ _ALIKE = 0.02
 
 class Corrections(Struct, frozen=True):
     """Corrections by the drive `of` that do not shrink: `text` says it of `count` movements, the first at
-    `elapsed` (seconds). `advice` is one line to follow."""
+    `elapsed` (seconds), its line of the log `line`. `advice` is one line to follow."""
 
     of: tuple[str, ...]
     text: str
     count: int
     elapsed: float
+    line: int
     advice: str
 
 
@@ -74,4 +75,5 @@ def multiplied_corrections(attempt: Attempt, row: DriveSpec) -> Corrections | No
         advice = f"Check the sign of {row.code}'s value in your program: each correction makes it worse."
     elif multiple < 0.0:
         text += ", to the other side"
-    return Corrections((row.code,), text, len(found), float(moves["elapsed"][found[0]]), advice)
+    first = moves[found[0]]
+    return Corrections((row.code,), text, len(found), float(first["elapsed"]), int(first["line"]), advice)

@@ -159,7 +159,7 @@ def test_a_velocity_straight_at_a_wall_that_was_read_is_told_with_its_reading() 
     assert mission.attempt.too_many_contacts
     assert cause.kind is Kind.TOO_CLOSE
     assert re.match(
-        r"At 50\.1 s, u1, .*, read 15\.0 in\. At 50\.2 s, vv-6;0;0 was sent, and nothing ended it\. "
+        r"At 50\.1 s, u1 \(ahead\) read 15\.0 in\. At 50\.2 s, vv-6;0;0 was sent, and nothing ended it\. "
         r"At 5\d\.\d s, the robot touched .*, after 15\.0 in of vv-6;0;0\.",
         cause.text,
     )
@@ -225,7 +225,7 @@ def test_what_arrived_stands_beside_what_the_belief_moved() -> None:
 
 
 @pytest.mark.parametrize(("command", "said"), [("w1--9", True), ("w1-9", False)])
-def test_a_right_belief_before_a_contact_comes_first_and_any_map_has_the_outer_wall(
+def test_a_right_belief_is_told_before_a_contact_and_any_map_has_the_outer_wall(
     command: str, said: bool
 ) -> None:
     mission = begin()
@@ -234,7 +234,7 @@ def test_a_right_belief_before_a_contact_comes_first_and_any_map_has_the_outer_w
     mission.believe()
     mission.give(command)
     cause = mission.why()
-    assert cause.text.startswith("Its belief was right, off by 0.0 in and 0 deg. ")
+    assert f"{command} was sent. Its belief was right, off by 0.0 in and 0 deg. At " in cause.text
     assert ("map has" in cause.advice) is said
 
 
@@ -257,7 +257,7 @@ def test_a_movement_into_a_wall_says_how_far_its_way_was_free(spread: float | No
     cause = mission.why()
     assert cause.kind is Kind.TOO_CLOSE
     assert re.search(
-        r"w1-3\.3 was sent\. At 5\d\.\d s, the robot touched .*, after 3\.0 in of w1-3\.3\.", cause.text
+        r"w1-3\.3 was sent\. .*At 5\d\.\d s, the robot touched .*, after 3\.0 in of w1-3\.3\.", cause.text
     )
 
 
@@ -347,7 +347,7 @@ def test_a_wall_that_a_right_reading_had_shown_is_said_with_the_command() -> Non
     cause = mission.why()
     assert (cause.kind, cause.moment.kind) == (Kind.KNOWN_WALL, MomentKind.COMMAND)
     said = (
-        r"At 50\.1 s, u1, which looks ahead, read 3\.0 in\. At 50\.1 s, d1-60 was sent\. "
+        r"At 50\.1 s, u1 \(ahead\) read 3\.0 in\. At 50\.1 s, d1-60 was sent\. "
         r"At 50\.6 s, the robot touched .*, after 3\.0 in of d1-60\."
     )
     assert re.fullmatch(said, cause.text)
@@ -361,8 +361,11 @@ def test_a_wall_that_a_right_belief_had_shown_is_known_too() -> None:
     mission.give("u1", "u2", "u4", "u5", "t1", "w1-5.5")
     cause = mission.why()
     assert cause.kind is Kind.KNOWN_WALL
-    assert cause.text.startswith("Its belief was right, off by 0.0 in and 0 deg. ")
-    assert re.search(r" At 50\.3 s, w1-5\.5 was sent\. At 50\.8 s, the robot touched ", cause.text)
+    assert re.search(
+        r" At 50\.3 s, w1-5\.5 was sent\. Its belief was right, off by 0\.0 in and 0 deg\. "
+        r"At 50\.8 s, the robot touched ",
+        cause.text,
+    )
 
 
 def test_a_wrong_sensor_comes_before_what_follows_from_it() -> None:
@@ -473,7 +476,7 @@ def test_moves_that_gain_nothing_lead_nowhere() -> None:
     mission.give("u5", *("w1-2", "s1-2") * 200)
     cause = mission.why()
     assert cause.kind is Kind.GOT_NOWHERE
-    said = "149 movements began that reached no goal and no new place (298 in): s1 75 times"
+    said = "progress ended: 149 movements after that reached no goal and no new place (298 in): s1 75 times"
     assert cause.text.startswith(f"At 50.4 s, {said}")
 
 
@@ -483,7 +486,7 @@ def test_who_only_reads_until_time_is_up_gets_nowhere() -> None:
     assert mission.referee.state().result is Result.FAILED
     cause = cause_of(RunEvidence(mission.attempt))
     assert (cause.kind, cause.culprits) == (Kind.GOT_NOWHERE, ())
-    said = r"the last movement ended; after it came 664 readings, the last \d+ in by u1, at 90\.0 s\."
+    said = r"the last movement ended; after that came 664 readings, the last \d+ in by u1, at 90\.0 s\."
     assert re.match(rf"At 50\.2 s, {said}", cause.text)
     assert "the loop that only reads" in cause.advice
 
@@ -856,7 +859,7 @@ def test_a_reading_after_a_velocity_is_told_after_it() -> None:
     mission.give("u1", "u2", "u4", "vv-6;0;0", *("wt-0.4", "u1") * 12)
     text = mission.why().text
     assert re.match(
-        r"At 50\.\d s, vv-6;0;0 was sent, and nothing ended it\. At 52\.\d s, u1, which looks ahead, read ",
+        r"At 50\.\d s, vv-6;0;0 was sent, and nothing ended it\. At 52\.\d s, u1 \(ahead\) read ",
         text,
     )
 
@@ -865,7 +868,7 @@ def test_the_sensor_that_looks_along_a_movement_and_was_never_read_is_told() -> 
     mission = begin()
     mission.give("u2", "d1-4", "u2", "d1-4", "u2", "d1-4", "u2", "d1-4")
     cause = mission.why()
-    assert "u1, which looks ahead, had not been read yet." in cause.text
+    assert " s, u1 (ahead) had not been read yet." in cause.text
     assert cause.advice == "Read u1 before you send d1."
 
 
@@ -874,7 +877,7 @@ def test_a_belief_that_was_off_is_told_at_a_contact() -> None:
     mission.give("u1", "u2", "u4")
     mission.believe(ahead=1.5, spread=1.0)
     mission.give("d1-60")
-    assert mission.why().text.startswith("Its belief was off by 1.5 in and 0 deg. ")
+    assert " d1-60 was sent. Its belief was off by 1.5 in and 0 deg. At " in mission.why().text
 
 
 def test_a_program_without_the_token_is_told_to_send_it() -> None:
@@ -1045,5 +1048,7 @@ def test_a_crash_after_commands_without_effect_tells_of_them() -> None:
     mission.give(*("u5", "d1-0") * 110)
     cause = mission.why(1, error="LostError: it does not get there")
     assert cause.kind is Kind.CRASHED
-    assert " s, 109 movements began that reached no goal and no new place (0 in): " in cause.text
+    assert (
+        " s, progress ended: 109 movements after that reached no goal and no new place (0 in): " in cause.text
+    )
     assert "d1 109 times, mostly by 0." in cause.text

@@ -194,7 +194,7 @@ def test_the_line_at_which_a_silent_program_was_ended_is_told() -> None:
     verdict = verdict_of(mission.history, mission.task)
     assert verdict.cause is not None
     assert verdict.cause.kind is Kind.SILENCE
-    assert "The program was at robot.py:6." in verdict.text
+    assert "When it was ended, the program was at robot.py:6." in verdict.text
     assert verdict.advice == "Try: Find out what your program waits for, or repeats, at robot.py:6."
     assert not any("robot.py" in each for each in verdict.evidence)
 

@@ -158,11 +158,8 @@ def test_what_is_sent_until_the_robot_has_stopped_is_not_refused(
 @pytest.mark.parametrize(
     ("ended", "worst"),
     [
-        (
-            ProgramEnded(9.0, 1, stderr=(OutputLine(1.0, "no wall"),)),
-            "after 1 command it printed last: no wall",
-        ),
-        (ProgramEnded(9.0, 3), "after 1 command it printed nothing"),
+        (ProgramEnded(9.0, 1, stderr=(OutputLine(1.0, "no wall"),)), "it printed last: no wall"),
+        (ProgramEnded(9.0, 3), "it printed nothing"),
         (ProgramEnded(9.0, 143, stopped=True), "1 command until then"),
     ],
 )
