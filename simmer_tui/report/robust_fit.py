@@ -18,8 +18,6 @@ efficiency is 37 % (P. J. Rousseeuw and C. Croux, 1993)."""
 _MAD_TO_SIGMA = 1.4826
 # Huber (1964): 95 % efficient where errors are normal.
 _HUBER = 1.345
-# Of two values no interval is known.
-_FEWEST = 3
 # Most iterations of a fit.
 _ROUNDS = 20
 
@@ -35,23 +33,6 @@ class RobustFit(Struct, frozen=True):
         """The 95 % interval of a coefficient."""
         half = Z_95 * float(self.errors[place])
         return float(self.values[place]) - half, float(self.values[place]) + half
-
-
-def measured(
-    known: float, design: FloatArray, target: FloatArray, spread: FloatArray
-) -> tuple[float, tuple[float, float] | None]:
-    """A factor as it was measured, with its 95 % interval; of one or two values as it is known.
-
-    Args:
-        known: The factor without the random errors of the target.
-        design: The quantity that it multiplies, (n,).
-        target: Measured products, (n,).
-        spread: Standard deviations of these, (n,).
-    """
-    if len(target) < _FEWEST:
-        return known, None
-    fit = robust_fit(design[:, None], target, spread)
-    return float(fit.values[0]), fit.interval(0)
 
 
 def robust_fit(design: FloatArray, target: FloatArray, spread: FloatArray) -> RobustFit:
