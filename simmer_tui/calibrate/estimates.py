@@ -14,7 +14,7 @@ from simmer_tui.calibrate.fit import Fit
 from simmer_tui.calibrate.measured_run import MeasuredRun
 from simmer_tui.calibrate.parameters import Parameter, observed_sensors
 from simmer_tui.calibrate.posterior import RANGE
-from simmer_tui.report.robust_fit import mad_scale
+from simmer_tui.report.robust_statistics import mad_scale
 from simmer_tui.run.phrases import times_text
 from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.motion import profile_of

@@ -37,7 +37,7 @@ from simmer_tui.calibrate.posterior import (
 )
 from simmer_tui.calibrate.rows import PER_STOP, Model
 from simmer_tui.errors import CalibrationError
-from simmer_tui.report.robust_fit import Z_95
+from simmer_tui.report.robust_statistics import Z_95
 from simmer_tui.sim.arrays import BoolArray, FloatArray
 
 _PARTICLES = (300, 1500, 4000)

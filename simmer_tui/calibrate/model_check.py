@@ -26,7 +26,7 @@ from simmer_tui.calibrate.effects import BLIND_SPOTS, EVERY_DRIVE, Effect, effec
 from simmer_tui.calibrate.parameters import ParameterSpace, main_axis
 from simmer_tui.calibrate.posterior import OBSERVATION, RANGE, Iterate, Posterior, Rows
 from simmer_tui.calibrate.rows import Model
-from simmer_tui.report.robust_fit import Z_95
+from simmer_tui.report.robust_statistics import Z_95
 from simmer_tui.run.phrases import capitalized
 from simmer_tui.sim.arrays import BoolArray, FloatArray, IntArray
 from simmer_tui.sim.sensors import ParameterKind

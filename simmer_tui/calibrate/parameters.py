@@ -19,7 +19,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from simmer_tui.calibrate.measured_run import MeasuredRun
-from simmer_tui.report.robust_fit import Z_95
+from simmer_tui.report.robust_statistics import Z_95
 from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.sensors import (
     ParameterKind,

@@ -16,7 +16,7 @@ from msgspec.structs import astuple, replace
 from scipy.special import bdtrc
 
 from simmer_tui.report.finding import FEWEST, Device, Finding, FindingKind
-from simmer_tui.report.robust_fit import median_of
+from simmer_tui.report.robust_statistics import median_of
 from simmer_tui.report.sensor_differences import least_error
 from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.sensors import Sensor

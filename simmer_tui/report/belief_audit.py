@@ -14,7 +14,7 @@ import numpy as np
 from msgspec import Struct
 from msgspec.structs import astuple
 
-from simmer_tui.report.robust_fit import mad_scale, measured
+from simmer_tui.report.robust_statistics import mad_scale, median_interval
 from simmer_tui.report.run_readings import by_sensor
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.episodes import SAME_POSE
@@ -84,7 +84,10 @@ def _explaining(
     """The scatter that a source leaves and its factor in words, if its `values` explain the believed motion,
     (n,) each; `correction` is the usual size of corrections of a belief."""
     spread = correction / 2 + 0.02 * np.abs(true)
-    factor, interval = measured(1.0, values, believed, spread)
+    is_used = values != 0.0
+    if is_used.sum() < LEAST_MOVEMENTS:
+        return
+    factor, interval = median_interval(believed[is_used] / values[is_used], 1.0)
     off = np.abs(believed - factor * values)
     apart = np.abs(factor * values - true) > correction
     hits = apart & (off <= 4 * spread) & (off < np.abs(believed - true))

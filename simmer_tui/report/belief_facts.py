@@ -13,7 +13,7 @@ from msgspec.structs import astuple
 
 from simmer_tui.report.belief_audit import SURE, ErrorPattern, step_patterns
 from simmer_tui.report.finding import FEWEST
-from simmer_tui.report.robust_fit import median_of
+from simmer_tui.report.robust_statistics import median_of
 from simmer_tui.report.run_readings import by_sensor, poses_of, world_without_block
 from simmer_tui.report.why import shown_range
 from simmer_tui.run.attempt import Attempt

@@ -10,7 +10,7 @@ import numpy as np
 from msgspec import Struct
 
 from simmer_tui.report.finding import FEWEST
-from simmer_tui.report.robust_fit import median_of
+from simmer_tui.report.robust_statistics import median_of
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.sim.specs import DriveSpec
 

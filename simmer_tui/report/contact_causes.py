@@ -131,7 +131,7 @@ def _at_contact(
     belief = ""
     if met.belief is not None:
         right = "right, " if met.knew and met.belief.distance <= SLIGHT else ""
-        belief = f" Its belief was {right}off by {met.belief.error_text}."
+        belief = f" Its last belief was {right}off by {met.belief.error_text}."
     if met.goes_on:
         advice = _GOES_ON.format(code=sent.code)
     text = f"{told(sight_moment(run), sent)}{belief}"

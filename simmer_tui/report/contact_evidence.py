@@ -176,13 +176,28 @@ class ContactEvidence:
         """Codes of the range sensors that look along the movement at what it touched, else of those that look
         most nearly at the place touched."""
         sensors = [each for each in self._seen.spec.sensors if each.kind.is_range and each.enabled]
-        along = [each.code for each in sensors if self.leads_into and self._is_along(each.rotation)]
+        along = [each.code for each in sensors if self._is_along(each.rotation)]
+        if not self.leads_into and not any(map(self._is_exceeded, along)):
+            along = []
         looks = facing_sensor(self.met.contact, sensors, self.met.readings)
         nearest = looks.codes if looks is not None and looks_there(looks) else ()
         return tuple(along) or nearest
 
     def _is_along(self, rotation: float) -> bool:
         return self._bearing is not None and abs(half_turn(rotation - self._bearing)) <= ALIKE
+
+    def _is_exceeded(self, code: str) -> bool:
+        """True if a sensor's fresh and right reading is shorter than the movement that was commanded."""
+        last = self.met.readings.get(code)
+        return last is not None and self._is_fresh(last) and last.value < self._commanded
+
+    def _is_fresh(self, last: LastReading) -> bool:
+        """True if a reading was right, and the robot moved and turned little since then."""
+        is_right = abs(last.value - last.true) <= max(SLIGHT, COVERED * self._usual_error(last))
+        return is_right and not self._is_old([last]) and self._turned_since(last) <= ALIKE
+
+    def _turned_since(self, last: LastReading) -> float:
+        return self.met.row.turned_before - last.turned
 
     @property
     def last(self) -> LastReading | None:
@@ -216,18 +231,22 @@ class ContactEvidence:
         if latest is None:
             return f"no range sensor had been read {yet}"
         if self.is_blind:
-            return f"{latest.code} read {shown_range(latest.value)}, and no range sensor was read after that"
+            read = f"{self._named(latest.code)} read {shown_range(latest.value)}"
+            return f"{read}, and no range sensor was read after that"
         if not self.watch:
             return "no sensor looks at the place that was touched"
-        side = side_name(self._row_of(self.watch).rotation)
         if last is None:
-            return f"{self.watch} ({side}) had not been read {yet}"
+            return f"{self._named(self.watch)} had not been read {yet}"
         off = abs(last.value - last.true) > SLIGHT
         true = f"; the true distance was {shown_range(last.true)}" if off else ""
         # It looked elsewhere when it was read.
-        turned = "; then the robot turned" if self.met.row.turned_before - last.turned > ALIKE else ""
+        turned = "; then the robot turned" if self._turned_since(last) > ALIKE else ""
         again = f"; {last.code} was not read again" if self._is_old([last]) else ""
-        return f"{last.code} ({side}) read {shown_range(last.value)}{true}{turned}{again}"
+        return f"{self._named(last.code)} read {shown_range(last.value)}{true}{turned}{again}"
+
+    def _named(self, code: str) -> str:
+        """A sensor by its code and the side to which it looks: `u1 (ahead)`."""
+        return f"{code} ({side_name(self._row_of(code).rotation)})"
 
     @property
     def is_unread(self) -> bool:
@@ -263,12 +282,10 @@ class ContactEvidence:
     def showed_wall(self) -> bool:
         """True if a fresh and right reading showed what was touched, and the command led into it."""
         last = self.last
-        if last is None or not self.is_straight or self.saved_by(Change.EXACT) or self._is_old([last]):
-            return False
-        if abs(last.value - last.true) > max(SLIGHT, COVERED * self._usual_error(last)):
+        if last is None or not self.is_straight or self.saved_by(Change.EXACT) or not self._is_fresh(last):
             return False
         if self._is_along(self._row_of(last.code).rotation):
-            return last.value < self._commanded
+            return self._is_exceeded(last.code)
         return last.value <= _CLOSE and self._leads_beyond
 
     @property

@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from simmer_tui.document.formats import COUNT, PASSAGE, number
 from simmer_tui.document.model import DataColumn, DataTable, data_table
 from simmer_tui.report.finding import Finding
-from simmer_tui.report.robust_fit import median_of
+from simmer_tui.report.robust_statistics import median_of
 from simmer_tui.report.run_evidence import RunEvidence
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.arrays import IntArray

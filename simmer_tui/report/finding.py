@@ -33,7 +33,6 @@ class FindingKind(StrEnum):
     SWAPPED = "swapped"
     SIGN = "sign"
     NOISE = "noise"
-    MISSED = "missed"
     DRIFT = "drift"
     BIAS = "bias"
     MOUNTING = "mounting"
@@ -61,8 +60,6 @@ class Finding(Struct, frozen=True):
     basis: Basis
     text: str
     other: str | None = None
-    what: str = ""
-    """Its sentence without the device, the evidence and the set."""
 
 
 class Device(Struct, frozen=True):
@@ -82,36 +79,29 @@ class Device(Struct, frozen=True):
         count: int,
         *,
         interval: tuple[float, float] | None = None,
-        bounds: str = "",
-        rests_on: str = "",
+        of: int | None = None,
+        why: str = "",
         unit: str = "",
         other: str | None = None,
-        names_set: bool = False,
     ) -> Finding:
         """A finding, whose sentence says `what` the device does.
 
         Args:
-            interval: Bounds of the value; by default it is exact.
-            bounds: The interval in words; by default as `interval_text` says it.
-            rests_on: The evidence in words; by default its number of rows.
-            names_set: True if `what` names the set.
+            interval: Bounds of the value; by default none is known.
+            of: Number of rows that were compared; by default they are the `count` of the evidence.
+            why: The difference from the set, in words that name the set.
         """
         low, high = (value, value) if interval is None else interval
-        rests_on = rests_on or counted(count, self.rows)
-        # Of one or two rows there is no interval.
-        if interval is not None and count >= FEWEST["nominal"]:
-            rests_on = f"{bounds or interval_text(low, high, value)}, {rests_on}"
-        against = f", against {self.against}" if self.against and not names_set else ""
-        text = f"{self.code} {what} ({rests_on}){against}"
-        return Finding(self.code, kind, value, low, high, unit, count, self.basis, text, other, what)
-
-
-def interval_text(low: float, high: float, value: float) -> str:
-    """An interval in words, from the end nearer to 0, with as many digits as its width justifies."""
-    if value < 0.0 and high <= 0.0:
-        low, high = -high, -low
-    digits = 1 if max(abs(low), abs(high)) >= 2.0 and high - low >= 0.1 else 2
-    return f"{low:.{digits}f} to {high:.{digits}f}"
+        evidence = counted(count, self.rows)
+        if of not in (None, count):
+            evidence = f"{count} of {counted(of, self.rows)}"
+        if interval is not None:
+            near, far = sorted((abs(low), abs(high))) if low * high > 0.0 else interval
+            digits = 2 if far < 10.0 else 1
+            evidence = f"{near:.{digits}f} to {far:.{digits}f}, {evidence}"
+        against = f": {why}" if why else f", against {self.against}" if self.against else ""
+        text = f"{self.code} {what} ({evidence}){against}"
+        return Finding(self.code, kind, value, low, high, unit, count, self.basis, text, other)
 
 
 _FIGURE = number(".3g")

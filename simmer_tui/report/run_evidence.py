@@ -15,7 +15,7 @@ from simmer_tui.report.command_audit import Corrections, multiplied_corrections
 from simmer_tui.report.contact_evidence import ContactEvidence
 from simmer_tui.report.device_differences import declared_errors
 from simmer_tui.report.finding import FEWEST, Finding
-from simmer_tui.report.robust_fit import median_of
+from simmer_tui.report.robust_statistics import median_of
 from simmer_tui.report.run_readings import poses_of, world_without_block
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.episodes import Episode, EpisodeKind

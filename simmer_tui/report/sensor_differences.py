@@ -1,20 +1,18 @@
 """Differences of a sensor from its row of another set, and their effect on the readings of a run.
 
-The true value of a reading is that of an ideal sensor where the run's own set has it. What the set's own row
-adds to it is known, so the rest of a reading is its random error. A counting sensor adds its errors up: it is
-compared by its counts from each reading to the next.
+Each column that differs is tried alone. The run's true values are read by the sensor's own row, and by that
+row with the other set's value in this column, both without random errors. The difference is the column's
+effect. A column of random errors has none: it is told by the readings that were off by more than is usual.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 
 import numpy as np
 from msgspec.structs import replace
 
 from simmer_tui.report.finding import (
-    FEWEST,
     LEAST_DEGREES,
     LEAST_INCHES,
     LEAST_SHARE,
@@ -22,43 +20,34 @@ from simmer_tui.report.finding import (
     Finding,
     FindingKind,
 )
-from simmer_tui.report.robust_fit import MAD_ERROR, Z_95, mad_scale, measured, median_of
+from simmer_tui.report.robust_statistics import median_interval
 from simmer_tui.report.run_readings import poses_of
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.table import Columns
-from simmer_tui.sim.angles import half_turn
-from simmer_tui.sim.arrays import FloatArray
+from simmer_tui.sim.angles import cos_sin_array
+from simmer_tui.sim.arrays import BoolArray, FloatArray
 from simmer_tui.sim.block import Block
-from simmer_tui.sim.command import counted
+from simmer_tui.sim.columns import CsvColumn
 from simmer_tui.sim.maze import Maze
-from simmer_tui.sim.sensors import ObservingSensor, Sensor, modelled_sensor
+from simmer_tui.sim.sensors import CountingSensor, ObservingSensor, Sensor, modelled_sensor
 from simmer_tui.sim.sensors.base import World
 from simmer_tui.sim.specs import SensorSpec, SimulationSpec
 
+# Readings of one sensor that are compared, evenly chosen: a share of them has a standard error below 1 %.
 _MOST = 4000
-"""Readings of one sensor that are compared, evenly chosen: its interval is then a sixtieth of its noise."""
-# Judged: 50 times 0.02 is the inch of a range sensor.
+# Least error that matters in other units, in least errors of the kind's readings. Judged: 50 times 0.02 is
+# the inch of a range sensor.
 _LEAST_ERRORS = 50.0
-"""Least error that matters in other units, in least errors of the kind's readings."""
-NOISIER = 1.5
-"""Least ratio of scatter to that of another row that matters; judged."""
-# One normal error in 16,000 is beyond four standard deviations.
-_CLEAR = 4.0
-# A share of one wrong answer in twenty is no fault: it comes from edges of tiles, whatever the set declares.
-_WRONG = 0.05
-_MOUNTING = ("x", "y", "z", "rotation", "field_of_view", "rays", "vertical_field_of_view")
-"""Fields of a sensor's row for its place, direction and view."""
-_ELECTRONICS = ("gain", "bias", "drift")
-_TOLD = ("x", "y", "z", "rotation", "read_time", "dropout", "outlier", "cross_talk", "random_walk")
-"""Fields with an effect that is measured, or told elsewhere. All others change readings by themselves."""
-_STEPS = ("resolution", "ticks_per_inch")
-"""Fields that round a count."""
-_LIMITS = {
-    "min_range": (1, FindingKind.MISSED, "reads {own} {unit} where anything is nearer"),
-    "max_range": (-1, FindingKind.MISSED, "reads nothing beyond {own} {unit}"),
-    "resolution": (1, FindingKind.NOISE, "reads in steps of {own} {unit}"),
+_PLACE = ("x", "y", "z", "rotation")
+_VIEW = ("field_of_view", "rays", "vertical_field_of_view")
+# Kinds of findings by the column's field; all other columns are `OTHER`.
+_KINDS = {
+    "gain": FindingKind.GAIN,
+    "bias": FindingKind.OFFSET,
+    "drift": FindingKind.DRIFT,
+    "resolution": FindingKind.NOISE,
+    **dict.fromkeys(_PLACE, FindingKind.MOUNTING),
 }
-"""Sentences on fields that are larger (1) or smaller (-1) than in the other row."""
 
 
 def sensor_differences(
@@ -69,8 +58,8 @@ def sensor_differences(
     reference: SimulationSpec,
     device: Device,
 ) -> Iterator[Finding]:
-    """The differences of a sensor with some readings: another place or kind, no or the opposite effect, its
-    mounting, then its readings."""
+    """The differences of a sensor with some readings: another place or kind, no or the opposite effect, else
+    column by column."""
     count = len(rows)
     if (other := _swapped_with(own, row, history.spec, reference)) is not None:
         yield device.finding(FindingKind.SWAPPED, 1.0, f"reads what {other} should read", count, other=other)
@@ -81,11 +70,9 @@ def sensor_differences(
         value = 0.0 if own.kind.counts else own.bias
         what = "counts nothing" if own.kind.counts else f"always reads {value:.3g} {own.unit}".rstrip()
         yield device.finding(FindingKind.STUCK, value, what, count, unit=own.unit)
-    elif own.gain * row.gain < 0.0 or own.is_inverted != row.is_inverted:
-        what = "answers the opposite" if own.is_yes_or_no else "reads with the wrong sign"
-        yield device.finding(FindingKind.SIGN, -1.0, what, count)
+    elif own.gain * row.gain < 0.0:
+        yield device.finding(FindingKind.SIGN, -1.0, "reads with the wrong sign", count)
     else:
-        yield from _mounted(own, row, count, device)
         yield from _Readings(history, own, row, rows, device).differences()
 
 
@@ -105,230 +92,142 @@ def least_error(sensor: Sensor) -> float:
 
 
 def _mounting(row: SensorSpec) -> tuple[object, ...]:
-    return tuple(getattr(row, name) for name in _MOUNTING if row.kind.has(name))
+    return row.kind, *(getattr(row, name) for name in (*_PLACE, *_VIEW) if row.kind.has(name))
 
 
 def _swapped_with(
     own: SensorSpec, row: SensorSpec, spec: SimulationSpec, reference: SimulationSpec
 ) -> str | None:
     """The code of the other set's sensor with which this one is swapped; None if it is the right one."""
-    if _mounting(own) == _mounting(row) and own.kind is row.kind:
-        return None
     now = {each.code: _mounting(each) for each in spec.sensors}
     for each in reference.sensors:
         # A sensor that is where another still is has moved; it was not swapped.
-        there = each.kind is own.kind and _mounting(each) == _mounting(own)
-        if there and each.code != own.code and now.get(each.code) != _mounting(each):
+        if _mounting(each) == _mounting(own) != _mounting(row) and now.get(each.code) != _mounting(each):
             return each.code
     return None
 
 
-def _mounted(own: SensorSpec, row: SensorSpec, count: int, device: Device) -> Iterator[Finding]:
-    """A sensor that is elsewhere, or looks elsewhere."""
-    turned, moved = half_turn(own.rotation - row.rotation), math.hypot(own.x - row.x, own.y - row.y)
-    kind, higher, where = FindingKind.MOUNTING, own.z - row.z, device.against
-    if own.kind.has("rotation") and abs(turned) >= LEAST_DEGREES:
-        side = "left" if turned > 0 else "right"
-        what = f"looks {abs(turned):.1f} deg further to the {side} than in {where}"
-        yield device.finding(kind, turned, what, count, unit="deg", names_set=True)
-    if own.kind.has("x") and moved >= LEAST_INCHES:
-        what = f"is mounted {moved:.1f} in from where {where} has it"
-        yield device.finding(kind, moved, what, count, unit="in", names_set=True)
-    if own.kind.has("z") and abs(higher) >= LEAST_INCHES:
-        what = f"is mounted at Z {own.z:g} in, in {where} at {row.z:g} in"
-        yield device.finding(kind, higher, what, count, unit="in", names_set=True)
-
-
 class _Readings:
-    """The readings of a sensor of a run: their true values, (n,), and for the usable ones, or the steps of a
-    count, true values and random errors, (m,)."""
+    """The readings of a sensor of a run whose truth is known, (n,)."""
 
     def __init__(
         self, history: RunHistory, own: SensorSpec, row: SensorSpec, rows: Columns, device: Device
     ) -> None:
         self._history, self._own, self._row, self._device = history, own, row, device
-        self._sensor = sensor = modelled_sensor(own)
-        self._least = least_error(sensor)
+        self._usual = modelled_sensor(row)
         known = np.isfinite(rows["error"]) if own.kind.counts else ~np.isnan(rows["true"])
         self._rows = rows = rows[known][:: max(1, -(-len(rows) // _MOST))]
+        self._true = rows["true"].astype(np.float64)
         # A restart sets simulated time to 0; drift follows it.
         self._seconds = rows["taken"] - history.clock.before
-        self._values, self._true = rows["value"], rows["true"].astype(np.float64)
-        self._missed = np.zeros(len(rows), bool)
-        if own.kind.counts:
-            lasted, off = np.diff(self._seconds), np.diff(rows["error"])
-            self._lasted, self._noise = lasted, np.asarray(sensor.wrapped(off - own.drift * lasted))
-            self._usable = sensor.wrapped(np.diff(self._values) - off) / (own.gain or 1.0)
-            self._true = np.concatenate((np.zeros(len(rows[:1])), np.cumsum(self._usable)))
-            return
-        exact = self._read(sensor, self._true)
-        with np.errstate(invalid="ignore"):
-            apart = ~(np.abs(exact - sensor.missed) < self._least) & np.isfinite(exact)
-        self._missed = (self._values == sensor.missed) & apart
-        there = np.isfinite(exact) & np.isfinite(self._values) & ~self._missed
-        self._usable, self._lasted = self._true[there], self._seconds[there]
-        self._noise = np.asarray(sensor.wrapped(self._values[there] - exact[there]))
 
     def differences(self) -> Iterator[Finding]:
-        """The differences of its readings: systematic ones, then missed and scattered ones."""
-        if not len(self._rows):
-            return
-        if self._own.is_yes_or_no:
-            yield from self._wrong()
-        elif len(self._noise):
-            yield from self._systematic()
-            yield from self._scatter()
-        yield from self._shares()
-        yield from self._otherwise()
+        """A finding for each column with an effect, then one for the columns of random errors."""
+        own, row, least, random = self._own, self._row, least_error(self._usual), list[CsvColumn]()
+        exact, noise = self._exact(own, self._seen(own)), self._noise()
+        for column in own.kind.columns if len(noise) else ():
+            mine, usual = (getattr(each, column.field) for each in (own, row))
+            if mine == usual:
+                continue
+            changed = replace(own, **{column.field: usual})
+            effect = self._off(exact, self._exact(changed, self._seen(changed)))
+            matters = np.abs(effect) >= least
+            if matters.mean() >= LEAST_SHARE:
+                kind = _KINDS.get(column.field, FindingKind.OTHER)
+                yield self._told(kind, [column], matters, effect, noise)
+            elif column.is_error and mine > usual and not np.nan_to_num(effect).any():
+                random.append(column)
+        if random:
+            # Counts add small errors up. Others are usual up to two standard deviations.
+            by_share, *others = self._usual.variances(np.zeros(1) if own.kind.counts else self._true)
+            matters = np.abs(noise) >= least + 2.0 * np.sqrt(by_share + sum(others))
+            usual = row.dropout + row.outlier + (row.error if row.kind.errs_by_opposite else 0.0)
+            if matters.mean() >= usual + LEAST_SHARE:
+                yield self._told(FindingKind.NOISE, random, matters, noise, np.zeros(len(noise)))
 
-    def _more(self, name: str) -> float:
-        """A number of the row less that of the other row; 0 for kinds without it, 1 for other words."""
-        own, row = getattr(self._own, name, 0.0), getattr(self._row, name, 0.0)
-        if own == row:
-            return 0.0
-        return 1.0 if isinstance(own, str) else float(own) - float(row)
+    def _told(
+        self,
+        kind: FindingKind,
+        columns: list[CsvColumn],
+        matters: BoolArray,
+        effect: FloatArray,
+        noise: FloatArray,
+    ) -> Finding:
+        """The finding on columns.
 
-    def _read(self, sensor: Sensor, true: FloatArray) -> FloatArray:
-        """A sensor's readings of true values without random errors, (n,)."""
+        Args:
+            matters: True for the readings that it is about, (n,).
+            effect: Effect of the columns on each reading, (n,).
+            noise: Other errors, (n,).
+        """
+        own, unit, count = self._own, self._own.unit, int(matters.sum())
+        used = matters & np.isfinite(effect) & np.isfinite(noise)
+        known, off = effect[used], effect[used] + noise[used]
+        value, interval = 1.0, None
+        if own.is_yes_or_no and 2 * count > len(matters):
+            kind, what = FindingKind.SIGN, "answers the opposite"
+        elif own.is_yes_or_no:
+            what = "is wrong"
+        elif 2 * used.sum() < count:
+            saw = "sees what it should miss" if effect[matters].min() < 0.0 else "misses what it should see"
+            what, unit = saw, ""
+        elif kind is FindingKind.GAIN and self._row.gain:
+            more = own.gain / self._row.gain - 1.0
+            value, interval = median_interval(1.0 + more * off / known, 1.0 + more)
+            what, unit = f"reads {value:.2f} times what it should", ""
+        else:
+            # All but one in twenty.
+            is_one_way = abs(np.sign(known).mean()) >= 0.9
+            sizes = (off, known) if is_one_way else (np.abs(off), np.abs(known))
+            value, interval = median_interval(*sizes)
+            size = f"{abs(value):.1f} {unit}".rstrip()
+            words = ("short", "long") if own.kind.is_range else ("low", "high")
+            what = f"reads {size} too {words[value > 0.0]}" if is_one_way else f"is off by {size}"
+        why = []
+        for each in columns:
+            mine, usual = (each.rule.shown(getattr(row, each.field)) for row in (own, self._row))
+            why.append(f"its {each.name} is {mine}, in {self._device.against} {usual}")
+        return self._device.finding(
+            kind, value, what, count, interval=interval, of=len(matters), unit=unit, why="; ".join(why)
+        )
+
+    def _noise(self) -> FloatArray:
+        """Random errors of the readings, (n,)."""
+        if self._own.kind.counts:
+            # The true count of a log has its random errors.
+            return self._off(self._rows["error"], self._own.bias + self._own.drift * self._seconds)
+        return self._off(self._rows["value"], self._exact(self._own, self._true))
+
+    def _exact(self, row: SensorSpec, true: FloatArray) -> FloatArray:
+        """Readings of true values by a row, without random errors, (n,)."""
+        sensor = modelled_sensor(row)
         pairs = zip(true.tolist(), self._seconds.tolist(), strict=True)
         return np.array([sensor.reading(value, None, at) for value, at in pairs])
 
-    def _spread(self, row: SensorSpec) -> FloatArray:
-        """Standard deviations of its random errors by a row, (m,)."""
-        walk = getattr(row, "random_walk", 0.0) ** 2 * np.maximum(self._lasted, 0.0)
-        by_share, absolute, least = modelled_sensor(row).variances(self._usable)
-        return np.sqrt(by_share + walk + absolute + least)
-
-    def _systematic(self) -> Iterator[Finding]:
-        own, row, unit, device = self._own, self._row, self._own.unit, self._device
-        words = ("too long", "too short") if own.kind.is_range else ("too high", "too low")
-        spread, count = self._spread(own), len(self._noise)
-        rate, shift = self._more("drift"), self._more("bias")
-        if abs(rate) * float(np.ptp(self._seconds) if own.kind.counts else self._seconds[-1]) >= self._least:
-            what = f"drifts by {abs(rate):.3g} {unit}/s"
-            if not own.kind.counts:
-                mean = float((rate * self._lasted + self._noise).mean())
-                what += f" and reads {abs(mean):.1f} {unit} {words[mean < 0.0]} on average"
-            yield device.finding(FindingKind.DRIFT, rate, what, len(self._rows), unit=f"{unit}/s")
-        known = own.gain / row.gain if row.gain else 1.0
-        if abs(known - 1.0) >= LEAST_SHARE and self._usable.any():
-            due = row.gain * self._usable
-            value, interval = measured(known, due, known * due + self._noise, spread)
-            what = f"reads {value:.2f} times what it should"
-            yield device.finding(FindingKind.GAIN, value, what, count, interval=interval)
-        # A program uses differences of counts, which have no offset.
-        if abs(shift) >= self._least and not own.kind.counts:
-            value, interval = measured(shift, np.ones(count), shift + self._noise, spread)
-            what = f"reads {abs(value):.1f} {unit} {words[value < 0.0]}"
-            yield device.finding(FindingKind.OFFSET, value, what, count, interval=interval, unit=unit)
-
-    def _scatter(self) -> Iterator[Finding]:
-        unit, count, when = self._own.unit, len(self._noise), ""
-        declared, scatter = median_of(self._spread(self._row)), mad_scale(self._noise)
-        if self._own.kind.counts:
-            # The errors of all steps add up.
-            declared, scatter = (math.hypot(*each) for each in (self._spread(self._row), self._noise))
-            when = " over the run"
-        excess = math.sqrt(max(scatter**2 - declared**2, 0.0))
-        differs = any(self._more(name) > 0.0 for name in ("error", "absolute_error", "random_walk"))
-        # Of few readings an error says nothing of their scatter.
-        if differs and scatter >= NOISIER * declared and excess >= self._least and count >= FEWEST["nominal"]:
-            half = Z_95 * MAD_ERROR * scatter / math.sqrt(count)
-            interval = max(scatter - half, 0.0), scatter + half
-            what = f"scatters by {scatter:.1f} {unit}{when}, not by {declared:.1f}"
-            yield self._device.finding(FindingKind.NOISE, scatter, what, count, interval=interval, unit=unit)
-
-    def _shares(self) -> Iterator[Finding]:
-        """Readings that were missed, or are far off: outliers, or another sensor's echo."""
-        if self._own.is_yes_or_no:
-            return
-        far = np.abs(self._noise) > self._least + _CLEAR * self._spread(self._own)
-        off = f"is off by more than {self._least:g} {self._own.unit} in"
-        looked = int(self._missed.sum()) + len(self._noise)
-        for names, hits, count, kind, verb in (
-            (("dropout",), self._missed, looked, FindingKind.MISSED, "misses"),
-            (("outlier", "cross_talk"), far, len(far), FindingKind.NOISE, off),
-        ):
-            share = float(hits.sum()) / max(count, 1)
-            if max(map(self._more, names)) < LEAST_SHARE or share < LEAST_SHARE or count < FEWEST["nominal"]:
-                continue
-            half = Z_95 * math.sqrt(share * (1.0 - share) / count)
-            low, high = max(share - half, 0.0), min(share + half, 1.0)
-            what = f"{verb} {100 * share:.0f} % of its readings"
-            bounds = f"{100 * low:.0f} % to {100 * high:.0f} %"
-            yield self._device.finding(kind, share, what, count, interval=(low, high), bounds=bounds)
-
-    def _wrong(self) -> Iterator[Finding]:
-        """A sensor that answers yes or no, and is wrong more often than by the other row."""
-        row, nominal = self._row, {name: getattr(self._row, name) for name in _ELECTRONICS}
-        right = self._read(modelled_sensor(replace(self._own, **nominal)), self._true)
-        wrong = self._values != right
-        count, share = int(wrong.sum()), float(wrong.mean())
-        names = (*_ELECTRONICS, "error", "absolute_error", "dropout", "outlier")
-        if not any(map(self._more, names)) or share - row.error - row.dropout - row.outlier < _WRONG:
-            return
-        kind, value, what, due = FindingKind.NOISE, share, "was wrong", right[wrong]
-        if 2 * count > len(wrong):
-            kind, value = FindingKind.SIGN, -1.0
-        if kind is FindingKind.SIGN and (due == due[0]).all():
-            held = " while the block was held" if self._own.kind.detects_block and due[0] else ""
-            what = f"read {1.0 - due[0]:g}{held}, in place of {due[0]:g}"
-        rests_on = f"{count} of {counted(len(wrong), 'reading')}"
-        yield self._device.finding(kind, value, what, len(wrong), rests_on=rests_on)
-
-    def _otherwise(self) -> Iterator[Finding]:
-        """Fields by which readings without random errors differ, those of its own kind too."""
-        own, least = self._own, 0.0 if self._own.kind.is_yes_or_no else self._least
-        # Whole turns are one heading.
-        told = {*_TOLD, *_ELECTRONICS, "error", "absolute_error", *(("wrap",) if own.kind.is_heading else ())}
-        for column in own.kind.columns:
-            name = column.field
-            if name in told or not self._more(name):
-                continue
-            off = self._effect(name)
-            apart = off[(off > 0.0) & (off >= least)]
-            if len(apart) < max(LEAST_SHARE * len(off), 1.0):
-                continue
-            values = [getattr(each, name) for each in (own, self._row)]
-            mine, other = (each if isinstance(each, str) else f"{each:g}" for each in values)
-            sign, kind, what = _LIMITS.get(name, (0, FindingKind.OTHER, ""))
-            what = what.format(own=mine, unit=own.unit)
-            if sign * self._more(name) <= 0.0:
-                kind, what = FindingKind.OTHER, f"has {column.name} {mine}, not {other}"
-            size = median_of(apart)
-            by = f" by {size:.1f} {own.unit}, the median" if own.unit and math.isfinite(size) else ""
-            yield self._device.finding(
-                kind,
-                1.0 if isinstance(values[0], str) else float(values[0]),
-                what,
-                len(apart),
-                rests_on=f"{len(apart)} of {len(off)} readings differ{by}",
-                unit=own.unit,
-            )
-
-    def _effect(self, name: str) -> FloatArray:
-        """Sizes of a field's effect on readings without random errors, (n,); NaN where it is not known."""
-        made = self._sensor, modelled_sensor(replace(self._own, **{name: getattr(self._row, name)}))
-        mine, other = (self._read(each, self._seen(each)) for each in made)
-        if self._own.kind.counts and name in _STEPS:
-            # The count between two steps is not known: a step is the largest error.
-            mine, other = (np.full(len(mine), max(each.tick, each.spec.resolution)) for each in made)
+    def _off(self, readings: FloatArray, due: FloatArray) -> FloatArray:
+        """Errors of readings, (n,): infinite where only one of the two saw something."""
         with np.errstate(invalid="ignore"):
-            off = np.where(mine == other, 0.0, np.abs(mine - other))
-        if self._sensor.period and name != "wrap":
-            off = np.minimum(off, np.abs(self._sensor.period - off))
-        return off
+            off = np.where(readings == due, 0.0, self._usual.wrapped(readings - due))
+        # A program uses differences of counts, which have no offset.
+        return np.asarray(self._usual.wrapped(off - off[:1])) if self._own.kind.counts else off
 
-    def _seen(self, sensor: Sensor) -> FloatArray:
+    def _seen(self, row: SensorSpec) -> FloatArray:
         """True values of a sensor in place of this one, (n,); NaN where a held block may be seen."""
-        if not isinstance(sensor, ObservingSensor) or sensor.is_heading:
-            return self._true
-        rows, blocks = self._rows, list(self._history.blocks.items)
+        sensor, rows, blocks = modelled_sensor(row), self._rows, list(self._history.blocks.items)
         maze, poses, true = Maze(self._history.spec.maze), poses_of(rows), np.full(len(rows), np.nan)
+        if isinstance(sensor, CountingSensor):
+            x, y, turned = np.diff(poses, axis=0, prepend=poses[:1]).T
+            cos, sin = cos_sin_array(poses[:, 2] - turned / 2)
+            counted_by = np.column_stack((cos * x + sin * y, cos * y - sin * x, turned)) @ sensor.lever
+            return np.asarray(np.cumsum(counted_by))
+        assert isinstance(sensor, ObservingSensor)
+        # The analyses' true values of a compass have its deviation by iron, which `reading` adds.
+        true_values = ObservingSensor.true_values if sensor.is_heading else type(sensor).true_values
         since = np.searchsorted([each.order for each in blocks], rows["order"], "right") - 1
         for place in set(since.tolist()):
             state, chosen = blocks[max(place, 0)], since == place
             if not (state.held and sensor.sees_block(state.block.size)):
                 block = Block(0.0, 0.0, 0.0) if state.held else state.block
-                true[chosen] = sensor.true_values(World(maze, block, state.held), poses[chosen])
+                world = World(maze, block, state.held)
+                true[chosen] = true_values(sensor, world, poses[chosen])
         return true

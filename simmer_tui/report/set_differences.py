@@ -1,4 +1,4 @@
-"""Differences of a run's set from the nominal one: maze, block, gripper, speeds and time limit. A
+"""Differences of a run's set from the nominal one: maze, block, and numbers of the robot and the mission. A
 robot is as its set says, and misleads a program that knows the nominal set all the same."""
 
 from __future__ import annotations
@@ -10,41 +10,26 @@ import numpy as np
 from simmer_tui.config import load_default
 from simmer_tui.config.nominal import Nominal
 from simmer_tui.run.attempt import Attempt
-from simmer_tui.run.run_history import RunHistory
 from simmer_tui.sim.footprint import Footprint
-from simmer_tui.sim.specs import WALL, SimulationSpec
+from simmer_tui.sim.specs import WALL, GripperSpec, SimulationSpec
 
-_SPEED = 2.0
-"""Factor by which a drive is faster or slower than in the nominal set, from which that is told. Judged."""
+# Judged: a quarter of an inch of reach decides on a contact or a grip.
+_REACH, _SLOW, _SPEED = 0.25, 1.0, 0.5
+"""Least differences that are told: inches, seconds, and a share of the own speed."""
+GRIPPER_NOUN = "the gripper"
 _CELLS = 2
 """Cells with another wall that are named."""
-_REACH = 0.25
-"""Inches by which the robot reaches otherwise than in the nominal set, from which that is told. Judged."""
-
-
-def reference_set(history: RunHistory) -> tuple[str, SimulationSpec]:
-    """The set that a row is compared with, and its name: the nominal one, else the bundled one."""
-    nominal = history.nominal
-    return ("the bundled set", _bundled()) if nominal is None else (f"the set {nominal.name}", nominal.spec)
-
-
-@cache
-def _bundled() -> SimulationSpec:
-    # It does not change, and takes a moment to read.
-    return load_default().simulation
 
 
 def world_differences(seen: Attempt) -> str:
     """A sentence on what is otherwise in the maze than in the nominal set: its walls and its block; empty
     without a nominal set, or a difference."""
-    nominal = seen.history.nominal
+    nominal, own = seen.history.nominal, seen.spec
     if nominal is None:
         return ""
-    own, usual = seen.spec, nominal.spec
-    parts = _of_maze(own, usual)
-    if own.block_size != usual.block_size:
-        size = f"the block is {own.block_size:g} in wide, not {usual.block_size:g} in"
-        parts.append(size if own.block_size else "there is no block")
+    parts, size, usual = _of_maze(own, nominal.spec), own.block_size, nominal.spec.block_size
+    if size != usual:
+        parts.append(f"the block is {size:g} in wide, not {usual:g} in" if size else "there is no block")
     return _unlike(nominal, parts)
 
 
@@ -54,27 +39,43 @@ def set_differences(seen: Attempt, *, with_limit: bool = True) -> str:
     nominal = seen.history.nominal
     if nominal is None:
         return ""
-    own, usual, parts = seen.spec, nominal.spec, []
-    reach, usual_reach = (Footprint.of(each.robot).reach for each in (own, usual))
-    if abs(reach - usual_reach) >= _REACH:
-        parts.append(f"the robot reaches {reach:.3g} in from its centre, not {usual_reach:.3g} in")
-    grip, other = own.gripper, usual.gripper
-    if grip is not None and other is not None:
-        if grip.reach != other.reach:
-            parts.append(f"the gripper reaches {grip.reach:g} in, not {other.reach:g} in")
-        if grip.width != other.width:
-            parts.append(f"the gripper is {grip.width:g} in wide, not {other.width:g} in")
-        if not 1 / _SPEED < grip.speed / other.speed < _SPEED:
-            parts.append(f"the gripper takes {1 / grip.speed:g} s to close, not {1 / other.speed:g} s")
-    drives = {each.code: each for each in usual.drives}
-    for each in own.drives:
-        row = drives.get(each.code)
-        if row is not None and row.kind is each.kind and not 1 / _SPEED < each.speed / row.speed < _SPEED:
-            unit = "deg/s" if each.kind.turns else "in/s"
-            parts.append(f"{each.code} moves at {each.speed:g} {unit}, not {row.speed:g} {unit}")
+    sensors = {each.code for each in seen.spec.sensors}
+    parts = [f"{of} {text}" for of, text in number_differences(seen.spec, nominal.spec) if of not in sensors]
     if with_limit and seen.task is not None and nominal.time_limit not in (None, seen.task.time_limit):
         parts.append(f"the time limit is {seen.task.time_limit:g} s, not {nominal.time_limit:g} s")
     return _unlike(nominal, parts)
+
+
+def number_differences(own: SimulationSpec, usual: SimulationSpec) -> list[tuple[str, str]]:
+    """Numbers that change no reading and no movement, but its time or place: for each that differs by enough
+    the device's code, or a noun, and a text such as `takes 3 s for a reading, not 0.06 s`."""
+    others = {(of, text): value for of, text, value, _, _ in _numbers(usual)}
+    return [
+        (of, f"{text.format(f'{value:.3g} {unit}')}, not {others[of, text]:.3g} {unit}")
+        for of, text, value, unit, least in _numbers(own)
+        if abs(value - others.get((of, text), value)) >= least
+    ]
+
+
+def _numbers(spec: SimulationSpec) -> list[tuple[str, str, float, str, float]]:
+    """Rows of a device, its text, the number in it, its unit, and the least difference that is told."""
+    grip = spec.gripper or GripperSpec(code="")
+    drives = [(each.code, each.speed, f"{each.kind.unit}/s") for each in spec.drives]
+    return [
+        ("the robot", "reaches {} from its centre", Footprint.of(spec.robot).reach, "in", _REACH),
+        (GRIPPER_NOUN, "reaches {}", grip.reach, "in", _REACH),
+        (GRIPPER_NOUN, "is {} wide", grip.width, "in", _REACH),
+        (GRIPPER_NOUN, "takes {} to close", 1.0 / grip.speed, "s", _SLOW),
+        *((code, "moves at {}", speed, unit, _SPEED * speed) for code, speed, unit in drives),
+        *((each.code, "takes {} for a reading", each.read_time, "s", _SLOW) for each in spec.sensors),
+    ]
+
+
+@cache
+def bundled() -> SimulationSpec:
+    """The bundled set, with which devices are compared if a run has no nominal set."""
+    # It does not change, and takes a moment to read.
+    return load_default().simulation
 
 
 def _unlike(nominal: Nominal, parts: list[str]) -> str:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from simmer_tui.report.robust_fit import Z_95
+from simmer_tui.report.robust_statistics import Z_95
 
 # The usual level: it and an interval of 95 % in the same table say the same.
 SIGNIFICANCE = 0.05

@@ -194,7 +194,7 @@ def test_a_large_error_that_the_set_declares_is_named() -> None:
     )
     mission.give("u1", "u5", "u5", "u5")
     cause = mission.why(code=3)
-    assert "By this robot's set, u5 reads 2.5 in too short." in cause.text
+    assert "By this robot's set, u5 reads 2.5 in too short (3 readings): its Bias is -2.5, in" in cause.text
     assert cause.culprits == ("u5",)
     assert "u1" not in cause.text
 
@@ -202,8 +202,8 @@ def test_a_large_error_that_the_set_declares_is_named() -> None:
 @pytest.mark.parametrize(
     ("fields", "said"),
     [
-        ({"drift": 0.1}, r"u5 drifts by 0\.1 in/s and reads 5\.\d in too long on average\."),
-        ({"resolution": 4.0}, r"u5 reads in steps of 4 in\."),
+        ({"drift": 0.1}, r"u5 reads 5\.\d in too long \(3 readings\): its Drift \(per s\) is 0\.1"),
+        ({"resolution": 4.0}, r"u5 .* 1\.\d in .*\(3 readings\): its Resolution is 4, in the set mission 0"),
     ],
 )
 def test_a_declared_drift_and_coarse_steps_are_told_as_such(fields: dict[str, float], said: str) -> None:

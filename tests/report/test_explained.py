@@ -135,7 +135,7 @@ def test_a_declared_error_stands_before_the_contact_it_led_to(commands: tuple[st
     mission.give("u1", "u2", "u4", "u5", "t1", *commands)
     text = mission.why().text
     assert " s, the robot touched " in text
-    assert text.index("u2 reads in steps of 4 in.") < text.index(" s, the robot touched ")
+    assert text.index("its Resolution is 4, in the set mission 0.") < text.index(" s, the robot touched ")
 
 
 def test_a_refused_movement_explains_the_belief_that_counted_on_it() -> None:
