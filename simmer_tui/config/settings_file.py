@@ -59,8 +59,8 @@ def load_settings(
             places[name] = overrides[name].option
             _take_option(item, overrides[name], values, problems)
     # After the options, because each of these depends on given values.
-    for meant in _MEANT:
-        _apply_meant(meant, overrides, values, problems)
+    _apply_seed_option(overrides, values, problems)
+    _apply_serial_option(overrides, values, problems)
     if values.get("motion.clock") in ("program", ELSE_REAL):
         values["motion.motion"] = "timed"  # a clock that moves while the program waits needs it
     _apply_keys(values, overrides)
@@ -113,32 +113,30 @@ def _report_unknown(name: str, known: Iterable[str], file: TomlFile) -> None:
     file.add_problem(name, f"is not a setting{hint}")
 
 
-class _Meant(Struct, frozen=True):
-    """An option that is meant to be used, so that it turns off the setting that contradicts it."""
-
-    option: str
-    turns_off: str
-    asks: str
-    other_asks: str
-
-
-_MEANT = (
-    _Meant("seed", "randerror", "repeatable errors", "different ones"),
-    _Meant("serial.port", "sim", "a real robot", "the simulated one"),
-)
-
-
-def _apply_meant(
-    meant: _Meant, overrides: Mapping[str, Override], values: dict[str, Any], problems: list[Problem]
+def _apply_seed_option(
+    overrides: Mapping[str, Override], values: dict[str, Any], problems: list[Problem]
 ) -> None:
-    """Turn off what an option contradicts; an empty port is none."""
-    if meant.option not in overrides or values.get(meant.option) in ("", None):
+    """Turn unrepeatable errors off if a seed is given as an option: it is meant to be used."""
+    if "seed" not in overrides:
         return
-    if meant.turns_off in overrides and values.get(meant.turns_off, False):
-        other = overrides[meant.turns_off].option
-        what = f"asks for {meant.asks} and {other} for {meant.other_asks}; give one of the two"
-        problems.append(Problem(overrides[meant.option].option, what))
-    values[meant.turns_off] = False
+    if "randerror" in overrides and values.get("randerror", False):
+        other = overrides["randerror"].option
+        what = f"asks for repeatable errors and {other} for different ones; give one of the two"
+        problems.append(Problem(overrides["seed"].option, what))
+    values["randerror"] = False
+
+
+def _apply_serial_option(
+    overrides: Mapping[str, Override], values: dict[str, Any], problems: list[Problem]
+) -> None:
+    """Turn the simulated robot off if a robot's port is given as an option: it is meant to be used."""
+    if "serial.port" not in overrides or not values.get("serial.port"):
+        return
+    if "sim" in overrides and values.get("sim", False):
+        other = overrides["sim"].option
+        what = f"asks for a real robot and {other} for the simulated one; give one of the two"
+        problems.append(Problem(overrides["serial.port"].option, what))
+    values["sim"] = False
 
 
 def _apply_keys(values: dict[str, Any], overrides: Mapping[str, Override]) -> None:
