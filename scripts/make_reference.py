@@ -176,7 +176,7 @@ def settings() -> str:
 
 def files() -> str:
     """The files of a set: the meaning of each value, row, column and key."""
-    maze = ((str(value), name, meaning) for value, (name, meaning) in maze_csv.CELLS.items())
+    maze = ((str(value), kind.name, kind.meaning) for value, kind in maze_csv.CELLS.items())
     keys = ((_code(key.name), key.rule.allowed, key.help) for key in mission_toml.KEYS)
     kinds = ((_code(kind.name), kind.meaning, kind.unit or "1 or 0") for kind in KINDS.values())
     return "\n".join(

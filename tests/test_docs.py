@@ -244,8 +244,8 @@ def test_no_option_setting_column_order_or_variable_is_undocumented() -> None:
     columns = (*sensors_csv.meanings(), *(column.name for column in drive_csv.COLUMNS))
     for column in columns:
         assert f"`{column}`" in reference["files.md"], column
-    for value, (name, _) in CELLS.items():
-        assert f"| {value} | {name} |" in reference["files.md"]
+    for value, kind in CELLS.items():
+        assert f"| {value} | {kind.name} |" in reference["files.md"]
     for order in CONSOLE_COMMANDS.values():
         assert f"`{order.usage}`".replace("|", "\\|") in reference["screen.md"], order.usage
 

@@ -39,6 +39,8 @@ from simmer_tui.trials.cluster import check_package
 from simmer_tui.trials.sequential import CAP_RULE, MARGIN, RATE_RULE, REQUIRED_RATE, shown_test
 from simmer_tui.trials.trial import TrialResult
 
+_OF_COURSE = ("require", "margin", "cap", "clock")
+"""Options in place of the course's own key of that name."""
 GRADES_TABLE, JUNIT_FILE, _GRADESCOPE, _SITE = "grades.csv", "junit.xml", "gradescope", "site"
 _PREFIX = "grade_"
 
@@ -116,11 +118,7 @@ def _begun(options: argparse.Namespace) -> GradeFolder:
     course = read_course(
         options.target, options.course, alone=bool(options.practice), is_here=options.dask is None
     )
-    given = {
-        name: value
-        for name in ("require", "margin", "cap", "clock")
-        if (value := getattr(options, name)) is not None
-    }
+    given = {name: value for name in _OF_COURSE if (value := getattr(options, name)) is not None}
     course = dataclasses.replace(course, **given)
     if others := not_teams(course):
         names = ", ".join(map(shown_name, others))
@@ -178,7 +176,7 @@ def _check_outside(path: Path, course: Course) -> None:
 
 
 def _resumed(options: argparse.Namespace) -> GradeFolder:
-    for name in ("target", "course", "practice", "require", "margin", "cap", "clock", "seed", "isolation"):
+    for name in ("target", "course", "practice", *_OF_COURSE, "seed", "isolation"):
         if getattr(options, name) is not None:
             raise GradeError(
                 "--resume and --regrade take course and options from the grading: name its folder with "

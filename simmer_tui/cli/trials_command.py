@@ -37,23 +37,21 @@ from simmer_tui.config.sets import find_mission_set, find_set
 from simmer_tui.config.settings_file import Override
 from simmer_tui.document.as_data import table_csv
 from simmer_tui.document.as_html import html_page
-from simmer_tui.document.formats import ESTIMATE
 from simmer_tui.errors import ConfigurationError, Problem, TrialsError
 from simmer_tui.program.program_command import check_no_shell, is_python, missing_program
 from simmer_tui.runlog.writer import new_folder
-from simmer_tui.sim.command import counted, cut, typed_path
+from simmer_tui.sim.command import cut, typed_path
 from simmer_tui.trials.cluster import check_package, pack
 from simmer_tui.trials.explanations import Explanations, FolderRuns
-from simmer_tui.trials.failures import success_rate
 from simmer_tui.trials.figures import write_run_pages
 from simmer_tui.trials.folder import PLAN, REPORT_PAGE, TABLE, TrialFolder, TrialPlan
 from simmer_tui.trials.local import run_locally
 from simmer_tui.trials.mazes import read_mazes
-from simmer_tui.trials.sequential import MARGIN, REQUIRED_RATE, SequentialTest, sequential_test, shown_test
+from simmer_tui.trials.requirement import Requirement
+from simmer_tui.trials.sequential import MARGIN, SequentialTest, sequential_test
 from simmer_tui.trials.sweep import SweepPoint, points_of
 from simmer_tui.trials.sweep_summary import (
     CURVES,
-    curves,
     curves_csv,
     sweep_document,
     sweep_page,
@@ -76,27 +74,24 @@ def run_trials(options: argparse.Namespace) -> int:
         check_package()
     folder = _resumed(options) if options.resume else _begun(options)
     test = None if options.sure is None else _test(options, folder.plan.runs)
-    if test is not None:
-        say(f"simmer-tui trials: {shown_test(test)}")
+    requirement = Requirement(options.require, test)
+    if requirement.announcement:
+        say(f"simmer-tui trials: {requirement.announcement}")
     if not sys.stderr.isatty():
-        most = "" if test is None else "at most "
-        runs = f"{most}{counted(len(folder.to_do), 'run')} to do, seed {folder.plan.seed}"
+        runs = f"{requirement.to_do_text(folder)} to do, seed {folder.plan.seed}"
         say(f"simmer-tui trials: {runs}, results in {typed_path(folder.path)}")
-    code, why = run_to_end(lambda: _run_all(folder, options, test))
+    code, why = run_to_end(lambda: _run_all(folder, options, requirement))
     if code is ExitCode.DONE and options.why is not None:
         code, why = run_to_end(lambda: _explain(folder, options))
     if folder.results:
-        _show(folder, options.require, test, as_json=options.json)
+        _show(folder, requirement, as_json=options.json)
     if code is not ExitCode.DONE:
         done = "" if folder.results else "no run is done: "
         say(f"simmer-tui trials: {done}{why}; to resume: {_continuation(folder, options)}")
         return code
-    if test is not None:
-        return _decided(test, folder)
-    if options.require is None or _is_kept(folder, options.require):
-        return ExitCode.DONE
-    say(f"simmer-tui trials: the success rate is below the {options.require:g} required")
-    return ExitCode.NO
+    if outcome := requirement.outcome(folder):
+        say(f"simmer-tui trials: {outcome}")
+    return ExitCode.DONE if requirement.is_met(folder) else ExitCode.NO
 
 
 def _continuation(folder: TrialFolder, options: argparse.Namespace) -> str:
@@ -309,14 +304,11 @@ def _with_sketches(options: argparse.Namespace, folder: TrialFolder, plan: Trial
 # -- doing it --------------------------------------------------------------------------------------
 
 
-def _run_all(folder: TrialFolder, options: argparse.Namespace, test: SequentialTest | None) -> None:
-    """Do the planned runs, with a `test` until it has decided. Raises TrialsError, ClusterError."""
-
-    def decided() -> bool:
-        return test is not None and test.decision(folder.successes_in_order) is not None
-
+def _run_all(folder: TrialFolder, options: argparse.Namespace, requirement: Requirement) -> None:
+    """Do the planned runs, until they are enough. Raises TrialsError, ClusterError."""
     numbers = folder.to_do
-    trials = (folder.trial(number) for number in takewhile(lambda number: not decided(), numbers))
+    needed = takewhile(lambda number: not requirement.has_enough(folder), numbers)
+    trials = (folder.trial(number) for number in needed)
     columns = MofNCompleteColumn(), TextColumn("{task.fields[rate]}"), TimeElapsedColumn(), RemainingColumn()
     with contextlib.ExitStack() as stack:
         source: Generator[TrialResult, None, None]
@@ -359,37 +351,18 @@ def _explain(folder: TrialFolder, options: argparse.Namespace) -> None:
 # -- the answer ------------------------------------------------------------------------------------
 
 
-def _show(folder: TrialFolder, required: float | None, test: SequentialTest | None, *, as_json: bool) -> None:
+def _show(folder: TrialFolder, requirement: Requirement, *, as_json: bool) -> None:
     """Write the files of the answer and print it."""
     files = {TABLE: table_csv(runs_table(folder))}
     if folder.plan.points:
         files[CURVES] = curves_csv(folder)
-        wanted = REQUIRED_RATE if required is None else required
+        wanted = requirement.sweep_rate
         answer, page = sweep_document(folder, wanted), sweep_page(folder, wanted)
     else:
-        answer, page = trials_document(folder, test), trials_page(folder, write_run_pages(folder), required)
+        answer = trials_document(folder, requirement)
+        page = trials_page(folder, write_run_pages(folder), requirement)
     files[REPORT_PAGE] = html_page(page)
     written = [str(folder.store.write(name, text)) for name, text in files.items()]
     print_answer(answer, as_json=as_json)
     if not as_json:
         print_lines(f"Wrote {' and '.join(written)}")
-
-
-def _decided(test: SequentialTest, folder: TrialFolder) -> ExitCode:
-    """Print the result of the test. Returns its exit code."""
-    decision = test.decision(folder.successes_in_order)
-    assert decision is not None, "all runs up to the cap are done"
-    score = ESTIMATE.text(test.interval(decision.runs, decision.successes))
-    result = f"{'passed' if decision.passed else 'failed'} after {counted(decision.runs, 'run')}"
-    say(
-        f"simmer-tui trials: {result}, {decision.successes} of them successes: success rate {score}, 95 % "
-        "interval after a sequential test"
-    )
-    return ExitCode.DONE if decision.passed else ExitCode.NO
-
-
-def _is_kept(folder: TrialFolder, wanted: float) -> bool:
-    """True if the success rate is at least `wanted`; in a sweep, for some value of each name."""
-    if folder.plan.points:
-        return all(curve.kept(wanted) for curve in curves(folder))
-    return success_rate(folder.done).value >= wanted

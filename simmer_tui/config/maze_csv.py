@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+from msgspec import Struct
+
 from simmer_tui.config.csv_table import read_csv, read_grid
 from simmer_tui.errors import Problem
 from simmer_tui.sim.rules import IntegerRule, listed
@@ -15,13 +17,26 @@ MAX_CELLS = 100
 
 Grid = tuple[tuple[int, ...], ...]
 
+
+class CellKind(Struct, frozen=True):
+    """A kind of cell. A `letter` marks it in the summary's picture, which explains it by the `label`."""
+
+    name: str
+    meaning: str
+    letter: str = ""
+    label: str = ""
+
+
 CELLS = {
-    WALL: ("wall", "the robot cannot go there; outside of the maze is wall too"),
-    EMPTY: ("empty", "free floor"),
-    START: ("robot start", "free; a mission may start in its middle, and a drop zone is one of these"),
-    BLOCK: ("block", "free; the loading zone, where a mission puts the block"),
+    WALL: CellKind("wall", "the robot cannot go there; outside of the maze is wall too"),
+    EMPTY: CellKind("empty", "free floor"),
+    START: CellKind(
+        *("robot start", "free; a mission may start in its middle, and a drop zone is one of these"),
+        *("s", "start cell"),
+    ),
+    BLOCK: CellKind("block", "free; the loading zone, where a mission puts the block", "b", "block cell"),
 }
-"""Name and meaning of a cell, by its value."""
+"""All kinds of cell, by their value."""
 
 LAYOUT = (
     f"One value for each cell of {CELL_SIZE:g} x {CELL_SIZE:g} in, the top row first; "
@@ -32,7 +47,7 @@ FLOOR_LAYOUT = (
     "to a cell: 0 black, 1 white."
 )
 
-_CELL = IntegerRule(WALL, BLOCK, listed(f"{value} ({name})" for value, (name, _) in CELLS.items()))
+_CELL = IntegerRule(min(CELLS), max(CELLS), listed(f"{value} ({kind.name})" for value, kind in CELLS.items()))
 _TILE = IntegerRule(0, 1, "0 (black) or 1 (white)")
 
 

@@ -46,14 +46,15 @@ class MissionSpec(Struct, frozen=True, kw_only=True):
     ] = None
     heading: Annotated[
         float | Heading,
-        Value(_HEADING, "start heading, degrees; quarter: any multiple of 90; any: any at all"),
+        Value(_HEADING, "start heading, degrees; quarter: any multiple of 90; any: any at all", "deg"),
     ] = Heading.QUARTER
     block: Annotated[
         tuple[float, float] | None,
         Value(_PLACE, "place of the block's centre, inches; any: anywhere in the cells of value 3"),
     ] = None
     clearance: Annotated[
-        float, Value(NumberRule(0), "least distance between a block that lies anywhere and a wall, inches")
+        float,
+        Value(NumberRule(0), "least distance between a block that lies anywhere and a wall, inches", "in"),
     ] = 1.0
     drop_zone: Annotated[
         tuple[float, float] | None,
@@ -63,7 +64,7 @@ class MissionSpec(Struct, frozen=True, kw_only=True):
         ),
     ] = None
     time_limit: Annotated[
-        float, Value(NumberRule(0, low_open=True), "simulated time for the mission, seconds")
+        float, Value(NumberRule(0, low_open=True), "simulated time for the mission, seconds", "s")
     ] = 300.0
     contacts: Annotated[int | None, Value(_NUMBER_OF_CONTACTS, "contacts with a wall that are allowed")] = 0
 

@@ -193,8 +193,8 @@ def _comments(name: str, text: str) -> Iterable[str]:
     """The lines that explain the values in one of the files."""
     if name == maze_csv.FILE:
         yield maze_csv.LAYOUT
-        for value, (word, meaning) in maze_csv.CELLS.items():
-            yield f"{value} {word}: {meaning}"
+        for value, kind in maze_csv.CELLS.items():
+            yield f"{value} {kind.name}: {kind.meaning}"
     elif name == maze_csv.FLOOR_FILE:
         yield maze_csv.FLOOR_LAYOUT
     elif name == robot_csv.FILE:

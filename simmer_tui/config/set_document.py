@@ -1,12 +1,13 @@
 """A configuration as tables, for programs: `check --json`. Keys carry the units of the values."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from operator import attrgetter
 
 from msgspec.structs import astuple, replace
 
+from simmer_tui.config import mission_toml
 from simmer_tui.config.loader import Configuration
-from simmer_tui.config.mission_toml import Heading
+from simmer_tui.config.mission_toml import Heading, MissionSpec
 from simmer_tui.config.set_warnings import set_warnings
 from simmer_tui.config.settings import Setting, all_settings, value_of
 from simmer_tui.dialect.inverse import InverseRules
@@ -22,6 +23,7 @@ from simmer_tui.sim.sensors import KINDS
 from simmer_tui.sim.specs import CELL_SIZE, SensorSpec
 from simmer_tui.sim.values import Value
 
+_HEADING = "heading"
 _FORMATS = dict.fromkeys(("start", "block", "drop_zone"), PLACE)
 
 
@@ -43,6 +45,23 @@ def _columns(names: str, values: Iterable[CsvColumn] = ()) -> tuple[DataColumn, 
         *(DataColumn(name, _FORMATS.get(name, TEXT)) for name in names.split()),
         *(DataColumn(_value_key(value)) for value in values),
     )
+
+
+def _mission_columns() -> Iterator[DataColumn]:
+    """A column for each key of mission.toml; a heading is a number, or drawn."""
+    for key in mission_toml.KEYS:
+        yield DataColumn(_key(key.name, key.unit), _FORMATS.get(key.name, TEXT))
+        if key.name == _HEADING:
+            yield DataColumn("heading_drawn")
+
+
+def _mission_values(mission: MissionSpec) -> Iterator[object]:
+    for key in mission_toml.KEYS:
+        value = getattr(mission, key.field)
+        if key.name == _HEADING:
+            yield from (None, value) if isinstance(value, Heading) else (value, None)
+        else:
+            yield value
 
 
 _SENSOR_VALUES = tuple(
@@ -80,7 +99,7 @@ VELOCITIES = data_table("velocities", "Commands of continuous motion", *_columns
 _MISSION = data_table(
     "mission",
     "The mission; null for a value that each run draws from its seed",
-    *_columns("start heading_deg heading_drawn block clearance_in drop_zone time_limit_s contacts"),
+    *_mission_columns(),
     record=True,
 )
 _MESSAGES = data_table("messages", "Messages of the dialect", *_columns("message does reply"))
@@ -143,13 +162,7 @@ def set_document(configuration: Configuration, sketch_problems: Sequence[Problem
         rows = [(each.kind.value, each.code, each.enabled) for each in spec.velocities]
         parts.append(VELOCITIES.filled(rows))
     if mission is not None:
-        drawn = isinstance(mission.heading, Heading)
-        heading = (None, mission.heading) if drawn else (mission.heading, None)
-        row = (
-            *(mission.start, *heading, mission.block, mission.clearance, mission.drop_zone),
-            *(mission.time_limit, mission.contacts),
-        )
-        parts.append(_MISSION.filled([row]))
+        parts.append(_MISSION.filled([tuple(_mission_values(mission))]))
     if configuration.dialect is not None:
         parts.append(_MESSAGES.filled(list(dictionary(configuration.dialect))))
         parts.append(TURNED.filled(list(InverseRules(configuration.dialect).dictionary())))

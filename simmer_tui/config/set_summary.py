@@ -10,6 +10,7 @@ from shapely.geometry.base import BaseGeometry
 from simmer_tui.config import dialects
 from simmer_tui.config.describe_code import values_of
 from simmer_tui.config.loader import Configuration
+from simmer_tui.config.maze_csv import CELLS
 from simmer_tui.config.mission_plan import contacts_rule
 from simmer_tui.config.mission_toml import Heading, MissionSpec
 from simmer_tui.config.robot_drawing import robot_drawing
@@ -24,9 +25,7 @@ from simmer_tui.sim.columns import BASE, LESS_USUAL, THRESHOLD
 from simmer_tui.sim.command import cut
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.specs import (
-    BLOCK,
     CELL_SIZE,
-    START,
     WALL,
     Axes,
     DriveSpec,
@@ -57,7 +56,8 @@ _UNICODE = _Glyphs(wall="█", block="■", arrows=ARROWS)
 _ASCII = _Glyphs(wall="#", block="B", arrows=PLAIN_ARROWS[::2])
 # Columns of sensors.csv that the table has too.
 _IN_TABLE = {column.name for column in BASE} - {THRESHOLD.name}
-_EMPTY, _ROBOT, _START, _BLOCK_CELL = " ", "o", "s", "b"
+_EMPTY, _ROBOT = " ", "o"
+_MARKED = {value: kind for value, kind in CELLS.items() if kind.letter}
 
 
 def summarize(configuration: Configuration, *, ascii_only: bool = False) -> str:
@@ -104,15 +104,14 @@ def _draw(spec: SimulationSpec, glyphs: _Glyphs) -> list[str]:
     maze = spec.maze
     across, down = next((s for s in _SCALES if s[0] * maze.columns <= MAX_WIDTH), _SCALES[-1])
     canvas = [[_EMPTY] * (across * maze.columns) for _ in range(down * maze.rows)]
-    letters = {START: _START, BLOCK: _BLOCK_CELL}
     for row, cells in enumerate(maze.cells):
         for column, value in enumerate(cells):
             top, left = row * down, column * across
             if value == WALL:
                 for line in canvas[top : top + down]:
                     line[left : left + across] = glyphs.wall * across
-            elif value in letters:
-                canvas[top][left] = letters[value]
+            elif value in _MARKED:
+                canvas[top][left] = _MARKED[value].letter
     # The middle of every character, global, inches; rows from the top down.
     xs = (np.arange(len(canvas[0])) + 0.5) * CELL_SIZE / across
     ys = maze.height - (np.arange(len(canvas)) + 0.5) * CELL_SIZE / down
@@ -138,10 +137,10 @@ def _draw(spec: SimulationSpec, glyphs: _Glyphs) -> list[str]:
     put(spec.bot_center, arrow)
     edge = "+" + "-" * (across * maze.columns) + "+"
     legend = (
-        f"{glyphs.wall} wall, {_ROBOT} robot ({arrow} heading), {glyphs.block} block, "
-        f"{_START} start cell, {_BLOCK_CELL} block cell"
+        *(f"{glyphs.wall} wall", f"{_ROBOT} robot ({arrow} heading)", f"{glyphs.block} block"),
+        *(f"{kind.letter} {kind.label}" for kind in _MARKED.values()),
     )
-    return [edge, *(f"|{''.join(line)}|" for line in canvas), edge, legend]
+    return [edge, *(f"|{''.join(line)}|" for line in canvas), edge, ", ".join(legend)]
 
 
 def _point(place: tuple[float, float]) -> str:

@@ -138,8 +138,9 @@ class Server:
             self.engine.watch(lambda event: self._follow(event))
             self.engine.watch(self.referee.watch)
             # A mission that ends inside a wait also ends the wait.
-            self.engine.driving.limit, self.engine.driving.limit_reached = plan.time_limit, self.referee.check
-            self.engine.watch(MissionEnd(self.engine.driving.cut).handle)
+            driving = self.engine.driving
+            driving.limit_after, driving.limit_reached = self.referee.limit_after, self.referee.check
+            self.engine.watch(MissionEnd(driving.cut).handle)
         self.warnings: list[str] = [*set_warnings(configuration)]
         """Problems that do not keep the robot from being driven."""
         self.late_faults: list[str] = []
@@ -789,10 +790,10 @@ class Server:
         self._loop.call_later(period, self._tick, period)
 
     def _check_mission(self, referee: Referee) -> None:
-        """Check a mission's time limit regularly: in real time it passes without a command."""
+        """Check a mission's time limits regularly: in real time they pass without a command."""
         now = self.engine.now()
         referee.check(now)
-        left = (referee.plan.time_limit - now) / self.engine.time_scale
+        left = (referee.limit_after(now) - now) / self.engine.time_scale
         self._loop.call_later(min(max(left, _SOON), _LATER), self._check_mission, referee)
 
     def _report(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:

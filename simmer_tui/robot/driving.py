@@ -55,8 +55,9 @@ class Driving:
         self.driver: Hashable | None = None
         """Owner of the velocity in force; None while there is none."""
         self._end = VelocityEnd.TIME
-        self.limit = math.inf
-        """Simulated time at which a mission runs out: no wait goes beyond it in one step."""
+        self.limit_after: Callable[[float], float] = lambda now: math.inf
+        """Next simulated time, from one on, at which a mission may run out: no wait goes beyond it in one
+        step."""
         self.limit_reached: Callable[[float], None] = lambda now: None
         """Called with simulated time when a wait has come to the limit."""
         self.paused = False
@@ -187,7 +188,7 @@ class Driving:
         while self._waits and not self.paused:
             until = self.first_over
             # The next float after the limit: what happens at the limit itself still counts.
-            beyond = math.nextafter(self.limit, math.inf)
+            beyond = math.nextafter(self.limit_after(self._simulator.time), math.inf)
             passes = self._simulator.time < beyond <= until
             until = beyond if passes else until
             self._simulator.advance(min(until, self._simulator.next_event))

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from enum import StrEnum
 
 from msgspec.structs import replace
 
@@ -44,6 +45,13 @@ from simmer_tui.sim.records import CommandResult
 __all__ = ["Cell", "MissionPlan", "MissionState", "Referee", "environment", "facts", "plan_run", "planned"]
 
 
+class MissionRule(StrEnum):
+    """Rules of a mission; a run that breaks one fails."""
+
+    CONTACTS = "contacts"
+    TIME_LIMIT = "time limit"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MissionState:
     """A mission at a moment, or at its end: the record of a run.
@@ -73,6 +81,16 @@ class MissionState:
     def over(self) -> bool:
         """True if the mission has ended."""
         return self.result is not Result.UNDER_WAY
+
+    @property
+    def broken(self) -> MissionRule | None:
+        """The rule that the run has broken; None if it succeeded, or kept all of them up to now."""
+        allowed = self.plan.contacts
+        if self.result is Result.SUCCESS:
+            return None
+        if allowed is not None and self.contacts > allowed:
+            return MissionRule.CONTACTS
+        return MissionRule.TIME_LIMIT if self.time >= self.plan.time_limit else None
 
     @property
     def time_left(self) -> float:
@@ -199,6 +217,12 @@ class Referee(EventHandler[bool]):
     def result(self) -> Result:
         """The current result. May be read from any thread."""
         return self._reducer.mission.result
+
+    def limit_after(self, now: float) -> float:
+        """The next simulated time, from `now` on, after which a goal is too late; infinite if there is none.
+        `check` then has to be called, since no event may come at that time."""
+        limit = self.plan.time_limit
+        return limit if now <= limit else math.inf
 
     def begin(self) -> None:
         """Announce the plan."""

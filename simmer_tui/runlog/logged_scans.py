@@ -98,8 +98,7 @@ class ScanDecoder:
     def __init__(self, sensors: Iterable[SensorSpec]) -> None:
         found = (sensor_of(each) for each in sensors if each.kind.is_scan)
         self._lidars = {each.spec.code: each for each in found if isinstance(each, Lidar)}
-        span = max((2.0 / each.spec.scan_rate for each in self._lidars.values()), default=0.0)
-        self._recent = RecentMotion(span)
+        self._recent = RecentMotion(max((each.looks_back for each in self._lidars.values()), default=0.0))
         self._ranges = LoggedRanges()
         self._last: dict[str, LidarScan] = {}
         """The newest scan of each lidar, by code; it is used again if it is read again."""

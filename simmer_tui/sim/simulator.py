@@ -72,6 +72,7 @@ class Simulator:
         self._lidars = [each for each in working if isinstance(each, Lidar)]
         self.has_lidars = bool(self._lidars)
         """True if a command may have to wait for a scan (`wait_for_scan`)."""
+        self._looks_back = max((each.looks_back for each in working), default=0.0)
         self.velocity_codes = frozenset(self._velocities.keys() - self._drives.keys())
         """Codes of the commands that set a velocity that lasts."""
         self._seen: dict[str, tuple[Pose, tuple[float, View | None]]] = {}
@@ -108,8 +109,7 @@ class Simulator:
         self.distance = 0.0
         """Inches driven in finished movements."""
         self._streams = noise.Streams(seed)
-        # The last complete revolution began at most two turns ago.
-        self._recent = RecentMotion(max((2.0 / each.spec.scan_rate for each in self._lidars), default=0.0))
+        self._recent = RecentMotion(self._looks_back)
         self._turning = {each.spec.code: Turning(each, self.maze, self._recent) for each in self._lidars}
         pings = Pings()
         self._faults = {
@@ -322,7 +322,7 @@ class Simulator:
         for sensor in self._counting:
             self._counted[sensor.id] = self._count(sensor, end)
         self.trajectory, self._last = None, trajectory
-        if self.has_lidars:
+        if self._looks_back:
             self._recent.add_motion(trajectory)
 
     def stop(self) -> bool:

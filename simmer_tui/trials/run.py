@@ -352,12 +352,9 @@ def _judged(end: _End, state: MissionState | None) -> _End:
     if state is None:
         done = end.exit_code == 0 and end.ending is not Ending.SILENCE
         return replace(end, ending=Ending.SUCCESS) if done else end
-    allowed = state.plan.contacts
     if state.result is Result.SUCCESS:
         return _End(Ending.SUCCESS)
-    if allowed is not None and state.contacts > allowed:
-        return _End(Ending.CONTACTS)
-    return _End(Ending.TIME_LIMIT) if state.time >= state.plan.time_limit else end
+    return end if state.broken is None else _End(Ending(state.broken.value))
 
 
 def _measured_figures(simulator: Simulator, history: RunHistory) -> dict[str, Any]:

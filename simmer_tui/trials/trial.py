@@ -19,7 +19,7 @@ from simmer_tui.config.mission_plan import MissionPlan, mission_problems
 from simmer_tui.config.settings import AUTO_CLOCK, ELSE_REAL, with_any_ports
 from simmer_tui.document.model import Tone
 from simmer_tui.errors import ConfigurationError, Problem
-from simmer_tui.run.mission import plan_run, planned
+from simmer_tui.run.mission import MissionRule, plan_run, planned
 from simmer_tui.run.phrases import NOTHING_SENT, computing_text
 from simmer_tui.sim.command import counted
 from simmer_tui.sim.obstacles import placement_problems
@@ -189,8 +189,8 @@ class Ending(StrEnum):
         return ending
 
     SUCCESS = "success", "succeeded", Tone.GOOD
-    CONTACTS = "contacts", "touched a wall", Tone.BAD
-    TIME_LIMIT = "time limit", "ran out of time", Tone.MIXED
+    CONTACTS = MissionRule.CONTACTS.value, "touched a wall", Tone.BAD
+    TIME_LIMIT = MissionRule.TIME_LIMIT.value, "ran out of time", Tone.MIXED
     EXIT = "program ended", "ended before the goal"
     BOARDS = "board ended", "lost a board"
     """A board died or hung."""

@@ -28,6 +28,7 @@ from simmer_tui.trials.failures import CAUSES, DEVICES, counted_causes, failure_
 from simmer_tui.trials.figures import histogram_figure, map_figure
 from simmer_tui.trials.folder import TrialFolder
 from simmer_tui.trials.intervals import median
+from simmer_tui.trials.requirement import NO_REQUIREMENT, Requirement
 from simmer_tui.trials.trial import RANDOM, Ending, TrialResult, clock_sentences, clocks_text
 from simmer_tui.trials.trials_summary import ports_advice, success_texts, trials_tables
 
@@ -40,13 +41,15 @@ _ENDINGS = sorted(Ending, key=lambda ending: (Tone.GOOD, Tone.BAD, Tone.MIXED, T
 _SHOWN = (CAUSES.key, DEVICES.key, WHY_FAILED.key)
 
 
-def trials_page(folder: TrialFolder, run_pages: Mapping[int, str], required: float | None = None) -> Document:
+def trials_page(
+    folder: TrialFolder, run_pages: Mapping[int, str], requirement: Requirement = NO_REQUIREMENT
+) -> Document:
     """The page about the runs that are done; there must be one.
 
     Args:
         folder: The set of trials.
         run_pages: Pages of runs that are linked to, by number.
-        required: The success rate of --require; None without it.
+        requirement: What is asked of the runs.
     """
     results, made = folder.done, {table.key: table for table in trials_tables(folder)}
     maps = _maps(folder, results, run_pages)
@@ -55,12 +58,12 @@ def trials_page(folder: TrialFolder, run_pages: Mapping[int, str], required: flo
     failures: list[DocumentPart] = [made[key] for key in _SHOWN if key in made]
     if run_pages:
         failures.append(Bullets("Failed runs to play", _links(results, run_pages)))
-    asked = "" if required is None else f", {SHARE.text(required)} required"
+    asked = "succeeded", requirement.share
     parts: list[DocumentPart] = [
         run_line(folder),
-        _verdict(results, required),
+        _verdict(folder, requirement),
         ShareBar([(endings[each], each.words, each.tone) for each in _ENDINGS]),
-        key_figures(SHARE.text(success_rate(results).value), f"succeeded{asked}", results),
+        key_figures(SHARE.text(success_rate(results).value), ", ".join(filter(None, asked)), results),
         Paragraph("" if folder.plan.sketches else ports_advice(results), kind="warning"),
         *beside(failures, first_map),
         *((Bullets("", [summary], kind="card"),) if summary else ()),
@@ -86,19 +89,16 @@ def run_line(folder: TrialFolder) -> Paragraph:
     return Paragraph(" · ".join(parts), kind="run")
 
 
-def _verdict(results: Sequence[TrialResult], required: float | None) -> VerdictBox:
+def _verdict(folder: TrialFolder, requirement: Requirement) -> VerdictBox:
+    results = folder.done
     successes = sum(result.success for result in results)
     headline, rated = success_texts(results)
     text = f"{headline}: {rated}"
-    sentence = capitalized(rated)
-    if required is None:
-        tone = Tone.GOOD if successes == len(results) else Tone.MIXED if successes else Tone.BAD
-    else:
-        enough = success_rate(results).value >= required
-        headline += ": enough" if enough else ": too few"
-        tone = Tone.GOOD if enough else Tone.BAD
-        sentence += f", {required:g} is required"
-    sentence += "."
+    tone = Tone.GOOD if successes == len(results) else Tone.MIXED if successes else Tone.BAD
+    if judged := requirement.headline(folder):
+        headline += f": {judged}"
+        tone = {True: Tone.GOOD, False: Tone.BAD, None: Tone.MIXED}[requirement.is_met(folder)]
+    sentence = ", ".join(filter(None, (capitalized(rated), requirement.sentence))) + "."
     if causes := counted_causes(results):
         (name, group), *_ = causes
         failures = counted(len(results) - successes, "failure")

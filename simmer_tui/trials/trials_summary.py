@@ -39,7 +39,7 @@ from simmer_tui.trials.failures import (
 from simmer_tui.trials.figures import start_cell
 from simmer_tui.trials.folder import RUNS, TABLE, TrialFolder
 from simmer_tui.trials.intervals import distribution, median
-from simmer_tui.trials.sequential import SequentialTest
+from simmer_tui.trials.requirement import DECISION, NO_REQUIREMENT, Requirement
 from simmer_tui.trials.sweep import SWEPT
 from simmer_tui.trials.trial import RANDOM, Ending, TrialResult, clock_sentences, clocks_text
 
@@ -121,15 +121,6 @@ BY_MAZE = data_table("mazes", "By maze", DataColumn("maze", QUOTED), *_COUNTED, 
 BY_START = data_table(
     "start_cells", "By start cell", DataColumn("middle", _CELL, "middle in"), *_COUNTED, _RATE, _CONTACTS
 )
-DECISION = data_table(
-    "decision",
-    "Decision of the sequential test, with its own interval",
-    DataColumn("passed"),
-    *_COUNTED,
-    DataColumn("success_rate", ESTIMATE),
-    record=True,
-    hidden=True,
-)
 TABLES = (
     *(TRIALS, DECISION, CAUSES, ENDINGS, GOALS, DISTRIBUTION, BY_MAZE, BY_START, SLOWEST_RUNS, FAILED_RUNS),
     *(DEVICES, RUN_FINDINGS, RUNS_TABLE, WHY_FAILED, CONTROL, CHANGED_RUNS),
@@ -141,9 +132,8 @@ _PORTS_ADVICE = (
 )
 
 
-def trials_document(folder: TrialFolder, test: SequentialTest | None = None) -> Document:
-    """The answer about the runs that are done, for terminals and programs; there must be one run. `test` is
-    the test that ends them, if one does."""
+def trials_document(folder: TrialFolder, requirement: Requirement = NO_REQUIREMENT) -> Document:
+    """The answer about the runs that are done, for terminals and programs; there must be one run."""
     results = folder.done
     parts: list[DocumentPart] = [
         Paragraph(": ".join(success_texts(results)), "answer", "strong"),
@@ -152,11 +142,8 @@ def trials_document(folder: TrialFolder, test: SequentialTest | None = None) -> 
         Paragraph(" ".join(clock_sentences(folder.configuration, results)), "computing", "note"),
         *trials_tables(folder),
         runs_table(folder),
+        *requirement.tables(folder),
     ]
-    decision = None if test is None else test.decision(folder.successes_in_order)
-    if test is not None and decision is not None:
-        numbers = decision.runs, decision.successes
-        parts.append(DECISION.filled([(decision.passed, *numbers, test.interval(*numbers))]))
     return Document(f"Trials of {cut(folder.plan.program)}", parts)
 
 

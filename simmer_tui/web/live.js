@@ -7,7 +7,6 @@
     ["turn_left", "⟲", "turn left"], ["forward", "▲", "forward"], ["turn_right", "⟳", "turn right"],
     ["sideways_left", "◀", "left"], ["back", "▼", "back"], ["sideways_right", "▶", "right"],
   ];
-  const PRESSES = [["poll", "read all"], ["pause", "pause / continue"], ["step", "step"], ["reset", "to the start"]];
   const WORD = /^#([A-Za-z0-9_-]{16,})$/;
   const word = takenWord();
   const title = document.querySelector("h1"), about = document.querySelector("p.run");
@@ -59,7 +58,7 @@
   }
 
   function take(message) {
-    if (message.role === "drive" && !drive) addDrive(message.keys);
+    if (message.role === "drive" && !drive) addDrive(message.keys, message.buttons);
     if (message.told !== undefined) drive.told.textContent = message.told;
     if (message.run) begin(message.run, message.news);
     else if (message.news) player.take(message.news);
@@ -113,7 +112,7 @@
 
   // -- driving -----------------------------------------------------------------------------------
 
-  function addDrive(keys) {
+  function addDrive(keys, buttons) {
     const press = (key, fine) => {
       drive.told.textContent = "";
       send({ key, fine: Boolean(fine) });
@@ -130,7 +129,7 @@
     } }, line, made("button", {}, "Give"));
     const pad = made("div", { class: "pad", tabindex: 0, role: "group", "aria-label": "keys that drive, while this has the focus" },
       ...DRIVES.map(([name, sign, word]) => pressed(name, `${sign} ${word}`, word, "")),
-      pressed("stop", "■ Stop", "stop the robot", "stop"), ...PRESSES.map(([name, label]) => pressed(name, label, label, "wide")));
+      pressed("stop", "■ Stop", "stop the robot", "stop"), ...Object.entries(buttons).map(([name, label]) => pressed(name, label, label, "wide")));
     drive = { told: made("p", { class: "told", role: "status" }) };
     const signs = { ArrowUp: "↑", ArrowDown: "↓", ArrowLeft: "←", ArrowRight: "→", " ": "space" };
     const keysOf = (...names) => Object.entries(keys).filter(([, [name, fine]]) => names.includes(name) && !fine)

@@ -15,8 +15,9 @@ from simmer_tui.live.server import Server
 from simmer_tui.run.events import Action
 from simmer_tui.sim.command import Command
 
-PRESSES = ("stop", "poll", "reset", "pause", "step")
-"""Keys of the maze that affect the robot without driving it."""
+BUTTONS = {"poll": "read all", "pause": "pause / continue", "step": "step", "reset": "to the start"}
+"""Keys of the maze that affect the robot without driving or stopping it, with the words of their buttons."""
+_PRESSES = ("stop", *BUTTONS)
 # Textual's names of keys, and those of browsers where they differ.
 _BROWSER_KEYS = {
     "up": "ArrowUp",
@@ -66,7 +67,7 @@ class PageControl:
         """Do what a key does on the screen: drive by a step, stop, read all sensors ..."""
         if name in DRIVES:
             self._show(self._operator.drive(name, fine), tell)
-        elif name in PRESSES:
+        elif name in _PRESSES:
             self._show(self._operator.press(name, self._server.engine.paused), tell)
 
     def _follow(self, order: Local, tell: Callable[[str], None]) -> None:
@@ -88,7 +89,7 @@ class PageControl:
 def page_keys(keys: KeySettings) -> dict[str, list[Any]]:
     """The effect of each key, by the browser's name: its name here, and 1 if it is the fine step."""
     made: dict[str, list[Any]] = {}
-    for name in (*DRIVES, *PRESSES):
+    for name in (*DRIVES, *_PRESSES):
         for key in keys_of(keys, name):
             browser = _BROWSER_KEYS.get(key, key)
             if len(key) > 1 and browser == key:

@@ -30,7 +30,7 @@ from simmer_tui.live.server import Server
 from simmer_tui.report.verdict import Verdict
 from simmer_tui.web.live_page import PageResponses, live_html
 from simmer_tui.web.page_access import PageAccess, PageLink, PageRole, shown_host
-from simmer_tui.web.page_control import PageControl, page_keys
+from simmer_tui.web.page_control import BUTTONS, PageControl, page_keys
 from simmer_tui.web.run_frames import RunFrames
 from simmer_tui.web.viewer import Viewer, framed
 
@@ -396,8 +396,11 @@ class PageServer:
         """Send a viewer the run so far; from now on it gets the news."""
         if not self._frames.has_whole:
             self._publish({})  # so that the others have received the same as the newcomer
-        keys = page_keys(self._server.configuration.settings.keys) if viewer.role is PageRole.DRIVE else {}
-        viewer.send(framed(msgspec.json.encode({"role": viewer.role, "keys": keys})))
+        greeting: dict[str, object] = {"role": viewer.role}
+        if viewer.role is PageRole.DRIVE:
+            keys = page_keys(self._server.configuration.settings.keys)
+            greeting |= {"keys": keys, "buttons": BUTTONS}
+        viewer.send(framed(msgspec.json.encode(greeting)))
         for frame in self._frames.whole():
             viewer.send(frame)
         viewer.reset_backlog()

@@ -75,8 +75,8 @@ def test_a_new_set_says_what_its_values_mean(tmp_path: Path) -> None:
     run_init([str(made), "--mission"])
     maze = (made / "maze.csv").read_text()
     assert maze.startswith("3,3,1,1")
-    for value, (word, _) in maze_csv.CELLS.items():
-        assert f"# {value} {word}: " in maze
+    for value, kind in maze_csv.CELLS.items():
+        assert f"# {value} {kind.name}: " in maze
     for name in ("sensors.csv", "drive.csv"):
         header, *lines = (made / name).read_text().splitlines()
         comments = [line for line in lines if line.startswith("#")]

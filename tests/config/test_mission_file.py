@@ -112,9 +112,9 @@ def test_every_mistake_is_named_with_its_line(folder: Path, problems: Problems) 
     place = 'must be "any", or two numbers, not '
     assert problems() == [
         f'mission.toml:1:start: {place}"here"',
-        'mission.toml:2:heading: must be "quarter" or "any", or a number, not "half"',
+        'mission.toml:2:heading: must be "quarter" or "any", or a number, not "half" (unit: deg)',
         f"mission.toml:4:block: {place}[1]",
-        "mission.toml:5:time_limit: must be a number above 0, not 0",
+        "mission.toml:5:time_limit: must be a number above 0, not 0 (unit: s)",
         'mission.toml:6:contacts: must be "any", or a whole number from 0 to 1000000, not -1',
         'mission.toml:7:clearence: is not known here; did you mean "clearance"?',
         f'mission.toml:8:drop_zone: {place}[1, "a"]',

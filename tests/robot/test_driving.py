@@ -551,7 +551,7 @@ def mission(
     engine = Engine(simulator)
     reducer = Reducer(checkpoint_of(simulator, mission=True))
     referee = Referee(plan, reducer, engine.tell)
-    engine.driving.limit, engine.driving.limit_reached = plan.time_limit, referee.check
+    engine.driving.limit_after, engine.driving.limit_reached = referee.limit_after, referee.check
     events: list[Event] = []
     for watcher in (events.append, reducer.apply, referee.watch):
         engine.watch(watcher)
@@ -629,7 +629,7 @@ def test_a_leg_that_goes_on_beyond_the_end_of_a_mission_has_one_verdict(
 def test_the_time_limit_ends_a_mission_inside_a_wait(mission_set: Configuration) -> None:
     state, _ = mission(mission_set, 0, ("wt-3600",), time_limit=20.0, contacts=None)
     assert (state.result, state.time) == (Result.FAILED, 20.0)
-    assert math.isinf(Engine(Simulator(mission_set.simulation)).driving.limit)
+    assert math.isinf(Engine(Simulator(mission_set.simulation)).driving.limit_after(0.0))
 
 
 # -- over the ports --------------------------------------------------------------------------------------

@@ -31,7 +31,8 @@ from simmer_tui.run.events import (
     VelocityEnd,
     WireMessage,
 )
-from simmer_tui.runlog.header import TakenOver
+from simmer_tui.runlog.header import Header, TakenOver
+from simmer_tui.runlog.log_records import RECORDS
 from simmer_tui.runlog.run_command import RunCommand
 from simmer_tui.runlog.writer import CHECKPOINT_EVERY, ReplayedPrefix, RunLog
 from simmer_tui.sim import GripperSpec, Pose, Simulator, Status, WheelLayout, WheelsSpec, parse_command
@@ -45,6 +46,18 @@ def sections() -> dict[str, str]:
     text = "\n".join(document.read_text("utf-8") for document in DOCUMENTS)
     parts = re.split(r"^## (\w+)$", text, flags=re.MULTILINE)
     return dict(zip(parts[1::2], parts[2::2], strict=True))
+
+
+def documented_fields() -> dict[str, set[str]]:
+    """The fields that the pages list, by kind of line."""
+    return {
+        kind: {
+            name
+            for row in re.findall(r"^\| (`.*?) \|", text, flags=re.MULTILINE)
+            for name in re.findall(r"`(\w+)`", row)
+        }
+        for kind, text in sections().items()
+    }
 
 
 def other_log(path: Path, configuration: Any, motion: str) -> None:
@@ -134,22 +147,24 @@ def test_the_documented_fields_are_those_written(
         for line in path.read_text().splitlines():
             fields = json.loads(line)
             written[fields["kind"]] |= fields.keys()
-    documented = {
-        kind: {
-            name
-            for row in re.findall(r"^\| (`.*?) \|", text, flags=re.MULTILINE)
-            for name in re.findall(r"`(\w+)`", row)
-        }
-        for kind, text in sections().items()
-    }
+    documented = documented_fields()
     assert set(documented) == set(written)
     for kind, names in documented.items():
         assert written[kind] <= names | {"t", "kind", "real"}
         # Of a contact that did not end its movement; of sensors that take their time.
         rare = {"stop", "drift", "reading"}
-        # Of a set with devices of its own.
-        rare |= {"devices", "kinds"}
+        # Of a set with devices or boards of its own.
+        rare |= {"devices", "kinds", "sketches"}
         assert names - rare <= written[kind], kind
+
+
+def test_every_field_of_every_kind_of_line_is_documented() -> None:
+    """Also of kinds that no log of these tests has."""
+    documented = documented_fields()
+    for record in (Header, *RECORDS):
+        kind = str(record.__struct_config__.tag)
+        names = {field.encode_name for field in structs.fields(record)}
+        assert names <= documented.get(kind, set()) | {"t", "real"}, kind
 
 
 def test_the_documented_words_are_those_used() -> None:

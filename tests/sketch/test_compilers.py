@@ -6,6 +6,7 @@ import importlib.util
 import os
 import shutil
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -15,7 +16,7 @@ from simmer_tui.cli.main import main
 from simmer_tui.errors import ConfigurationError
 from simmer_tui.sketch import build
 from simmer_tui.sketch.boards import UNO
-from simmer_tui.sketch.build import build_sketch
+from simmer_tui.sketch.build import BuiltSketch, build_sketch
 from simmer_tui.sketch.compiler import Compiler, find_compiler
 from tests.sketch.running import FORMS, run_boards, set_of
 from tests.sketch.test_forms import SENT
@@ -71,15 +72,25 @@ def test_another_compiler_makes_the_same_run(form: str, tmp_path: Path) -> None:
         assert first.pose == pytest.approx(expected.pose, abs=0.01)
 
 
-@pytest.mark.slow
-def test_errors_are_told_by_the_lines_of_the_sketch(
+@pytest.fixture
+def built(
     compiler: Compiler, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(build, "find_compiler", lambda: compiler)
-    sketch = tmp_path / "rover.ino"
-    sketch.write_text("void setup() { Serial.begn(9600); }\nvoid loop() {\n  sped = 2;\n}\n", "utf-8")
+) -> Callable[[str], BuiltSketch]:
+    """The sketch of a text, built by one of the compilers."""
+
+    def made(text: str) -> BuiltSketch:
+        monkeypatch.setattr(build, "find_compiler", lambda: compiler)
+        sketch = tmp_path / "rover.ino"
+        sketch.write_text(text, "utf-8")
+        return build_sketch(sketch, UNO)
+
+    return made
+
+
+@pytest.mark.slow
+def test_errors_are_told_by_the_lines_of_the_sketch(built: Callable[[str], BuiltSketch]) -> None:
     with pytest.raises(ConfigurationError) as failed:
-        build_sketch(sketch, UNO)
+        built("void setup() { Serial.begn(9600); }\nvoid loop() {\n  sped = 2;\n}\n")
     lines = str(failed.value).splitlines()
     assert [each.split(": ")[0] for each in lines] == ["rover.ino:1", "rover.ino:3"]
     assert lines[0].endswith(": void setup() { Serial.begn(9600); }")
@@ -100,28 +111,18 @@ void loop() { unsigned int fits = 65535, wraps = -1; byte full = 256; }
 
 
 @pytest.mark.slow
-def test_numbers_that_do_not_fit_are_told_by_each_compiler(
-    compiler: Compiler, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(build, "find_compiler", lambda: compiler)
-    sketch = tmp_path / "rover.ino"
-    sketch.write_text(NUMBERS, "utf-8")
+def test_numbers_that_do_not_fit_are_told_by_each_compiler(built: Callable[[str], BuiltSketch]) -> None:
     told = "rover.ino:{}: this number does not fit: {} becomes {}"
-    assert list(build_sketch(sketch, UNO).warnings) == [
+    assert list(built(NUMBERS).warnings) == [
         told.format(*each)
         for each in ((1, 40000, -25536), (2, 70000, 4464), (4, 200, -56), (6, 60000, -5536), (9, 256, 0))
     ]
 
 
 @pytest.mark.slow
-def test_a_function_that_is_nowhere_is_named(
-    compiler: Compiler, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(build, "find_compiler", lambda: compiler)
-    sketch = tmp_path / "rover.ino"
-    sketch.write_text("void helper();\nvoid setup() { helper(); }\nvoid loop() {}\n", "utf-8")
+def test_a_function_that_is_nowhere_is_named(built: Callable[[str], BuiltSketch]) -> None:
     with pytest.raises(ConfigurationError, match=r"helper\(\) is used, and defined nowhere"):
-        build_sketch(sketch, UNO)
+        built("void helper();\nvoid setup() { helper(); }\nvoid loop() {}\n")
 
 
 def test_the_package_has_a_cache_without_a_home_directory(

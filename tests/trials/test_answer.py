@@ -21,6 +21,8 @@ from simmer_tui.document.model import DataTable
 from simmer_tui.run.events import Goal
 from simmer_tui.trials.figures import histogram_figure, map_figure
 from simmer_tui.trials.folder import TrialFolder, TrialPlan
+from simmer_tui.trials.requirement import Requirement
+from simmer_tui.trials.sequential import sequential_test
 from simmer_tui.trials.trial import Ending, TrialResult, run_seed
 from simmer_tui.trials.trials_page import trials_page
 from simmer_tui.trials.trials_summary import ports_advice, runs_table, trials_tables
@@ -116,7 +118,7 @@ def test_page_is_whole_escaped_and_needs_nothing_else(folder: TrialFolder) -> No
 
 def test_the_page_says_first_if_the_required_rate_is_reached(folder: TrialFolder) -> None:
     for required, headline, tone in ((0.5, "enough", "good"), (0.9, "too few", "bad")):
-        page = html_page(trials_page(folder, {1: "runs/0001.html"}, required))
+        page = html_page(trials_page(folder, {1: "runs/0001.html"}, Requirement(required)))
         assert f"6 of 10 runs succeeded: {headline}</h1>" in page
         assert f"class='verdict {tone}'" in page
         assert f", {required:g} is required." in page
@@ -126,11 +128,21 @@ def test_the_page_says_first_if_the_required_rate_is_reached(folder: TrialFolder
     assert page.index("href='runs/0001.html'") < page.index("<details>")
 
 
+def test_the_page_has_the_decision_of_the_test_that_ended_the_runs(folder: TrialFolder) -> None:
+    """Six of ten runs succeed: less than 0.65, and enough for a test whose margin is large."""
+    for rate, cap, headline, tone in ((0.65, 10, "enough", "good"), (0.9, 40, "not decided yet", "mixed")):
+        requirement = Requirement(rate, sequential_test(rate, 0.4, 0.001, cap))
+        page = html_page(trials_page(folder, {}, requirement))
+        assert f"6 of 10 runs succeeded: {headline}</h1>" in page
+        assert f"class='verdict {tone}'" in page
+        assert f"{rate:g} is required, by a sequential test." in page
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("size", SIZES)
 def test_the_first_screenful_has_the_answer(folder: TrialFolder, size: str, tmp_path: Path) -> None:
     page = tmp_path / "trials.html"
-    page.write_text(html_page(trials_page(folder, {}, 0.9)), "utf-8")
+    page.write_text(html_page(trials_page(folder, {}, Requirement(0.9))), "utf-8")
     found = measured(page, size)
     width, height = SIZES[size]
     for part in (".verdict", ".bar", ".figures", "table"):

@@ -13,9 +13,10 @@ from simmer_tui.document.model import Figure
 from simmer_tui.document.svg import coordinate, whole_figure
 from simmer_tui.report.causes import Kind
 from simmer_tui.sim.specs import MazeSpec
+from simmer_tui.trials.curves import Curve, SweepValue
 from simmer_tui.trials.figures import histogram_figure, map_figure, start_cell
 from simmer_tui.trials.intervals import wilson
-from simmer_tui.trials.sweep_summary import Curve, SweepValue, curve_figure
+from simmer_tui.trials.sweep_summary import curve_figure
 from simmer_tui.trials.trial import TrialResult
 
 Make = Callable[..., TrialResult]

@@ -20,6 +20,7 @@ from simmer_tui.trials.compare import comparison, paired
 from simmer_tui.trials.explanations import Explanations, FolderRuns, explanation_tables
 from simmer_tui.trials.folder import TrialFolder, TrialPlan
 from simmer_tui.trials.interventions import UNCHANGED
+from simmer_tui.trials.requirement import Requirement
 from simmer_tui.trials.sweep import points_of
 from simmer_tui.trials.sweep_summary import sweep_document, sweep_page
 from simmer_tui.trials.trial import Ending, Trial, TrialResult, run_seed, with_clock
@@ -68,7 +69,7 @@ def words(page: str) -> list[str]:
 
 def test_a_page_of_trials_is_that_which_was_kept(make: Make) -> None:
     found = {
-        name: words(html_page(trials_page(make(name, outcomes), {2: "runs/2.html"}, required)))
+        name: words(html_page(trials_page(make(name, outcomes), {2: "runs/2.html"}, Requirement(required))))
         for name, outcomes, required in (("mixed", "sxstssxt", 0.5), ("good", "sss", None))
     }
     assert_kept(found, KEPT, "pages")

@@ -21,10 +21,12 @@ from simmer_tui.report.finding import Basis, Finding, FindingKind, plain_finding
 from simmer_tui.sim.command import cut
 from simmer_tui.sim.specs import MazeSpec
 from simmer_tui.trials.compare import comparison, paired
+from simmer_tui.trials.curves import curves
 from simmer_tui.trials.figures import map_figure
 from simmer_tui.trials.folder import TrialFolder, TrialPlan
+from simmer_tui.trials.requirement import Requirement
 from simmer_tui.trials.sweep import points_of
-from simmer_tui.trials.sweep_summary import curve_figure, curves, curves_csv, sweep_document, sweep_page
+from simmer_tui.trials.sweep_summary import curve_figure, curves_csv, sweep_document, sweep_page
 from simmer_tui.trials.trial import Ending, TrialResult
 from simmer_tui.trials.trials_page import trials_page
 from simmer_tui.trials.trials_summary import runs_table, trials_document
@@ -141,7 +143,7 @@ def test_trials_of_a_mission(make: Make, made_result: Result) -> None:
     fill(folder, made_result, OUTCOMES)
     document = trials_document(folder)
     assert_kept({"lines": lines(document), "tables": tables(document)}, KEPT, "mission")
-    page = trials_page(folder, {2: "runs/2.html", 3: "runs/3.html", 9: "runs/9.html"}, 8 / 33)
+    page = trials_page(folder, {2: "runs/2.html", 3: "runs/3.html", 9: "runs/9.html"}, Requirement(8 / 33))
     assert_kept(words(html_page(page)), KEPT, "page of a mission")
     assert_kept([(each.title, each.width, each.height, each.content) for each in figures(page.parts)], KEPT,
                 "pictures of a mission")  # fmt: skip
@@ -154,7 +156,7 @@ def test_trials_in_mazes_of_a_folder(make: Make, made_result: Result) -> None:
     folder = make("mazes", mazes=tuple(specs), specs=specs, runs=11)
     fill(folder, made_result, "sffsssffsfs")
     assert_kept(lines(trials_document(folder)), KEPT, "mazes")
-    page = trials_page(folder, {}, 0.6)
+    page = trials_page(folder, {}, Requirement(0.6))
     assert_kept(words(html_page(page)), KEPT, "page of mazes")
     assert [each.title for each in figures(page.parts)][-2:] == ["Histogram", "Histogram"]
 

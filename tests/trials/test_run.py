@@ -13,6 +13,7 @@ import pytest
 from simmer_tui.config.loader import find_set, load
 from simmer_tui.errors import InterruptedTrialError, ProgramError
 from simmer_tui.run.events import CommandResult
+from simmer_tui.run.mission import MissionRule
 from simmer_tui.runlog.header import rebuild
 from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.trials.run import TrialRun, fault_result
@@ -53,6 +54,10 @@ def test_mission_done_is_success_whatever_the_program_does_then(
     assert result.distance == pytest.approx(14)
     assert (result.start, result.block, result.drop_zone) == ((30, 42, 180), (20, 42), (30, 42))
     assert result.end == pytest.approx((34, 42, 180))
+
+
+def test_a_run_that_breaks_a_rule_has_an_ending_of_its_name() -> None:
+    assert {rule.value for rule in MissionRule} <= {ending.value for ending in Ending}
 
 
 def test_log_of_a_run_repeats_it(trial: Trial, program: Callable[[str], str], tmp_path: Path) -> None:

@@ -16,9 +16,10 @@ from simmer_tui.config.loader import find_set, load
 from simmer_tui.document import svg
 from simmer_tui.errors import ConfigurationError
 from simmer_tui.sim.columns import column_name
+from simmer_tui.trials.curves import Curve, SweepValue, curves
 from simmer_tui.trials.folder import TrialFolder, TrialPlan
 from simmer_tui.trials.sweep import files_at, points_of, settings_at
-from simmer_tui.trials.sweep_summary import Curve, SweepValue, answer, curve_figure, curves
+from simmer_tui.trials.sweep_summary import answer, curve_figure
 from simmer_tui.trials.trial import TrialResult, prepare
 
 Make = Callable[..., TrialFolder]

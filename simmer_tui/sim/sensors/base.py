@@ -211,6 +211,12 @@ class Sensor(SensorKind):
         return math.inf if value > spec.max_range else value
 
     @property
+    def looks_back(self) -> float:
+        """Seconds for which the simulator keeps the robot's and the block's motion for its readings
+        (`RecentMotion`); 0 if they need the present alone."""
+        return 0.0
+
+    @property
     def threshold(self) -> float:
         """Of a sensor that answers yes or no: the measured value from which it answers yes."""
         # Halfway between no and yes.

@@ -85,6 +85,11 @@ class Lidar(RangeSensor):
         self._parts: FloatArray = np.arange(spec.rays) / spec.rays
         """The part of a revolution that is over at each ray, (rays,)."""
 
+    @property
+    def looks_back(self) -> float:
+        # The last complete revolution began at most two turns ago.
+        return 2.0 / self.spec.scan_rate
+
     def fan(self) -> FloatArray:
         """Bearing of the first ray, which represents all."""
         return np.zeros(1)
