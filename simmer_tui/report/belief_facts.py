@@ -134,8 +134,10 @@ class BeliefFacts:
         how far robot and belief moved: a sentence with a space before it. Empty where nothing stands out."""
         lost, history = self._seen.beliefs[1], self._seen.history
         row = history.beliefs.before(lost.order) if lost is not None and self.has_truth else None
+        if lost is None or row is None or row.elapsed == lost.elapsed:
+            return ""
         # A belief that was not sure jumps where its readings lead it.
-        if lost is None or row is None or row.order < self.rows["order"][0] or row.spread > SURE:
+        if row.order < self.rows["order"][0] or row.spread > SURE:
             return ""
         moves = self._seen.within(history.movements)
         moves = moves[(moves["order"] > row.order) & (moves["order"] < lost.order) & ~moves["grips"]]

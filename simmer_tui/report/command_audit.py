@@ -17,15 +17,16 @@ from simmer_tui.sim.specs import DriveSpec
 # Errors of drives and of a program's model of them are a few percent of a correction.
 _BAND = 0.08
 """Share by which a correction may differ from the multiple of the one before it."""
-_GROWING = 1.5
-"""Least multiple of corrections that grow. Steps that grow by less may be intended."""
+_GROWING, _TO_AND_FRO = 1.5, -0.9
+"""Least multiple of corrections that grow: steps that grow by less may be intended. And the multiple of those
+that go to and fro, and hardly shrink."""
 _HARDLY = (0.8, 0.99)
 """Multiples of turns that hardly reduce the rest, such as turns sent in radians. Movements ahead may shrink
 like this: a wall comes nearer."""
 _LEAST = {"in": 0.5, "deg": 0.1}
 """Least correction that counts: residuals of noise and rounding are smaller. A compass has less noise."""
-_MOST = 60.0
-"""Largest one, inches or degrees: three times as much is a half turn, and programs turn the short way."""
+_MOST = 120.0
+"""Largest one, inches or degrees: of more a program turns the short way."""
 _THE_SAME = 0.001
 """Largest relative difference of two commands that ask for the same: their text in the program is the
 same."""
@@ -65,7 +66,7 @@ def multiplied_corrections(attempt: Attempt, row: DriveSpec) -> Corrections | No
     different = len(set(np.round(np.log(sizes[found]) / _ALIKE).tolist()))
     # Judged: where a unit or a sign was wrong, it was at least 0.69 of the pairs, elsewhere at most 0.08.
     is_rule = different >= FEWEST["set"] and 2 * len(found) >= pairs.sum()
-    if not (is_rule and (hardly or abs(multiple) >= _GROWING)):
+    if not (is_rule and (hardly or multiple >= _GROWING or multiple <= _TO_AND_FRO)):
         return None
     times = f"{abs(multiple):.1f}" if abs(multiple) > 1.0 else f"{multiple:.2f}"
     text = f"{len(found)} of its movements by {row.code} were each {times} times the one before"

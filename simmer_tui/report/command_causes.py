@@ -19,6 +19,7 @@ from simmer_tui.run.run_history import CHAIN
 _WAIT = "Wait for the end of each movement before you send the next command."
 _ONE_PROGRAM = "Let one program alone drive the robot, and close the ports that it does not use."
 _END_THE_OTHER = "End the other program, then start this one."
+_SEARCH_AGAIN = "Search for the block once more when it is not where it was."
 _SEND_TOKEN = "Send the simulator's token as the first line, before any command."
 
 
@@ -69,4 +70,4 @@ def moved_fact(run: RunEvidence) -> Fact | None:
     if block is None or (run.has_contact and after < CHAIN):
         return None
     moved = person_moment(run, block)
-    return Fact(moved, f"{told(moved)} The robot did not take it after that.")
+    return Fact(moved, f"{told(moved)} The robot did not take it after that.", advice=_SEARCH_AGAIN)

@@ -13,6 +13,7 @@ from simmer_tui.report.moments import (
     Moment,
     MomentKind,
     command_moment,
+    device_moment,
     end_moment,
     sight_moment,
     told,
@@ -33,6 +34,7 @@ _COMPARE = "Compare each movement with {code} before you send it, and print what
 _BY_FAULT = {
     FindingKind.STUCK: "Check the cable, the pin and the power of {code}.",
     FindingKind.SIGN: "Exchange the wires of {code}, or take the opposite in your program.",
+    FindingKind.NOISE: "Read {code} several times, and take the middle value.",
     FindingKind.MOUNTING: "Give your program the place at which {code} is mounted.",
 }
 """Advice by the fault of a sensor or drive, where it is not to calibrate."""
@@ -50,8 +52,7 @@ def _devices(run: RunEvidence, found: Sequence[Finding]) -> Fact:
     advice = _BY_FAULT[first.kind].format(code=first.of) if first.kind in _BY_FAULT else None
     if first.other is not None:
         advice = f"Exchange the cables of {first.of} and {first.other}, or their codes in your program."
-    marked = Moment(MomentKind.DEVICE, run.seen.begun, first.text, code=first.of)
-    return Fact(marked, findings_text(found), culprits=culprits, advice=advice)
+    return Fact(device_moment(run, first), findings_text(found), culprits=culprits, advice=advice)
 
 
 def sensor_wrong_fact(run: RunEvidence) -> Fact | None:

@@ -192,7 +192,9 @@ def missed_grip_fact(run: RunEvidence) -> Fact | None:
             closed, told(closed), has_behind=True, advice=_NOT_NEAR if run.missed_by > CELL_SIZE else None
         )
     unused = run.unused_grip
-    if unused is None or run.stopped or lacked_time(run):
+    # What it had not done yet when time ran out it might have done.
+    gets_on = seen.out_of_time and stalled_fact(run) is None
+    if unused is None or run.stopped or gets_on:
         return None
     first, text, value = unused
     at = (first.x, first.y)
@@ -211,7 +213,7 @@ def dropped_fact(run: RunEvidence) -> Fact | None:
     elif zone is not None:
         there = place_text(zone.x, zone.y)
         advice = f"Print where your program takes drop zone and block to be; the zone is at {there}."
-    return Fact(at, told(at), has_behind=True, advice=advice)
+    return Fact(at, f"{told(at)}{run.load_text(seen.put_down)}", has_behind=True, advice=advice)
 
 
 def nowhere_fact(run: RunEvidence) -> Fact | None:

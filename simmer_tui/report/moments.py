@@ -13,6 +13,7 @@ from msgspec.structs import replace
 
 from simmer_tui.document.formats import COUNT, PASSAGE, Format, number
 from simmer_tui.document.model import DataColumn, DataTable, data_table
+from simmer_tui.report.finding import Finding
 from simmer_tui.report.run_evidence import RunEvidence
 from simmer_tui.run.events import ActionName, NoticeKind, Result
 from simmer_tui.run.facts import displacement, missed_zone
@@ -148,6 +149,8 @@ def _all_moments(run: RunEvidence) -> Iterator[Moment]:
         )
     for goal in run.goals:
         yield Moment(MomentKind.GOAL, goal.elapsed, goal.event.subject.value, goal.line)
+    for found in run.findings:
+        yield device_moment(run, found)
     yield from _boards(run)
     yield from _people(run)
     one_of_each = (
@@ -155,6 +158,11 @@ def _all_moments(run: RunEvidence) -> Iterator[Moment]:
         *(command_moment(run), grip_moment(run), end_moment(run), program_moment(run)),
     )
     yield from (each for each in one_of_each if each is not None)
+
+
+def device_moment(run: RunEvidence, found: Finding) -> Moment:
+    """A sensor or drive that differs from the nominal set, from the beginning on."""
+    return Moment(MomentKind.DEVICE, run.seen.begun, found.text, code=found.of)
 
 
 def _began(run: RunEvidence) -> Moment:

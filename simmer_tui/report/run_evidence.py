@@ -408,6 +408,16 @@ class RunEvidence:
         block = row.grip.block
         return 0.0 if zone is None else math.hypot(*missed_zone(zone, block.x, block.y))
 
+    def load_text(self, done: GripRow) -> str:
+        """The last readings of load sensors before a grip, in sentences with a space before them."""
+        rows, codes = self.seen.within(self.seen.history.readings), self.seen.history.sensor_codes
+        text = ""
+        for each in self.seen.load_sensors:
+            mine = [codes[number] == each.code for number in rows["sensor"]]
+            values = rows["value"][np.array(mine, bool) & (rows["order"] < done.order)]
+            text += f" {each.code} {f'read {values[-1]:g}' if len(values) else 'was never read'} before that."
+        return text
+
     @property
     def left_at_place(self) -> bool:
         """True if the block was let go where it had lain at first."""

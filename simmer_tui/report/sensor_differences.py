@@ -182,7 +182,9 @@ class _Readings:
             value, interval = median_interval(*sizes)
             size = f"{abs(value):.1f} {unit}".rstrip()
             words = ("short", "long") if own.kind.is_range else ("low", "high")
-            what = f"reads {size} too {words[value > 0.0]}" if is_one_way else f"is off by {size}"
+            # Random errors are told without others beside them.
+            verb = "is off by" if noise.any() else "scatters by"
+            what = f"reads {size} too {words[value > 0.0]}" if is_one_way else f"{verb} {size}"
         why = []
         for each in columns:
             mine, usual = (each.rule.shown(getattr(row, each.field)) for row in (own, self._row))

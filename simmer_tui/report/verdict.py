@@ -96,14 +96,13 @@ class Verdict(Struct, frozen=True, kw_only=True):
 
     @property
     def summary(self) -> str:
-        """The outcome, the kind of its cause, and the sentences that no moment tells: for pages that list the
-        moments."""
-        text = self.text
-        if self.cause is not None and self.cause.kind is not Kind.CRASHED:
-            text = text.replace(self.cause.text, f"{self.cause.kind}. {self.cause.text}")
+        """The outcome, and the sentences of the cause that no moment tells: for pages with all moments."""
+        if self.cause is None:
+            return self.text
+        beside = self.cause.text
         for each in self.moments:
-            text = text.replace(told(each), "").replace(f" {each.text}.", "")
-        return " ".join(text.split())
+            beside = f" {beside}".replace(told(each), "").replace(f" {each.text}.", "")
+        return " ".join(self.text.replace(f": {self.cause.text}", f". {beside}").split())
 
     @property
     def lines(self) -> list[str]:

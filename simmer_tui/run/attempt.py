@@ -275,12 +275,14 @@ class Attempt:
         """The newest belief before an event and, if it is lost, the first lost one since the last that was
         right and sure."""
         beliefs = self.history.beliefs
-        newest = lost = None
+        newest = lost = later = None
         # Backwards, as far as it matters: a long run has tens of thousands.
         for place in range(beliefs.place_of(order) - 1, beliefs.place_of(self.placed + 1) - 1, -1):
             row = beliefs[place]
-            if not row.finite:
+            # Of beliefs of one moment the last one counts.
+            if not row.finite or (later is not None and row.elapsed == later.elapsed):
                 continue
+            later = row
             newest = newest or row
             if row.lost:
                 lost = row

@@ -234,7 +234,7 @@ def test_a_right_belief_is_told_before_a_contact_and_any_map_has_the_outer_wall(
     mission.believe()
     mission.give(command)
     cause = mission.why()
-    assert f"{command} was sent. Its belief was right, off by 0.0 in and 0 deg. At " in cause.text
+    assert f"{command} was sent. Its last belief was right, off by 0.0 in and 0 deg. At " in cause.text
     assert ("map has" in cause.advice) is said
 
 
@@ -362,7 +362,7 @@ def test_a_wall_that_a_right_belief_had_shown_is_known_too() -> None:
     cause = mission.why()
     assert cause.kind is Kind.KNOWN_WALL
     assert re.search(
-        r" At 50\.3 s, w1-5\.5 was sent\. Its belief was right, off by 0\.0 in and 0 deg\. "
+        r" At 50\.3 s, w1-5\.5 was sent\. Its last belief was right, off by 0\.0 in and 0 deg\. "
         r"At 50\.8 s, the robot touched ",
         cause.text,
     )
@@ -877,7 +877,7 @@ def test_a_belief_that_was_off_is_told_at_a_contact() -> None:
     mission.give("u1", "u2", "u4")
     mission.believe(ahead=1.5, spread=1.0)
     mission.give("d1-60")
-    assert " d1-60 was sent. Its belief was off by 1.5 in and 0 deg. At " in mission.why().text
+    assert " d1-60 was sent. Its last belief was off by 1.5 in and 0 deg. At " in mission.why().text
 
 
 def test_a_program_without_the_token_is_told_to_send_it() -> None:

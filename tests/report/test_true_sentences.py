@@ -108,7 +108,7 @@ def test_a_block_that_was_let_go_where_it_lay_was_carried_nowhere() -> None:
     assert cause.kind is Kind.DROPPED_OUTSIDE
     assert re.match(r"At 53\.\d s, it set the block down at \(20\.0, 42\.0\), ", cause.text)
     assert ", where it had lain; " in cause.text
-    assert cause.text.endswith("; it had taken it 3 times.")
+    assert "; it had taken it 3 times. l1 read 1 before that." in cause.text
     # It is of no use to look at the sensor, which was right.
     assert cause.advice == "Find out why your program opens the gripper there: it held the block."
 
@@ -130,11 +130,11 @@ def test_a_sensor_that_looked_elsewhere_when_it_was_read_is_not_said_to_have_see
     assert "; then the robot turned" in sight.text
 
 
-def test_a_last_reading_before_a_turn_is_told_without_a_direction() -> None:
+def test_a_last_reading_before_a_turn_is_told_as_the_last_one() -> None:
     mission = begin((66.0, 42.0, 90.0))
     mission.give("u1", "u2", "u3", "r1--90", "d1-60")
     (sight,) = [each for each in moments_of(mission.evidence()) if each.kind is MomentKind.SIGHT]
-    assert sight.text == "u3 read 39.0 in, and no range sensor was read after that"
+    assert sight.text == "u3 (behind) read 39.0 in, and no range sensor was read after that"
 
 
 def test_a_reading_before_a_turn_is_not_said_to_show_the_wall_after_it() -> None:
