@@ -111,6 +111,10 @@ class Canvas:
                 cell = np.array([row * self.columns + column + offset])
                 self._put(cell, ord(character), role, paper)
 
+    def sign(self, sign: str, where: Mask, role: Role) -> None:
+        """One character in some cells, (rows, columns), on the ground."""
+        self._put(np.flatnonzero(where), ord(sign), role)
+
     def clear(self, where: Mask) -> None:
         """Show only the ground in some cells, (rows, columns)."""
         cells = np.flatnonzero(where)
