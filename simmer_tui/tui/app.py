@@ -101,10 +101,9 @@ class SimmerApp(OrderingShell):
     def shown(self, snapshot: Snapshot, since: int) -> None:
         self._operator.note_block(snapshot.state)
         refusal = refusal_of(snapshot.entries, since)
-        new = [entry for entry in snapshot.entries if entry.number > since]
         if refusal is not None:
             self._console.show_refusal(refusal)
-        elif any(not entry.folds for entry in new):
+        elif any(entry.number > since and not entry.folds for entry in snapshot.entries):
             self._console.note_event()
 
     def show_status(self, snapshot: Snapshot) -> None:

@@ -10,7 +10,7 @@ from simmer_tui.tui.maze.canvas import Canvas, Patch
 from simmer_tui.tui.maze.glyphs import Mask
 from simmer_tui.tui.maze.palette import Role
 from simmer_tui.tui.maze.scene import MazePoint, Scene
-from simmer_tui.tui.maze.shapes import is_near, turned_into
+from simmer_tui.tui.maze.shapes import FAR, is_near, turned_into
 
 # A little less than that of the course's robot at ten columns a maze cell: enough for the shape of a hand.
 LARGE = 2.49
@@ -46,11 +46,11 @@ def draw_block(canvas: Canvas, scene: Scene) -> None:
 
 def draw_past_contacts(canvas: Canvas, scene: Scene) -> None:
     """Small crosses where the robot touched something earlier, one a cell."""
-    near = [point for point in scene.past_contacts if is_near(*point)]
-    if not near:
+    if not scene.past_contacts:
         return
     # All at once: a program that drives against walls has the most that are marked, in every picture.
-    places = canvas.viewport.to_units(np.array(near))
+    points = np.array(scene.past_contacts)
+    places = canvas.viewport.to_units(points[(np.abs(points) < FAR).all(axis=1)])
     # On the ground in front of the wall, since a unit is a column wide and half a row high.
     inside = (places - (0.5, 1.0) * _walls_beside(canvas, places)) / (1, 2)
     size = np.array((canvas.columns, canvas.rows))
