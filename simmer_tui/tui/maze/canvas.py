@@ -148,7 +148,7 @@ class Canvas:
         free = ~covered & (pixels != Role.EDGE)
         best = self.backdrop.under[patch.place].copy()
         most = np.zeros(best.shape, dtype=np.intp)
-        for role in np.unique(pixels[free]):
+        for role in np.flatnonzero(np.bincount(pixels[free])):
             count = ((pixels == role) & free).sum(axis=-1)
             best[count > most] = role
             np.maximum(most, count, out=most)

@@ -110,11 +110,17 @@ def _line_dots(canvas: Canvas, lines: Sequence[FloatArray]) -> NDArray[np.uint32
 def _line_places(line: FloatArray, step: float) -> FloatArray:
     """Places (m, 2) at most `step` apart along a line through points (n, 2)."""
     points = shapes.near_places(line)
-    along = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))))
-    step = min(step, max(along[-1], _STANDSTILL))
-    count = min(math.ceil(along[-1] / step), shapes.MOST_SAMPLES) + 1
-    at = np.linspace(0.0, along[-1], count)
-    return np.stack((np.interp(at, along, points[:, 0]), np.interp(at, along, points[:, 1])), axis=-1)
+    moves = points[1:] - points[:-1]
+    along = np.zeros(len(points))
+    np.cumsum(np.hypot(moves[:, 0], moves[:, 1]), out=along[1:])
+    whole = float(along[-1])
+    steps = min(math.ceil(whole / min(step, max(whole, _STANDSTILL))), shapes.MOST_SAMPLES)
+    at = np.arange(steps + 1) * (whole / max(steps, 1))
+    at[-1] = whole
+    places = np.empty((steps + 1, 2))
+    for axis in (0, 1):
+        places[:, axis] = np.interp(at, along, points[:, axis])
+    return places
 
 
 def draw_rays(canvas: Canvas, scene: Scene) -> list[DrawnRay]:
