@@ -70,10 +70,11 @@ def draw_contact(canvas: Canvas, scene: Scene, point: MazePoint) -> None:
     x, y = canvas.viewport.place(*point)
     from_x, from_y = canvas.viewport.place(*centre)
     right, down = _walls_beside(canvas, np.array([(x, y)]))[0].tolist()
-    if not (right or down) and abs(x - from_x) >= abs(y - from_y):
-        right = 1 if x >= from_x else -1
-    elif not (right or down):
-        down = 1 if y >= from_y else -1
+    if not right and not down:
+        if abs(x - from_x) >= abs(y - from_y):
+            right = 1 if x >= from_x else -1
+        else:
+            down = 1 if y >= from_y else -1
     column = _cell_inside(x, canvas.columns, 0.5 * right)
     row = _cell_inside(y / 2, canvas.rows, 0.5 * down)
     if column is None or row is None:
@@ -94,8 +95,8 @@ def _walls_beside(canvas: Canvas, places: FloatArray) -> NDArray[np.intp]:
     probes = places[:, None] + _PROBE * directions
     blocked = canvas.backdrop.in_wall(probes[..., 0], probes[..., 1])
     # In the middle of a wall or of the floor no side is the touched one.
-    begins = blocked.any(axis=1) & ~blocked.all(axis=1)
-    sides: NDArray[np.intp] = directions[blocked.argmax(axis=1)] * begins[:, None]
+    begins = blocked.any(axis=1, keepdims=True) & ~blocked.all(axis=1, keepdims=True)
+    sides: NDArray[np.intp] = directions[blocked.argmax(axis=1)] * begins
     return sides
 
 
@@ -127,8 +128,8 @@ def _free_cell(
 
 
 def _cell_inside(place: float, count: int, beyond: float) -> int | None:
-    """The cell so many cells `beyond` a place among `count`; None for a place outside them. A
-    place on the window's border, within rounding, belongs to the cell inside."""
+    """The cell so many cells `beyond` a place among `count`; None for a place outside them. A place on the
+    window's border, within rounding, belongs to the cell inside."""
     if not -_ROUNDING <= place <= count + _ROUNDING:
         return None
     return min(max(math.floor(place + beyond), 0), count - 1)
