@@ -116,9 +116,11 @@ class SimmerApp(OrderingShell):
             # The third of its lines: the other two take the rows of legend and pose.
             lines = answer.shown(Room(self.size.width, BRIEF_ANSWER, self._plain))
             status = lines[2][1:] if len(lines) > 2 else ()
-        self._console.show_status(status, () if brief else last_reply(snapshot))
+        reply = last_reply(snapshot)
+        self._console.show_status(status, () if brief else reply)
         room = self._reply.size.width
-        self._reply.show([between((), shortened(last_reply(snapshot), room - 1), room)])
+        if room:
+            self._reply.show([between((), shortened(reply, room - 1), room)])
 
     def _arrange(self, width: int, height: int) -> None:
         super()._arrange(width, height)
