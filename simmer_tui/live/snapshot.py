@@ -62,7 +62,8 @@ _NOTHING = np.empty(0)
 """The true ranges of a scan in an entry: none are kept."""
 
 
-class LogEntry(Struct, frozen=True):
+# Without garbage collection (gc=False): entries hold no cycles, and thousands are kept.
+class LogEntry(Struct, frozen=True, gc=False):
     """An event of the list, or the readings between two such events.
 
     `number` is the running number of the (latest) event, `real_time` the time of day (seconds since the

@@ -298,7 +298,8 @@ class DisplayChanged(Struct, frozen=True, omit_defaults=True):
     busy: Real | None = None
 
 
-class MovementPlanned(Struct, frozen=True):
+# Without garbage collection (gc=False): both events of a movement hold no cycles, and thousands are kept.
+class MovementPlanned(Struct, frozen=True, gc=False):
     """A movement begins, or its rest is planned again because the block was moved.
 
     `number` is that of its command, `time` the simulated time from which the plan holds. `trajectory` is the
@@ -313,7 +314,7 @@ class MovementPlanned(Struct, frozen=True):
     grip: Grip | None = None
 
 
-class MovementEnded(Struct, frozen=True):
+class MovementEnded(Struct, frozen=True, gc=False):
     """A movement is over, and this is how it really went.
 
     `time` is the simulated time of its end, and `pose` the pose then. `stopped_by` says who ended it early,

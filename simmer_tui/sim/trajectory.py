@@ -69,7 +69,8 @@ class VelocityProfile(Struct, frozen=True):
         return self.lag + gone / top + ramp / 2.0
 
 
-class Trajectory(Struct, frozen=True):
+# Without garbage collection (gc=False): trajectories hold no cycles, and thousands are kept.
+class Trajectory(Struct, frozen=True, gc=False):
     """One movement, planned once, with noise and contact.
 
     `path` is the robot's path without any obstacle, `contact` its first contact with one. There the movement

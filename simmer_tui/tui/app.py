@@ -101,10 +101,9 @@ class SimmerApp(OrderingShell):
     def shown(self, snapshot: Snapshot, since: int) -> None:
         self._operator.note_block(snapshot.state)
         refusal = refusal_of(snapshot.entries, since)
-        new = [entry for entry in snapshot.entries if entry.number > since]
         if refusal is not None:
             self._console.show_refusal(refusal)
-        elif any(not entry.folds for entry in new):
+        elif any(entry.number > since and not entry.folds for entry in snapshot.entries):
             self._console.note_event()
 
     def show_status(self, snapshot: Snapshot) -> None:
@@ -117,9 +116,11 @@ class SimmerApp(OrderingShell):
             # The third of its lines: the other two take the rows of legend and pose.
             lines = answer.shown(Room(self.size.width, BRIEF_ANSWER, self._plain))
             status = lines[2][1:] if len(lines) > 2 else ()
-        self._console.show_status(status, () if brief else last_reply(snapshot))
+        reply = last_reply(snapshot)
+        self._console.show_status(status, () if brief else reply)
         room = self._reply.size.width
-        self._reply.show([between((), shortened(last_reply(snapshot), room - 1), room)])
+        if room:
+            self._reply.show([between((), shortened(reply, room - 1), room)])
 
     def _arrange(self, width: int, height: int) -> None:
         super()._arrange(width, height)

@@ -14,7 +14,7 @@ from textual.widget import Widget
 from simmer_tui.config.loader import Configuration
 from simmer_tui.live.operating.switches import SWITCHES
 from simmer_tui.live.snapshot import LogEntry, Snapshot
-from simmer_tui.run.events import ActionDone, Event
+from simmer_tui.run.events import ActionDone
 from simmer_tui.sim.command import PEOPLE, counted
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.wheels import WheelKinematics
@@ -92,10 +92,6 @@ _BARS = (
 )
 
 
-def _restarts(event: Event) -> bool:
-    return isinstance(event, ActionDone) and event.restarts
-
-
 class AnswerSlot:
     """The one place for answers: a requested one, the end of the run, first steps, or the present
     movement."""
@@ -141,7 +137,10 @@ class AnswerSlot:
                 self._asked = None
         end = end_answer(snapshot, orders=self.has_orders, tries=self.tries)
         # A run may begin and end between two frames.
-        begun = max((each.number for each in snapshot.entries if _restarts(each.event)), default=0)
+        begun = 0
+        for each in snapshot.entries:
+            if isinstance(each.event, ActionDone) and each.event.restarts:
+                begun = each.number
         if end is None or begun > self._begun:
             self._closed, self._commands = False, -1
         self._begun = max(begun, self._begun)

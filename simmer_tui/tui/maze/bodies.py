@@ -4,13 +4,13 @@ import math
 
 import numpy as np
 
-from simmer_tui.sim.arrays import FloatArray
+from simmer_tui.sim.arrays import FloatArray, NDArray
 from simmer_tui.sim.pose import Pose
 from simmer_tui.tui.maze.canvas import Canvas, Patch
 from simmer_tui.tui.maze.glyphs import Mask
 from simmer_tui.tui.maze.palette import Role
 from simmer_tui.tui.maze.scene import MazePoint, Scene
-from simmer_tui.tui.maze.shapes import is_near, to_local
+from simmer_tui.tui.maze.shapes import FAR, is_near, turned_into
 
 # A little less than that of the course's robot at ten columns a maze cell: enough for the shape of a hand.
 LARGE = 2.49
@@ -46,17 +46,20 @@ def draw_block(canvas: Canvas, scene: Scene) -> None:
 
 def draw_past_contacts(canvas: Canvas, scene: Scene) -> None:
     """Small crosses where the robot touched something earlier, one a cell."""
-    for point in scene.past_contacts:
-        if not is_near(*point):
-            continue
-        x, y = canvas.viewport.place(*point)
-        across, down = _wall_beside(canvas, x, y) or (0, 0)
-        # On the ground in front of the wall, since a unit is a column wide and half a row high.
-        column = _cell_inside(x - 0.5 * across, canvas.columns)
-        row = _cell_inside((y - down) / 2, canvas.rows)
-        if column is not None and row is not None:
-            canvas.text(row, column, "×" if canvas.signs.has_blocks else "x", Role.CONTACT)
-            canvas.contacts[row, column] = True
+    if not scene.past_contacts:
+        return
+    # All at once: a program that drives against walls has the most that are marked, in every picture.
+    points = np.array(scene.past_contacts)
+    places = canvas.viewport.to_units(points[(np.abs(points) < FAR).all(axis=1)])
+    # On the ground in front of the wall, since a unit is a column wide and half a row high.
+    inside = (places - (0.5, 1.0) * _walls_beside(canvas, places)) / (1, 2)
+    size = np.array((canvas.columns, canvas.rows))
+    inside = inside[((inside >= -_ROUNDING) & (inside <= size + _ROUNDING)).all(axis=1)]
+    columns, rows = np.floor(inside).astype(np.intp).clip(0, size - 1).T
+    marked = np.zeros(canvas.contacts.shape, dtype=np.bool_)
+    marked[rows, columns] = True
+    canvas.sign("×" if canvas.signs.has_blocks else "x", marked, Role.CONTACT)
+    canvas.contacts |= marked
 
 
 def draw_contact(canvas: Canvas, scene: Scene, point: MazePoint) -> None:
@@ -66,31 +69,35 @@ def draw_contact(canvas: Canvas, scene: Scene, point: MazePoint) -> None:
         return
     x, y = canvas.viewport.place(*point)
     from_x, from_y = canvas.viewport.place(*centre)
-    outwards = _wall_beside(canvas, x, y)
-    if outwards is None:
-        across, down = (1 if x >= from_x else -1), (1 if y >= from_y else -1)
-        outwards = (across, 0) if abs(x - from_x) >= abs(y - from_y) else (0, down)
-    column = _cell_inside(x, canvas.columns, 0.5 * outwards[0])
-    row = _cell_inside(y / 2, canvas.rows, 0.5 * outwards[1])
+    right, down = _walls_beside(canvas, np.array([(x, y)]))[0].tolist()
+    if not right and not down:
+        if abs(x - from_x) >= abs(y - from_y):
+            right = 1 if x >= from_x else -1
+        else:
+            down = 1 if y >= from_y else -1
+    column = _cell_inside(x, canvas.columns, 0.5 * right)
+    row = _cell_inside(y / 2, canvas.rows, 0.5 * down)
     if column is None or row is None:
         return
     large = scene.robot.reach * canvas.viewport.scale >= LARGE
     text = " X " if large and canvas.signs.has_blocks else "X"
-    found = _free_cell(canvas.bodies, (row, column), outwards[::-1], len(text) // 2)
+    found = _free_cell(canvas.bodies, (row, column), (down, right), len(text) // 2)
     if found is not None:
         left = found[1] - len(text) // 2
         canvas.text(found[0], left, text, Role.BACKGROUND, Role.CONTACT)
         canvas.contacts[found[0], max(left, 0) : left + len(text)] = True
 
 
-def _wall_beside(canvas: Canvas, x: float, y: float) -> tuple[int, int] | None:
-    """The direction, right and down, to a wall that begins at a place in units of the window; None without
-    one."""
-    directions = ((1, 0), (-1, 0), (0, 1), (0, -1))
-    probes = np.array((x, y)) + _PROBE * np.array(directions)
-    blocked = canvas.backdrop.in_wall(*probes.T)
+def _walls_beside(canvas: Canvas, places: FloatArray) -> NDArray[np.intp]:
+    """The directions, (n, 2) right and down, to walls that begin at places (n, 2) in units of the window;
+    zeros without one."""
+    directions = np.array(((1, 0), (-1, 0), (0, 1), (0, -1)))
+    probes = places[:, None] + _PROBE * directions
+    blocked = canvas.backdrop.in_wall(probes[..., 0], probes[..., 1])
     # In the middle of a wall or of the floor no side is the touched one.
-    return directions[int(blocked.argmax())] if blocked.any() and not blocked.all() else None
+    begins = blocked.any(axis=1, keepdims=True) & ~blocked.all(axis=1, keepdims=True)
+    sides: NDArray[np.intp] = directions[blocked.argmax(axis=1)] * begins
+    return sides
 
 
 def _free_cell(
@@ -120,9 +127,9 @@ def _free_cell(
     return row, column
 
 
-def _cell_inside(place: float, count: int, beyond: float = 0.0) -> int | None:
-    """Cell of a place among `count`, or the cell so many cells `beyond` it; None for a place outside them. A
-    place on the window's border, within rounding, belongs to the cell inside."""
+def _cell_inside(place: float, count: int, beyond: float) -> int | None:
+    """The cell so many cells `beyond` a place among `count`; None for a place outside them. A place on the
+    window's border, within rounding, belongs to the cell inside."""
     if not -_ROUNDING <= place <= count + _ROUNDING:
         return None
     return min(max(math.floor(place + beyond), 0), count - 1)
@@ -184,4 +191,4 @@ def local_places(cells: CellRange, x: float, y: float, heading: float, across: i
     """Pixels of some cells in the frame of a body, in units, (height, width, 2)."""
     pixel_x, pixel_y = _pixel_places(cells, across, down)
     # A window's rows count down; a body's frame is turned counter-clockwise.
-    return to_local(np.stack(np.meshgrid(pixel_x, -pixel_y), axis=-1), Pose(x, -y, heading))
+    return turned_into(Pose(x, -y, heading), pixel_x, -pixel_y[:, None])

@@ -111,6 +111,10 @@ class Canvas:
                 cell = np.array([row * self.columns + column + offset])
                 self._put(cell, ord(character), role, paper)
 
+    def sign(self, sign: str, where: Mask, role: Role) -> None:
+        """One character in some cells, (rows, columns), on the ground."""
+        self._put(np.flatnonzero(where), ord(sign), role)
+
     def clear(self, where: Mask) -> None:
         """Show only the ground in some cells, (rows, columns)."""
         cells = np.flatnonzero(where)
@@ -144,7 +148,7 @@ class Canvas:
         free = ~covered & (pixels != Role.EDGE)
         best = self.backdrop.under[patch.place].copy()
         most = np.zeros(best.shape, dtype=np.intp)
-        for role in np.unique(pixels[free]):
+        for role in np.flatnonzero(np.bincount(pixels[free])):
             count = ((pixels == role) & free).sum(axis=-1)
             best[count > most] = role
             np.maximum(most, count, out=most)

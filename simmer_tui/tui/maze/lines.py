@@ -82,8 +82,8 @@ class TrailDots:
         if key != self._key or not grows:
             self._key, drawn = key, ()
             self._patterns = np.zeros(canvas.rows * canvas.columns, dtype=np.uint32)
-        for piece in pieces[len(drawn) :]:
-            self._patterns = self._patterns | _line_dots(canvas, piece)
+        if len(drawn) < len(pieces):
+            self._patterns = self._patterns | _line_dots(canvas, pieces[len(drawn) :])
         self._drawn = pieces
         return self._patterns
 
@@ -93,26 +93,34 @@ def draw_trail(canvas: Canvas, scene: Scene, kept: TrailDots) -> None:
     if not scene.trail:
         return
     # The movement under way, and the piece that it will belong to, still grow.
-    old = kept.patterns(canvas, scene.trail[:-2]).copy()
-    for piece in scene.trail[-2:]:
-        old |= _line_dots(canvas, piece)
+    old = kept.patterns(canvas, scene.trail[:-2]) | _line_dots(canvas, scene.trail[-2:])
     canvas.patterns(Role.TRAIL, old, canvas.backdrop.keeps_wall)
-    new = np.zeros_like(old)
-    for piece in scene.recent:
-        new |= _line_dots(canvas, piece)
+    new = _line_dots(canvas, scene.recent)
     # A cell has one colour; the older dots in it stay.
     canvas.patterns(Role.TRAIL_NEW, np.where(new > 0, new | old, 0), canvas.backdrop.keeps_wall)
 
 
-def _line_dots(canvas: Canvas, line: FloatArray) -> NDArray[np.uint32]:
-    """Braille patterns, (rows * columns,), of a line through points (n, 2 or more)."""
-    points = shapes.near_places(np.asarray(line)[:, :2])
-    along = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))))
-    step = min(_step(canvas), max(along[-1], _STANDSTILL))
-    count = min(math.ceil(along[-1] / step), shapes.MOST_SAMPLES) + 1
-    at = np.linspace(0.0, along[-1], count)
-    places = np.stack((np.interp(at, along, points[:, 0]), np.interp(at, along, points[:, 1])), axis=-1)
+def _line_dots(canvas: Canvas, lines: Sequence[FloatArray]) -> NDArray[np.uint32]:
+    """Braille patterns, (rows * columns,), of lines, each through points (n, 2 or more)."""
+    step = _step(canvas)
+    places = np.concatenate([np.empty((0, 2)), *(_line_places(each[:, :2], step) for each in lines)])
     return dot_patterns(2 * canvas.viewport.to_units(places), canvas.rows, canvas.columns)
+
+
+def _line_places(line: FloatArray, step: float) -> FloatArray:
+    """Places (m, 2) at most `step` apart along a line through points (n, 2)."""
+    points = shapes.near_places(line)
+    moves = points[1:] - points[:-1]
+    along = np.zeros(len(points))
+    np.cumsum(np.hypot(moves[:, 0], moves[:, 1]), out=along[1:])
+    whole = float(along[-1])
+    steps = min(math.ceil(whole / min(step, max(whole, _STANDSTILL))), shapes.MOST_SAMPLES)
+    at = np.arange(steps + 1) * (whole / max(steps, 1))
+    at[-1] = whole
+    places = np.empty((steps + 1, 2))
+    for axis in (0, 1):
+        places[:, axis] = np.interp(at, along, points[:, axis])
+    return places
 
 
 def draw_rays(canvas: Canvas, scene: Scene) -> list[DrawnRay]:

@@ -74,8 +74,14 @@ def to_global(local: FloatArray, pose: Pose) -> FloatArray:
 
 def to_local(places: FloatArray, pose: Pose) -> FloatArray:
     """Global places (..., 2) in a pose's frame, x ahead and y left."""
+    return turned_into(pose, places[..., 0], places[..., 1])
+
+
+def turned_into(pose: Pose, x: FloatArray, y: FloatArray) -> FloatArray:
+    """The same of global coordinates that NumPy can broadcast together, as those of a grid's columns and
+    rows."""
     cosine, sine = math.cos(math.radians(pose.heading)), math.sin(math.radians(pose.heading))
-    x, y = places[..., 0] - pose.x, places[..., 1] - pose.y
+    x, y = x - pose.x, y - pose.y
     return np.stack((cosine * x + sine * y, cosine * y - sine * x), axis=-1)
 
 

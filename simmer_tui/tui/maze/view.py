@@ -92,7 +92,8 @@ class MazeView(CellsWidget, can_focus=True, inherit_bindings=False):
         """Columns a maze cell is wide."""
         if self._zoom is not None or self.scene is None:
             return self._zoom or _FIRST_ZOOM
-        return best_zoom(self.scene.maze, self.size.width, self.size.height)
+        width, height = self.size
+        return best_zoom(self.scene.maze, width, height)
 
     @property
     def zoom_is_automatic(self) -> bool:
@@ -290,7 +291,8 @@ class MazeView(CellsWidget, can_focus=True, inherit_bindings=False):
     def _draw(self) -> None:
         """Update the cells and mark the changed ones for sending."""
         scene = self.scene
-        if not self.is_mounted or not self.size:
+        size = self.size
+        if not self.is_mounted or not size:
             return
         if self._instead:
             self._show_text(self._instead)
@@ -298,7 +300,7 @@ class MazeView(CellsWidget, can_focus=True, inherit_bindings=False):
         if scene is None:
             return
         try:
-            layout = arrange(scene.maze, self.zoom, self.size.width, self.size.height)
+            layout = arrange(scene.maze, self.zoom, *size)
             if not layout.usable:
                 self._show_text("Too small for the maze.")
                 return
@@ -349,7 +351,8 @@ class Legend(DirectLines):
         self._strip = Strip([])
 
     def update_content(self) -> None:
-        strip = self._maze.legend(max(self.size.width - 1, 1)) if self.size.width else Strip([])
+        width = self.size.width
+        strip = self._maze.legend(max(width - 1, 1)) if width else Strip([])
         if strip != self._strip:
             self._strip = strip
             self.refresh()
