@@ -242,9 +242,9 @@ def again(name: str) -> Paragraph:
 def _verdict(verdict: Verdict) -> list[DocumentPart]:
     """The verdict: its sentence, and its reasons."""
     return [
-        Paragraph(verdict.summary, "verdict", "strong"),
+        Paragraph(verdict.headline, "verdict", "strong"),
         moments_table(verdict.moments),
-        Bullets("Why", [*verdict.reasons, *filter(None, (verdict.advice,))], "why"),
+        Bullets("Why", [*verdict.why, *filter(None, (verdict.advice,))], "why"),
         NestedValue("verdict", verdict.plain()),
         _output_table(verdict),
     ]

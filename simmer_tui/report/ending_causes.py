@@ -256,9 +256,7 @@ def stalled_fact(run: RunEvidence) -> Fact | None:
     is_idle = lasted < long or stalled.driving < lasted / 2
     if stalled.movements < (HUNDRED if is_idle or not seen.out_of_time else MOVES):
         return None
-    turned = f" and {stalled.turned:.0f} deg" if stalled.turned >= 1.0 else ""
-    text = f"progress ended: {stalled.movements} movements after that reached no goal and no new place"
-    text = f"{text} ({stalled.driven:.0f} in{turned}): {run.movements_by_code(stalled.since)}".rstrip(": ")
+    text = f"progress ended: {run.stalled_text}"
     at = Moment(MomentKind.COMMAND, stalled.since, text, place=(stalled.place.x, stalled.place.y))
     return Fact(at, then=told(at), has_behind=True)
 
@@ -281,6 +279,8 @@ def slow_fact(run: RunEvidence) -> Fact | None:
     nominal, limit = seen.history.nominal, seen.elapsed if task is None else task.time_limit
     if nominal is not None and limit < (nominal.time_limit or 0.0):
         text = f"The time limit was {limit:g} s, in the set {nominal.name} {nominal.time_limit:g} s. {text}"
+    if seen.stalled.movements >= MOVES:
+        read += f" From {seen.stalled.since:.1f} s on, {run.stalled_text}."
     advice = _SPARE[most].format(code=code) if is_most else None
     return Fact(at, then=text + read, has_behind=True, advice=advice)
 

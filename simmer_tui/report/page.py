@@ -89,7 +89,7 @@ def verdict_box(verdict: Verdict, *, is_mission: bool) -> VerdictBox:
         what = "Run"
     return VerdictBox(
         key="verdict",
-        text=verdict.summary,
+        text=verdict.headline,
         headline=f"{what} {verdict.outcome.value}",
         tone=_TONES.get(verdict.outcome, Tone.PLAIN),
         sign=_CRASH_SIGN if crashed else "",
@@ -140,7 +140,7 @@ def _picture(run: RunStatistics) -> Iterator[DocumentPart]:
 def _cards(run: RunStatistics, attempt: Attempt, log: str) -> Iterator[DocumentPart]:
     """Cards: the reasons, the next steps and the goals. `log` is empty where the reader has none."""
     verdict = run.verdict
-    yield Bullets("Why", verdict.reasons, kind="card")
+    yield Bullets("Why", verdict.why, kind="card")
     file = typed_path(log)
     steps: list[tuple[Prose, ...] | str] = [verdict.advice] if verdict.advice else []
     if log:

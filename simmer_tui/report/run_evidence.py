@@ -514,7 +514,17 @@ class RunEvidence:
         )
         return self.strayed_text or never
 
-    def movements_by_code(self, since: float) -> str:
+    @property
+    def stalled_text(self) -> str:
+        """The movements without progress at the end, in words."""
+        stalled = self.seen.stalled
+        turned = f" and {stalled.turned:.0f} deg" if stalled.turned >= 1.0 else ""
+        text = f"{stalled.movements} movements reached no goal and no new place"
+        return f"{text} ({stalled.driven:.0f} in{turned}): {self._movements_by_code(stalled.since)}".rstrip(
+            ": "
+        )
+
+    def _movements_by_code(self, since: float) -> str:
         """The movements from a moment on by their codes, with their usual size: `r1 375 times by 0.1`."""
         names, moves = self.seen.history.code_names, self.seen.within(self.seen.history.movements)
         moves = moves[(moves["elapsed"] > since) & np.isfinite(moves["asked"]) & ~moves["grips"]]

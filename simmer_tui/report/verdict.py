@@ -59,8 +59,10 @@ class Verdict(Struct, frozen=True, kw_only=True):
     of the end where there is none."""
 
     outcome: Outcome
+    headline: str
+    """Outcome, and how the run ended."""
     text: str
-    """Outcome and cause, the same everywhere. Its first sentence says both."""
+    """Outcome and cause, the same everywhere."""
     elapsed: float
     line: int
     goal: Goal | None = None
@@ -95,14 +97,17 @@ class Verdict(Struct, frozen=True, kw_only=True):
         return "; ".join(each.sentence for each in self.moments[-2:])
 
     @property
-    def summary(self) -> str:
-        """The outcome, and the sentences of the cause that no moment tells: for pages with all moments."""
-        if self.cause is None:
-            return self.text
-        beside = self.cause.text
+    def beside(self) -> str:
+        """The sentences of its cause that no moment tells."""
+        text = "" if self.cause is None else f" {self.cause.text}"
         for each in self.moments:
-            beside = f" {beside}".replace(told(each), "").replace(f" {each.text}.", "")
-        return " ".join(self.text.replace(f": {self.cause.text}", f". {beside}").split())
+            text = text.replace(told(each), "").replace(f" {each.text}.", "")
+        return " ".join(text.split())
+
+    @property
+    def why(self) -> list[str]:
+        """What stands beside the moments: these sentences, and those that support it."""
+        return [each for each in (self.beside, *self.reasons) if each]
 
     @property
     def lines(self) -> list[str]:
@@ -220,6 +225,7 @@ class _Judge:
         moment = cause or over or self._ended or self._left or self._history
         return Verdict(
             outcome=outcome,
+            headline=self._headline(outcome, run),
             text=self._text(outcome, cause, run),
             elapsed=moment.elapsed,
             line=moment.line,
@@ -279,38 +285,46 @@ class _Judge:
 
     # -- text ------------------------------------------------------------------------------------
 
-    def _text(self, outcome: Outcome, cause: Cause | None, run: RunEvidence) -> str:
+    def _began(self, outcome: Outcome) -> str:
+        """The outcome, its time and the goal reached last, in words."""
         attempt, goal = self._attempt, self._goal
-        over = attempt.over
         # A mission's clock begins with its first command.
         lasted = attempt.elapsed - attempt.begun if outcome is Outcome.CRASHED else attempt.seconds
-        seconds = f"{lasted:.1f} s"
-        when = f"{seconds}{attempt.restart}" if attempt.restart else f"after {seconds}"
-        reached = f" (last goal: {goal.value})" if goal is not None else ""
+        when = f"{lasted:.1f} s{attempt.restart}" if attempt.restart else f"after {lasted:.1f} s"
+        reached = outcome is not Outcome.SUCCEEDED and goal is not None
+        return f"{outcome.value.capitalize()} {when}{f' (last goal: {goal})' if reached else ''}"
+
+    def _headline(self, outcome: Outcome, run: RunEvidence) -> str:
+        """The outcome, and how the run ended."""
+        attempt, over, began = self._attempt, self._attempt.over, self._began(outcome)
         if outcome is Outcome.SUCCEEDED:
-            return f"Succeeded {when}, with {contacts_text(attempt.contacts)}."
+            return f"{began}, with {contacts_text(attempt.contacts)}."
         if outcome is Outcome.CRASHED and self._crash is not None:
-            if not self._crash.started:
-                return f"{capitalized(program_end_text(self._crash))}.".replace("?.", "?")
-            if cause is not None and cause.kind is not Kind.CRASHED:
-                return f"Crashed {when}{reached}: {cause.text} Then: {crash_text(self._crash)}."
-            beside = "" if cause is None else cause.text.removeprefix(told(cause.moment))
-            return f"Crashed {when}{reached}: {crash_text(self._crash)}.{beside}"
-        if cause is not None:
-            stop = "its connection ended" if self._program is None else "the program was stopped"
-            stop = f", when {stop}" if run.stopped else ""
-            return f"{outcome.value.capitalize()} {when}{stop}{reached}: {cause.text}"
+            return f"{began}: {crash_text(self._crash)}."
         if outcome is Outcome.FAILED:
-            reason = "real time was up" if over is None else over.event.reason
-            return f"Failed {when}{reached}: {reason}."
+            return f"{began}: {'real time was up' if over is None else over.event.reason}."
         end, last = self._end(), run.last_command
         if self._is_mission and last is not None and outcome is Outcome.STILL_GOING:
             # Nobody knows what the program waits for; the last thing it did is a fact.
             done = counted(attempt.commands, "command")
             answered = f"the last, {last[0]}, was answered at {last[1]:.1f} s"
-            return f"Still going {when}{reached}: {done}; {answered}, and none has come since."
+            return f"{began}: {done}; {answered}, and none has come since."
         how = f"{end}; " if end else ""
-        return f"{outcome.value.capitalize()} {when}{reached}: {how}{self._worst(run)}."
+        return f"{began}: {how}{self._worst(run)}."
+
+    def _text(self, outcome: Outcome, cause: Cause | None, run: RunEvidence) -> str:
+        """The outcome and its cause."""
+        crash, began = self._crash, self._began(outcome)
+        if crash is not None and not crash.started:
+            return f"{capitalized(program_end_text(crash))}.".replace("?.", "?")
+        if cause is None:
+            return self._headline(outcome, run)
+        if crash is not None and outcome is Outcome.CRASHED:
+            if cause.kind is not Kind.CRASHED:
+                return f"{began}: {cause.text} Then: {crash_text(crash)}."
+            return f"{self._headline(outcome, run)}{cause.text.removeprefix(told(cause.moment))}"
+        stop = "its connection ended" if self._program is None else "the program was stopped"
+        return f"{began}{f', when {stop}' if run.stopped else ''}: {cause.text}"
 
     def _end(self) -> str:
         """Words for the end of the program or of its connection; empty without one."""

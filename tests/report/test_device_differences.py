@@ -81,7 +81,7 @@ def found(spec: SimulationSpec, variant: Variant, seed: int = 4) -> tuple[Findin
         (sensor("u1", bias=3.0), {("u1", "offset")}, r"u1 .*: its Bias is 3, in the nominal set mission 0$"),
         (sensor("u1", gain=0.8), {("u1", "gain")}, r"u1 reads 0\.8\d times what it should \(0\.\d+ to"),
         (sensor("u1", gain=0.0, bias=9.0), {("u1", "stuck")}, r"u1 always reads 9 in \(36 readings\)"),
-        (sensor("u1", error=0.4), {("u1", "noise")}, r"u1 scatters by \d\.\d in \(.*\d\d of 36.*Percent Error"),
+        (sensor("u1", error=0.4), {("u1", "noise")}, r"u1 scatters by \d\.\d in \(.*\d\d of 36.*Perc"),
         (
             sensor("u1", outlier=0.4),
             {("u1", "noise")},
