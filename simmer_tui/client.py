@@ -718,7 +718,7 @@ class _PacketLink:
             if ask:  # asked once: as a rule the robot is still moving, and the command is sent many times
                 ask = False
                 why = self._reasons.why(command)
-                if why.reason and not why.busy:
+                if why.reason and not why.early:
                     raise why.error(code, f"the robot refused {command!r}")
             if time.monotonic() + _BUSY_WAIT > deadline:
                 raise RobotTimeoutError(
@@ -790,16 +790,13 @@ def _received(connection: socket.socket, end: bytes, deadline: float) -> bytes:
 
 class _Why(NamedTuple):
     """The simulator's answer about a refused command: the reason, and the kind of the code ("sensor",
-    "drive", "unknown"). Both are empty without an answer. `scan` is true for the code of a lidar."""
+    "drive", "unknown"). Both are empty without an answer. `scan` is true for the code of a lidar, `early` if
+    the same command may be accepted later."""
 
     reason: str = ""
     kind: str = ""
     scan: bool = False
-
-    @property
-    def busy(self) -> bool:
-        """True if the same command may be accepted later."""
-        return "still moving" in self.reason
+    early: bool = False
 
     def error(self, code: str, what: str) -> CommandRefusedError:
         """The error to raise; `what` says what the robot did."""
@@ -887,7 +884,8 @@ class _Reasons:
         if not isinstance(ports, list) or self._port not in ports:
             self._given_up = True
             return _Why()
-        return _Why(str(answer.get("why", "")), str(answer.get("kind", "")), answer.get("scan") is True)
+        scan, early = answer.get("scan") is True, answer.get("early") is True
+        return _Why(str(answer.get("why", "")), str(answer.get("kind", "")), scan, early)
 
     def is_sensor(self, code: str) -> bool:
         """True if the simulator says that a code is a sensor's."""

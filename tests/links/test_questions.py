@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import socket
 import threading
 from collections.abc import Callable, Iterator
@@ -17,7 +18,7 @@ from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.config.settings_file import Override
 from simmer_tui.live.server import Server
-from simmer_tui.run.events import Event, Notice
+from simmer_tui.run.events import CommandResult, Event, Notice
 from tests.listening import HOST, listening
 
 SECONDS = 120.0
@@ -90,6 +91,17 @@ def test_packets_say_at_once_that_a_value_is_refused() -> None:
         with pytest.raises(CommandRefusedError, match=r"u1 is a sensor"):
             robot.drive("u1", 2)
         robot.drive("d1", 1)
+
+
+def test_what_is_refused_only_while_the_robot_moves_is_asked_again_in_packets() -> None:
+    with (
+        serving(server__listeners=("packets",), motion__motion="timed") as (server, events),
+        packet_robot_of(server) as robot,
+    ):
+        assert robot.send("d1:2") == math.inf
+        robot.drive("d1", 1)
+    reasons = {event.reason for event in events if isinstance(event, CommandResult) and event.reason}
+    assert reasons == {"the robot is still moving"}
 
 
 def answering(number: bytes) -> Callable[[socket.socket], None]:
