@@ -701,7 +701,9 @@ class _PacketLink:
 
     def drive(self, code: str, number: str, timeout: float) -> Movement:
         self._until_accepted(code, number, timeout, ask=True)
-        self._until_accepted(code, "0", timeout)  # accepted as soon as the movement has ended
+        # Accepted as soon as the movement has ended. A gripper does not stand still at 0: it opens.
+        is_gripper = number in ("0", "1") and self._reasons.is_gripper(code)
+        self._until_accepted(code, number if is_gripper else "0", timeout)
         return Movement(f"{code}:{number}", math.inf)
 
     def close(self) -> None:
@@ -718,7 +720,7 @@ class _PacketLink:
             if ask:  # asked once: as a rule the robot is still moving, and the command is sent many times
                 ask = False
                 why = self._reasons.why(command)
-                if why.reason and not why.busy:
+                if why.reason and not why.early:
                     raise why.error(code, f"the robot refused {command!r}")
             if time.monotonic() + _BUSY_WAIT > deadline:
                 raise RobotTimeoutError(
@@ -790,16 +792,14 @@ def _received(connection: socket.socket, end: bytes, deadline: float) -> bytes:
 
 class _Why(NamedTuple):
     """The simulator's answer about a refused command: the reason, and the kind of the code ("sensor",
-    "drive", "unknown"). Both are empty without an answer. `scan` is true for the code of a lidar."""
+    "drive", "unknown"). Both are empty without an answer. `scan` is true for the code of a lidar, `gripper`
+    for that of the gripper, `early` if the same command may be accepted later."""
 
     reason: str = ""
     kind: str = ""
     scan: bool = False
-
-    @property
-    def busy(self) -> bool:
-        """True if the same command may be accepted later."""
-        return "still moving" in self.reason
+    early: bool = False
+    gripper: bool = False
 
     def error(self, code: str, what: str) -> CommandRefusedError:
         """The error to raise; `what` says what the robot did."""
@@ -887,11 +887,16 @@ class _Reasons:
         if not isinstance(ports, list) or self._port not in ports:
             self._given_up = True
             return _Why()
-        return _Why(str(answer.get("why", "")), str(answer.get("kind", "")), answer.get("scan") is True)
+        scan, early, gripper = (answer.get(each) is True for each in ("scan", "early", "gripper"))
+        return _Why(str(answer.get("why", "")), str(answer.get("kind", "")), scan, early, gripper)
 
     def is_sensor(self, code: str) -> bool:
         """True if the simulator says that a code is a sensor's."""
         return self._about(code).kind == "sensor"
+
+    def is_gripper(self, code: str) -> bool:
+        """True if the simulator says that a code is the gripper's."""
+        return self._about(code).gripper
 
     def gives_scan(self, code: str) -> bool | None:
         """True if the simulator says that a code is a lidar's; None if nobody says."""

@@ -66,6 +66,21 @@ def contacts_rule(allowed: int | None) -> str:
     return f"at most {allowed} contact{'s' * (allowed > 1)}"
 
 
+def mission_text(mission: MissionSpec) -> str:
+    """A mission in words, for the summary of its set."""
+    headings = {Heading.QUARTER: "a multiple of 90", Heading.ANY: "any"}
+    heading = headings[mission.heading] if isinstance(mission.heading, Heading) else f"{mission.heading:g}"
+    start = "any start cell" if mission.start is None else _place_text(mission.start)
+    block = "anywhere in the block cells" if mission.block is None else _place_text(mission.block)
+    zone = (
+        "a start cell" if mission.drop_zone is None else f"the cell around {_place_text(mission.drop_zone)}"
+    )
+    return (
+        f"Mission: start {start}, heading {heading}; block {block}; drop zone {zone}; "
+        f"{mission.time_limit:g} s, {contacts_rule(mission.contacts)}."
+    )
+
+
 def draw_mission(mission: MissionSpec, simulation: SimulationSpec, seed: int) -> MissionPlan:
     """A mission with its open values drawn. It has a random stream of its own: the same seed gives the same
     plan, and draws of the simulator do not change. Neither robot nor block is placed in a wall.
@@ -232,6 +247,10 @@ class _Ground:
                 return ""
             return f"({x:g}, {y:g}) is in no free cell of the maze"
         return "" if self.drop_zones else f"maze.csv has no cell of value {START} to be the drop zone"
+
+
+def _place_text(place: Place) -> str:
+    return f"({place[0]:g}, {place[1]:g})"
 
 
 def _cell_around(place: Place) -> Cell:

@@ -11,8 +11,7 @@ from simmer_tui.config import dialects
 from simmer_tui.config.describe_code import values_of
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.maze_csv import CELLS
-from simmer_tui.config.mission_plan import contacts_rule
-from simmer_tui.config.mission_toml import Heading, MissionSpec
+from simmer_tui.config.mission_plan import mission_text
 from simmer_tui.config.robot_drawing import robot_drawing
 from simmer_tui.config.set_warnings import set_warnings
 from simmer_tui.config.settings import Settings, all_settings, value_of
@@ -91,7 +90,7 @@ def summarize(configuration: Configuration, *, ascii_only: bool = False) -> str:
         *_velocities(spec),
         "",
         *_settings(configuration),
-        *_mission(configuration.mission),
+        *([] if configuration.mission is None else [mission_text(configuration.mission)]),
         *_dialect(configuration.dialect),
         *(f"Warning: {each}." for each in set_warnings(configuration)),
     ]
@@ -286,17 +285,3 @@ def _dialect(dialect: DialectRules | None) -> list[str]:
         ]
     driven = _table(("command", "message"), turned)
     return [*lines, "Commands of console, keys and TCP programs for a real robot (--serial)", *driven]
-
-
-def _mission(mission: MissionSpec | None) -> list[str]:
-    if mission is None:
-        return []
-    start = "any start cell" if mission.start is None else _point(mission.start)
-    headings = {Heading.QUARTER: "a multiple of 90", Heading.ANY: "any"}
-    heading = headings[mission.heading] if isinstance(mission.heading, Heading) else f"{mission.heading:g}"
-    block = "anywhere in the block cells" if mission.block is None else _point(mission.block)
-    zone = "a start cell" if mission.drop_zone is None else f"the cell around {_point(mission.drop_zone)}"
-    return [
-        f"Mission: start {start}, heading {heading}; block {block}; drop zone {zone}; "
-        f"{mission.time_limit:g} s, {contacts_rule(mission.contacts)}."
-    ]

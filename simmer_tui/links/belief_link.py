@@ -31,8 +31,9 @@ class Questions(EventHandler[None]):
     """Answers `{"why": "d1-1e9"}` with this simulator's ports, the kind of the code, and the reason of the
     refusal, and `{"variables": true}` with the variables of a program, by name.
 
-    The reason is that of the newest refusal of the command. For a lidar's code the answer also says that its
-    reply is a scan. In the protocols NaN is the only sign of a refusal.
+    The reason is that of the newest refusal of the command; `early` is true if the command may be accepted
+    later. `scan` is true for a lidar's code, `gripper` for the gripper's. In the protocols NaN is the only
+    sign of a refusal.
     """
 
     def __init__(
@@ -42,7 +43,7 @@ class Questions(EventHandler[None]):
         self._engine = engine
         self._ports = ports
         self._variables = variables
-        self._reasons: dict[str, str] = {}
+        self._refused: dict[str, CommandResult] = {}
         engine.watch(self.handle)
 
     def close(self) -> None:
@@ -53,10 +54,10 @@ class Questions(EventHandler[None]):
         if event.status not in REFUSALS:
             return
         text = event.command.text.strip()
-        self._reasons.pop(text, None)  # the newest one is last
-        self._reasons[text] = event.reason
-        if len(self._reasons) > MOST_KEPT:
-            del self._reasons[next(iter(self._reasons))]
+        self._refused.pop(text, None)  # the newest one is last
+        self._refused[text] = event
+        if len(self._refused) > MOST_KEPT:
+            del self._refused[next(iter(self._refused))]
 
     def answer(self, line: bytes) -> bytes | None:
         """The answer to a line, with its end; None if the line asks nothing."""
@@ -74,10 +75,16 @@ class Questions(EventHandler[None]):
         if not isinstance(question, dict) or set(question) != {"why"} or not isinstance(question["why"], str):
             return None
         text = question["why"].strip()
-        reason, kind = self._reasons.get(text, ""), self._kind(text)
+        refused, kind = self._refused.get(text), self._kind(text)
+        reason = "" if refused is None else refused.reason
         answer: dict[str, object] = {"why": reason, "kind": kind, "ports": self._ports}
+        if refused is not None and refused.is_early:
+            answer["early"] = True
         if self._engine.simulator.asks_for_scan(parse_command(text)):
             answer["scan"] = True
+        gripper = self._engine.simulator.spec.gripper
+        if gripper is not None and parse_command(text).code == gripper.code:
+            answer["gripper"] = True
         return json.dumps(answer).encode() + b"\n"
 
     def _kind(self, text: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import socket
 import threading
 from collections.abc import Callable, Iterator
@@ -13,11 +14,11 @@ import pytest
 
 from simmer_tui.client import CommandRefusedError, Robot, RobotError, UnknownCodeError
 from simmer_tui.config.dialects import BELIEFS, COMMANDS, PACKET_REPLIES, PACKETS, REPLIES
-from simmer_tui.config.loader import load
+from simmer_tui.config.loader import find_set, load
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.config.settings_file import Override
 from simmer_tui.live.server import Server
-from simmer_tui.run.events import Event, Notice
+from simmer_tui.run.events import CommandResult, Event, MovementEnded, Notice
 from tests.listening import HOST, listening
 
 SECONDS = 120.0
@@ -90,6 +91,33 @@ def test_packets_say_at_once_that_a_value_is_refused() -> None:
         with pytest.raises(CommandRefusedError, match=r"u1 is a sensor"):
             robot.drive("u1", 2)
         robot.drive("d1", 1)
+
+
+def test_what_is_refused_only_while_the_robot_moves_is_asked_again_in_packets() -> None:
+    with (
+        serving(server__listeners=("packets",), motion__motion="timed") as (server, events),
+        packet_robot_of(server) as robot,
+    ):
+        assert robot.send("d1:2") == math.inf
+        robot.drive("d1", 1)
+    reasons = {event.reason for event in events if isinstance(event, CommandResult) and event.reason}
+    assert reasons == {"the robot is still moving"}
+
+
+@pytest.mark.parametrize("motion", ["instant", "timed"])
+def test_a_gripper_that_closed_stays_closed_in_packets(motion: str) -> None:
+    with (
+        serving(find_set("mission"), server__listeners=("packets",), motion__motion=motion) as (
+            server,
+            events,
+        ),
+        packet_robot_of(server) as robot,
+    ):
+        robot.drive("p1", 1)
+        robot.drive("d1", 0)
+    grips = [event.grip.closed for event in events if isinstance(event, MovementEnded) and event.grip]
+    assert grips
+    assert all(grips)
 
 
 def answering(number: bytes) -> Callable[[socket.socket], None]:

@@ -9,7 +9,6 @@ import pytest
 
 from simmer_tui.report.belief_audit import LEAST_MOVEMENTS
 from simmer_tui.report.belief_facts import BeliefFacts
-from simmer_tui.report.fact_tables import NO_TRUTH, fact_tables
 from simmer_tui.run.events import Belief
 from simmer_tui.sim import Pose, parse_command
 from tests.report.test_causes import Mission, begin
@@ -150,36 +149,3 @@ def test_a_mirrored_maze_is_told() -> None:
         there = Pose(96.0 - pose.x, pose.y, 180.0 - pose.heading)
         mission.engine.tell(Belief(mission.simulator.time, there, pose, 0.3))
     assert "mirrored left to right in 100 % of the sure beliefs" in facts(mission).text
-
-
-def test_the_tables_have_the_same_rows_with_and_without_a_truth() -> None:
-    mission = begin(noise=True)
-    look_along(mission, 3.0)
-    tables = fact_tables(mission.evidence(1))
-    mission.history.is_twin = True
-    real = fact_tables(mission.evidence(1))
-    assert not facts(mission).steps
-    for table, other in zip(tables, real, strict=True):
-        assert [row[0] for row in table.rows] == [row[0] for row in other.rows]
-    _, devices, beliefs = real
-    assert all(row[-1] == NO_TRUTH for row in (*devices.rows, *beliefs.rows[1:]))
-
-
-def test_the_table_of_commands_names_what_was_never_read_and_repeated() -> None:
-    mission = begin((42.0, 42.0, 180.0))
-    mission.give("u1", "d1-1", "d1-1", "d1-x")
-    rows = {row[0]: row[1:] for row in fact_tables(mission.evidence(1))[0].rows}
-    assert rows["sent"] == (4, "d1 3, u1 1")
-    assert rows["refused"] == (1, "d1 1")
-    assert "u5" in str(rows["sensors never read"][1])
-    assert rows["repeated movements"] == (1, "of 2, such as d1-1")
-
-
-def test_the_command_that_ended_a_mission_counts_as_sent() -> None:
-    mission = begin((30.0, 42.0, 90.0))
-    mission.give("u1", "d1-20")
-    rows = {row[0]: row[1:] for row in fact_tables(mission.evidence(1))[0].rows}
-    assert rows["sent"] == (2, "u1 1, d1 1")
-    mission = begin((30.0, 42.0, 90.0))
-    mission.give("d1-20")
-    assert fact_tables(mission.evidence(1))[0].rows[0] == ("sent", 1, "d1 1")

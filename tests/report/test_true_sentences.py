@@ -282,11 +282,3 @@ def test_a_message_without_a_reply_is_told_where_the_program_gave_up(reply: bool
     text = verdict_of(mission.history, None).text
     assert "it printed last: no answer to the stop: ''" in text
     assert ("its last message, 's' at 51.0 s, had no reply." in text) is not reply
-
-
-def test_the_longest_silence_includes_the_one_until_the_end() -> None:
-    mission = begin()
-    mission.give("u1", "u2")
-    mission.referee.check(400.0)
-    commands = {row["fact"]: row["text"] for row in fact_tables(RunEvidence(mission.attempt))[0].objects()}
-    assert str(commands["longest silence"]) == "249.9 simulated s after 50.1 s"
