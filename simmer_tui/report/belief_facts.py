@@ -98,7 +98,9 @@ class BeliefFacts:
             if math.hypot(*off) >= _NEAR:
                 where = f"({off[0]:+z.1f}, {off[1]:+z.1f}) in {name}"
                 there = x + cos * off[0] - sin * off[1], y + sin * off[0] + cos * off[1]
-                on_grid = all(abs(math.remainder(each, CELL_SIZE)) <= _NEAR for each in off)
+                on_grid = math.hypot(*off) > CELL_SIZE / 2 and all(
+                    abs(math.remainder(each, CELL_SIZE)) <= _NEAR for each in off
+                )
                 yield where, (*there, rows["heading"]), hint if on_grid else "", ()
         # Half a turn to either side is one: the mean direction.
         turn = math.degrees(np.angle(np.exp(1j * np.radians(rows["turn"])).mean()))

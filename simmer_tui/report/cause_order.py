@@ -31,7 +31,7 @@ from simmer_tui.report.ending_causes import (
     silence_fact,
     slow_fact,
 )
-from simmer_tui.report.moments import Moment, MomentKind, end_moment
+from simmer_tui.report.moments import Moment, MomentKind, declared_moment, end_moment
 from simmer_tui.report.run_evidence import RunEvidence
 from simmer_tui.report.set_differences import set_differences, world_differences
 from simmer_tui.report.typical_runs import most_different
@@ -82,7 +82,7 @@ def _made(run: RunEvidence, rule: CauseRule, fact: Fact) -> Cause:
             named = " and ".join(declared)
             advice = f"Give your program the numbers of this set for {named}, or correct for them."
         behind, codes = _behind(run)
-        parts += [world, *(f"By this robot's set, {code} {run.declared[code]}." for code in declared), behind]
+        parts += [world, *(f"{declared_moment(run, code).text}." for code in declared), behind]
         culprits = tuple(dict.fromkeys((*culprits, *declared, *codes)))
     parts.append(fact.then)
     if not run.has_contact and rule.kind in _ABOUT_GOALS:

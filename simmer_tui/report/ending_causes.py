@@ -95,7 +95,7 @@ def waited_text(run: RunEvidence) -> str:
     if last is not None and run.ended_by_link:
         mean = run.seen.spent.link / max(run.seen.commands, 1)
         slow = f" A reply took {mean:.1f} s on the link." if mean >= _SLOW_LINK else ""
-        return f" Its last answered command was {last[0]}, at {last[1]:.1f} s.{slow}"
+        return f" The simulator's last answer was to {last[0]}, at {last[1]:.1f} s.{slow}"
     has_error = run.program is not None and run.program.error
     return f" Its last reading was {run.last_reading}." if has_error and run.last_reading else ""
 

@@ -151,6 +151,8 @@ def _all_moments(run: RunEvidence) -> Iterator[Moment]:
         yield Moment(MomentKind.GOAL, goal.elapsed, goal.event.subject.value, goal.line)
     for found in run.findings:
         yield device_moment(run, found)
+    for code in run.declared:
+        yield declared_moment(run, code)
     yield from _boards(run)
     yield from _people(run)
     one_of_each = (
@@ -163,6 +165,13 @@ def _all_moments(run: RunEvidence) -> Iterator[Moment]:
 def device_moment(run: RunEvidence, found: Finding) -> Moment:
     """A sensor or drive that differs from the nominal set, from the beginning on."""
     return Moment(MomentKind.DEVICE, run.seen.begun, found.text, code=found.of)
+
+
+def declared_moment(run: RunEvidence, code: str) -> Moment:
+    """A sensor or drive with few readings or movements that differs as its set says."""
+    return Moment(
+        MomentKind.DEVICE, run.seen.begun, f"{code} {run.declared[code]}, by this robot's set", code=code
+    )
 
 
 def _began(run: RunEvidence) -> Moment:

@@ -13,9 +13,11 @@ from simmer_tui.run.attempt import Attempt
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.specs import WALL, GripperSpec, SimulationSpec
 
-# Judged: a quarter of an inch of reach decides on a contact or a grip.
-_REACH, _SLOW, _SPEED = 0.25, 1.0, 0.5
-"""Least differences that are told: inches, seconds, and a share of the own speed."""
+# Judged: a quarter of an inch of reach decides on a contact or a grip, a quarter of a second for each reading
+# on the time. A gripper closes a few times.
+_REACH, _SLOW_READING, _SLOW, _SPEED = 0.25, 0.25, 1.0, 0.5
+"""Least differences that are told: inches, seconds of a reading and of a gripper, and a share of the own
+speed."""
 GRIPPER_NOUN = "the gripper"
 _CELLS = 2
 """Cells with another wall that are named."""
@@ -67,7 +69,7 @@ def _numbers(spec: SimulationSpec) -> list[tuple[str, str, float, str, float]]:
         (GRIPPER_NOUN, "is {} wide", grip.width, "in", _REACH),
         (GRIPPER_NOUN, "takes {} to close", 1.0 / grip.speed, "s", _SLOW),
         *((code, "moves at {}", speed, unit, _SPEED * speed) for code, speed, unit in drives),
-        *((each.code, "takes {} for a reading", each.read_time, "s", _SLOW) for each in spec.sensors),
+        *((each.code, "takes {} for a reading", each.read_time, "s", _SLOW_READING) for each in spec.sensors),
     ]
 
 

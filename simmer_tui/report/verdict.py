@@ -59,12 +59,12 @@ class Verdict(Struct, frozen=True, kw_only=True):
     of the end where there is none."""
 
     outcome: Outcome
-    headline: str
-    """Outcome, and how the run ended."""
     text: str
     """Outcome and cause, the same everywhere."""
     elapsed: float
     line: int
+    headline: str = ""
+    """Outcome, and the end of the run."""
     goal: Goal | None = None
     """The goal reached last."""
     cause: Cause | None = None
@@ -106,7 +106,7 @@ class Verdict(Struct, frozen=True, kw_only=True):
 
     @property
     def why(self) -> list[str]:
-        """What stands beside the moments: these sentences, and those that support it."""
+        """Sentences beside the moments: those of the cause, and those that support it."""
         return [each for each in (self.beside, *self.reasons) if each]
 
     @property

@@ -390,17 +390,17 @@ class Attempt:
 
     @cached_property
     def driven_by_hand(self) -> MovementRow | None:
-        """The last movement that a person commanded after the program's first, unless a belief has been right
-        since."""
+        """The first movement that a person commanded after the program's first and since the last right
+        belief."""
         history = self.history
         rows, begin = self.within(history.movements), history.movements.place_of(self._began + 1)
         by_hand = np.isin(rows["number"], self.typed)
-        programs = np.flatnonzero(~by_hand)
-        drove = np.flatnonzero(by_hand & ~rows["grips"])
-        if not len(programs) or not len(drove) or drove[-1] < programs[0]:
-            return None
-        row = history.movements[begin + int(drove[-1])]
-        return None if self._is_right_since(row.order) else row
+        is_program = np.cumsum(~by_hand) > 0
+        drove = (
+            history.movements[begin + int(each)]
+            for each in np.flatnonzero(by_hand & ~rows["grips"] & is_program)
+        )
+        return next((row for row in drove if not self._is_right_since(row.order)), None)
 
     def is_connected(self, order: int) -> bool:
         """True if a program was connected at an event, or if the notices do not say."""

@@ -194,7 +194,7 @@ def test_a_large_error_that_the_set_declares_is_named() -> None:
     )
     mission.give("u1", "u5", "u5", "u5")
     cause = mission.why(code=3)
-    assert "By this robot's set, u5 reads 2.5 in too short (3 readings): its Bias is -2.5, in" in cause.text
+    assert "u5 reads 2.5 in too short (3 readings): its Bias is -2.5, in" in cause.text
     assert cause.culprits == ("u5",)
     assert "u1" not in cause.text
 
@@ -210,7 +210,7 @@ def test_a_declared_drift_and_coarse_steps_are_told_as_such(fields: dict[str, fl
     mission = begin(change=lambda sensor: replace(sensor, **fields) if sensor.code == "u5" else sensor)
     mission.give("u1", "u5", "u5", "u5")
     cause = mission.why(code=3)
-    assert re.search(f"By this robot's set, {said}", cause.text)
+    assert re.search(f"{said}.*, by this robot's set\\.", cause.text)
     assert cause.culprits == ("u5",)
 
 
@@ -476,7 +476,7 @@ def test_moves_that_gain_nothing_lead_nowhere() -> None:
     mission.give("u5", *("w1-2", "s1-2") * 200)
     cause = mission.why()
     assert cause.kind is Kind.GOT_NOWHERE
-    said = "progress ended: 149 movements after that reached no goal and no new place (298 in): s1 75 times"
+    said = "progress ended: 149 movements reached no goal and no new place (298 in): s1 75 times"
     assert cause.text.startswith(f"At 50.4 s, {said}")
 
 
@@ -1048,7 +1048,5 @@ def test_a_crash_after_commands_without_effect_tells_of_them() -> None:
     mission.give(*("u5", "d1-0") * 110)
     cause = mission.why(1, error="LostError: it does not get there")
     assert cause.kind is Kind.CRASHED
-    assert (
-        " s, progress ended: 109 movements after that reached no goal and no new place (0 in): " in cause.text
-    )
+    assert " s, progress ended: 109 movements reached no goal and no new place (0 in): " in cause.text
     assert "d1 109 times, mostly by 0." in cause.text

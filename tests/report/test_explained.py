@@ -125,7 +125,7 @@ def test_a_declared_error_stands_before_the_time_that_it_cost() -> None:
     mission.give("u2", "w1-1", "s1-1")
     cause = mission.why()
     assert cause.kind is Kind.TOO_SLOW
-    slow = "By this robot's set, u5 takes 2 s for a reading"
+    slow = "u5 takes 2 s for a reading"
     assert 0 <= cause.text.index(slow) < cause.text.index("Most of its time went to reading")
 
 
@@ -135,7 +135,9 @@ def test_a_declared_error_stands_before_the_contact_it_led_to(commands: tuple[st
     mission.give("u1", "u2", "u4", "u5", "t1", *commands)
     text = mission.why().text
     assert " s, the robot touched " in text
-    assert text.index("its Resolution is 4, in the set mission 0.") < text.index(" s, the robot touched ")
+    assert text.index("its Resolution is 4, in the set mission 0, by this robot's set.") < text.index(
+        " s, the robot touched "
+    )
 
 
 def test_a_refused_movement_explains_the_belief_that_counted_on_it() -> None:

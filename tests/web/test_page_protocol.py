@@ -455,7 +455,16 @@ def test_a_verdict_is_shown_until_the_run_restarts() -> None:
     with page_run() as run, PageViewer(run) as watching:
         watching.wait(lambda message: "run" in message)
         run.send("d1-3")
-        run.page.judged(Verdict(outcome=Outcome.FAILED, text="It fell.", elapsed=1.5, line=0, advice="Mend."))
+        run.page.judged(
+            Verdict(
+                outcome=Outcome.FAILED,
+                headline="It fell.",
+                text="It fell.",
+                elapsed=1.5,
+                line=0,
+                advice="Mend.",
+            )
+        )
         judged = watching.wait(lambda message: message.get("verdict"))
         assert judged["verdict"]["lines"] == ["It fell.", "Mend."]
         assert judged["moment"] == 1500
