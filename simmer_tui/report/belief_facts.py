@@ -55,10 +55,10 @@ class BeliefFacts:
         self.sure: Columns = self.rows[~unsure]
         self.has_truth = not seen.history.is_twin
 
-    @cached_property
-    def was_right(self) -> bool:
-        """True if a sure belief was right."""
-        return any(BeliefRow(*row).is_right for row in self.sure.tolist())
+    def was_right_before(self, order: int) -> bool:
+        """True if a sure belief was right before an event."""
+        rows = self.sure[self.sure["order"] < order]
+        return any(BeliefRow(*row).is_right for row in rows.tolist())
 
     @cached_property
     def constant(self) -> ErrorPattern | None:
@@ -136,7 +136,7 @@ class BeliefFacts:
         how far robot and belief moved: a sentence with a space before it. Empty where nothing stands out."""
         lost, history = self._seen.beliefs[1], self._seen.history
         row = history.beliefs.before(lost.order) if lost is not None and self.has_truth else None
-        if lost is None or row is None or row.elapsed == lost.elapsed:
+        if lost is None or row is None or not row.finite or row.elapsed == lost.elapsed:
             return ""
         # A belief that was not sure jumps where its readings lead it.
         if row.order < self.rows["order"][0] or row.spread > SURE:

@@ -81,7 +81,7 @@ def _made(run: RunEvidence, rule: CauseRule, fact: Fact) -> Cause:
         if declared and rule.kind is not Kind.TOO_SLOW:
             named = " and ".join(declared)
             advice = f"Give your program the numbers of this set for {named}, or correct for them."
-        behind, codes = _behind(run)
+        behind, codes = _behind(run, fact.text)
         parts += [world, *(f"{declared_moment(run, code).text}." for code in declared), behind]
         culprits = tuple(dict.fromkeys((*culprits, *declared, *codes)))
     parts.append(fact.then)
@@ -90,8 +90,7 @@ def _made(run: RunEvidence, rule: CauseRule, fact: Fact) -> Cause:
         is_first = rule.kind in _OF_A_SEARCH and bool(run.strayed_text)
         parts.insert(0 if is_first else len(parts), run.goals_text)
         advice = _SEARCH if is_first else advice
-    # A reason may end with a question; a sentence ends with one mark.
-    text = " ".join(filter(None, parts)).replace("?.", "?")
+    text = " ".join(filter(None, parts))
     evidence = _evidence(run, rule.kind)
     return Cause(
         kind=rule.kind,
@@ -104,14 +103,15 @@ def _made(run: RunEvidence, rule: CauseRule, fact: Fact) -> Cause:
     )
 
 
-def _behind(run: RunEvidence) -> tuple[str, list[str]]:
-    """Sentences of the tables that stand behind a fact: wrong devices, else beliefs or corrections. And the
-    codes of the devices."""
+def _behind(run: RunEvidence, fact: str) -> tuple[str, list[str]]:
+    """Sentences of the tables that stand behind a fact: wrong devices, else beliefs or corrections that it
+    does not tell itself. And the codes of the devices."""
     if run.findings and run.seen.task is not None:
         return findings_text(run.findings), [each.of for each in run.findings]
     codes = [*run.belief.culprits] or [code for each in run.corrections for code in each.of]
-    told = "" if run.belief.culprits else ", and ".join(each.text for each in run.corrections)
-    return f"{run.belief.text} {told}{'.' if told else ''}".strip(), codes
+    corrections = [each.text for each in run.corrections if each.text not in fact]
+    told = f"{', and '.join(corrections)}." if corrections and not run.belief.culprits else ""
+    return f"{run.belief.text} {told}".strip(), codes
 
 
 def _evidence(run: RunEvidence, kind: Kind) -> list[str]:

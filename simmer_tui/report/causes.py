@@ -49,8 +49,9 @@ numbers."""
 
 class Fact(Struct, frozen=True):
     """The fact that decided a run: the moment that is marked, `text` in sentences, and `then`, the sentences
-    on what came of it. Wrong devices and beliefs are told between them if `has_behind`. `culprits` are the
-    codes of the devices that it is about. `advice` replaces that of its rule."""
+    on what came of it, or on the end if that decided. Wrong devices and beliefs are told between them if
+    `has_behind`. `culprits` are the codes of the devices that it is about. `advice` replaces that of its
+    rule."""
 
     marked: Moment
     text: str = ""
@@ -77,7 +78,8 @@ class Cause(Struct, frozen=True):
     @property
     def sure(self) -> str:
         """Its sureness: `certain` or `likely`."""
-        return LIKELY if self.kind in (Kind.SENSOR_WRONG, Kind.DRIVE_WRONG) else CERTAIN
+        is_likely = self.kind in (Kind.SENSOR_WRONG, Kind.DRIVE_WRONG, Kind.UNKNOWN)
+        return LIKELY if is_likely else CERTAIN
 
     @property
     def elapsed(self) -> float:

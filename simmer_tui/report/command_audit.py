@@ -68,7 +68,7 @@ def multiplied_corrections(attempt: Attempt, row: DriveSpec) -> Corrections | No
     is_rule = different >= FEWEST["set"] and 2 * len(found) >= pairs.sum()
     if not (is_rule and (hardly or multiple >= _GROWING or multiple <= _TO_AND_FRO)):
         return None
-    times = f"{abs(multiple):.1f}" if abs(multiple) > 1.0 else f"{multiple:.2f}"
+    times = f"{abs(multiple):.1f}" if abs(multiple) > 1.0 else f"{abs(multiple):.2f}"
     text = f"{len(found)} of its movements by {row.code} were each {times} times the one before"
     unit = {"in": "inches", "deg": "degrees"}[row.kind.unit]
     advice = f"Check the unit of {row.code}'s value in your program ({unit})."

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from msgspec.structs import replace
 
 from simmer_tui.report.causes import Fact
+from simmer_tui.report.contact_evidence import belief_text
 from simmer_tui.report.ending_causes import lacked_time, stalled_fact
 from simmer_tui.report.finding import Finding, FindingKind
 from simmer_tui.report.moments import (
@@ -19,7 +20,6 @@ from simmer_tui.report.moments import (
     told,
 )
 from simmer_tui.report.run_evidence import RunEvidence
-from simmer_tui.run.facts import SLIGHT
 from simmer_tui.run.phrases import obstacle_place
 from simmer_tui.sim.command import counted
 
@@ -49,7 +49,10 @@ def findings_text(found: Sequence[Finding]) -> str:
 def _devices(run: RunEvidence, found: Sequence[Finding]) -> Fact:
     """A fact about sensors or drives that differ from the nominal set."""
     first, culprits = found[0], tuple(dict.fromkeys(each.of for each in found))
-    advice = _BY_FAULT[first.kind].format(code=first.of) if first.kind in _BY_FAULT else None
+    is_drive = any(each.code == first.of for each in run.seen.spec.drives)
+    advice = _BY_FAULT.get(first.kind, "").format(code=first.of) or None
+    if is_drive and first.kind is FindingKind.NOISE:
+        advice = None
     if first.other is not None:
         advice = f"Exchange the cables of {first.of} and {first.other}, or their codes in your program."
     return Fact(device_moment(run, first), findings_text(found), culprits=culprits, advice=advice)
@@ -129,13 +132,10 @@ def _at_contact(
     met, sent = run.contact, command_moment(run)
     assert met is not None
     assert sent is not None
-    belief = ""
-    if met.belief is not None:
-        right = "right, " if met.knew and met.belief.distance <= SLIGHT else ""
-        belief = f" Its last belief was {right}off by {met.belief.error_text}."
     if met.goes_on:
         advice = _GOES_ON.format(code=sent.code)
-    text = f"{told(sight_moment(run), sent)}{belief}"
+    belief = "" if met.belief is None else belief_text(run.seen, met.belief)
+    text = f"{told(sight_moment(run), sent)} {belief}".strip()
     return Fact(
         marked=marked or sent,
         text=text,

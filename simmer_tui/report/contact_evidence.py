@@ -24,6 +24,7 @@ from simmer_tui.run.facts import (
 from simmer_tui.run.history_rows import BeliefRow
 from simmer_tui.run.phrases import contact_text, side_text
 from simmer_tui.sim.angles import half_turn, side_name
+from simmer_tui.sim.sensors import ObservingSensor, modelled_sensor
 from simmer_tui.sim.specs import CELL_SIZE, SensorSpec
 
 # Judged: after a third of a cell, or half a quarter turn, a sensor sees other obstacles.
@@ -55,7 +56,7 @@ class ContactEvidence:
             self.belief = None
         self.lost = None if self.belief is None else met.lost
         moved = seen.history.movements.before(met.row.order + 1)
-        self.sent = met.row.elapsed if moved is None else moved.begin
+        self._began = self.sent = met.row.elapsed if moved is None else moved.begin
         """Elapsed seconds at which its movement began, or at which its velocity was sent the last time."""
         if met.by_velocity:
             commands, names = seen.within(seen.history.commands), np.array(seen.history.code_names)
@@ -68,6 +69,9 @@ class ContactEvidence:
         row = self.met.row
         if not self.met.by_velocity:
             return row.went
+        if self.sent > self._began:
+            # It was sent again in the leg that touched something.
+            return row.went * (row.elapsed - self.sent) / (row.elapsed - self._began)
         moves = self._seen.within(self._seen.history.movements)
         gone = moves["gone"][(moves["order"] < row.order) & (moves["elapsed"] <= self.sent)]
         return row.gone_before + row.went - float(max(gone, default=0.0))
@@ -112,6 +116,7 @@ class ContactEvidence:
             return ()
         totals, far = ended.trajectory.totals, math.hypot(asked.x, asked.y)
         off = math.hypot(totals.x - asked.x, totals.y - asked.y)
+        # A usual turn aside is no error that a teacher would blame.
         is_large = off >= _ASTRAY * far if far else abs(totals.r - asked.r) >= _ASTRAY * abs(asked.r)
         moved = (*self._unseen, ended)
         return tuple(dict.fromkeys(each.command.code for each in moved)) if is_large else ()
@@ -175,7 +180,13 @@ class ContactEvidence:
     def _looking(self) -> tuple[str, ...]:
         """Codes of the range sensors that look along the movement at what it touched, else of those that look
         most nearly at the place touched."""
-        sensors = [each for each in self._seen.spec.sensors if each.kind.is_range and each.enabled]
+        held = self._seen.spec.block_size if self.met.contact.held_block else 0.0
+        # A sensor that sees the held block sees nothing behind it.
+        sensors = [
+            each
+            for each in self._seen.spec.sensors
+            if each.kind.is_range and each.enabled and not (held and _sees_block(each, held))
+        ]
         along = [each.code for each in sensors if self._is_along(each.rotation)]
         if not self.leads_into and not any(map(self._is_exceeded, along)):
             along = []
@@ -319,10 +330,17 @@ class ContactEvidence:
         return f"{touched}, {where}, after {self.went:.1f} in{turned} of {row.shown}"
 
 
+def _sees_block(sensor: SensorSpec, size: float) -> bool:
+    made = modelled_sensor(sensor)
+    return isinstance(made, ObservingSensor) and made.sees_block(size)
+
+
 def belief_text(seen: Attempt, belief: BeliefRow | None) -> str:
-    """Error of a belief, and its spread as the program sent it."""
+    """Error of a belief, and its spread as the program sent it; empty for a real robot, without a truth."""
+    if seen.history.is_twin:
+        return ""
     if belief is None:
         return f"The program sent no belief{' since a person moved the robot' if seen.was_moved else ''}."
-    spread = belief.spread
+    spread, right = belief.spread, "right, " if belief.is_right and belief.distance <= SLIGHT else ""
     said = "no spread was sent" if math.isnan(spread) else f"its spread was {spread:.1f} in"
-    return f"The belief sent at {belief.elapsed:.1f} s was off by {belief.error_text}; {said}."
+    return f"The belief sent at {belief.elapsed:.1f} s was {right}off by {belief.error_text}; {said}."

@@ -103,7 +103,8 @@ def _on_axis(
     if mine - usual >= least:
         off = np.abs(done - known)
         value, interval = median_interval(off, off)
-        what = f"is off by {value:.3f} {other} {per}"
+        side = {"x": " ahead", "y": " aside", "r": ""}[axis]
+        what = f"is off by {value:.3f} {other}{side} {per}"
         why = f"its error is {mine:g}, in {device.against} {usual:g}"
         yield device.finding(
             FindingKind.NOISE, value, what, count, interval=interval, unit=f"{other}/{unit}", why=why

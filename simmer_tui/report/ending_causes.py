@@ -137,7 +137,7 @@ def _lost_since(run: RunEvidence, at: Moment, lost: BeliefRow) -> Fact:
     elif not run.findings and run.belief.has_truth:
         ranges, is_misfit = ranges_before(run.seen, lost)
     compass = run.belief.unread_compass if lost.deviation.off_heading else ""
-    if compass and not run.belief.was_right:
+    if compass and not run.belief.was_right_before(lost.order):
         parted = f"{parted} {compass}, which tells the heading, was never read."
         advice = f"Read {compass} before you drive: it tells the heading."
     elif parted or is_small(lost) or not (lost.deviation.off_place or lost.deviation.rejects_truth):
@@ -241,8 +241,7 @@ def stalled_fact(run: RunEvidence) -> Fact | None:
     if run.corrections:
         first = run.corrections[0]
         at = Moment(MomentKind.COMMAND, first.elapsed, first.text, first.line, first.of[0])
-        # The table behind the fact tells of them.
-        return Fact(at, culprits=first.of, advice=first.advice, has_behind=True)
+        return Fact(at, told(at), has_behind=True, culprits=first.of, advice=first.advice)
     moves, readings = seen.within(seen.history.movements), seen.within(seen.history.readings)
     since = float(moves["elapsed"][-1]) if len(moves) else seen.begun
     later = int((readings["elapsed"] > since).sum())

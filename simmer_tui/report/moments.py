@@ -90,7 +90,12 @@ class Moment(Struct, frozen=True):
 def told(*moments: Moment | None) -> str:
     """Moments as sentences, in the order of their times: `At 0.6 s, the robot touched the wall.`"""
     known = sorted((each for each in moments if each is not None), key=lambda each: each.elapsed)
-    return " ".join(f"At {each.elapsed:.1f} s, {each.text}." for each in known)
+    return " ".join(f"At {each.elapsed:.1f} s, {ended(each.text)}" for each in known)
+
+
+def ended(text: str) -> str:
+    """A text as a sentence: one that ends with a question mark gets no full stop."""
+    return text if text.endswith("?") else f"{text}."
 
 
 _PLACE = Format(str, ("x_in", "y_in"), tuple)
@@ -128,6 +133,9 @@ def moments_table(moments: tuple[Moment, ...]) -> DataTable:
 def moments_of(run: RunEvidence, cause: Moment | None = None) -> tuple[Moment, ...]:
     """The moments of an attempt, in order, at most `MOST_MOMENTS`, with that of its cause marked."""
     found = [each for each in _all_moments(run) if each != cause]
+    if cause is not None:
+        # The set's own errors explain a failure; a success needs no explanation.
+        found += [declared_moment(run, code) for code in run.declared]
     # Newer ones of a kind come first: the last goal counts more than the one before.
     ranked = sorted(found, key=lambda each: (_KEPT.index(each.kind), -each.elapsed))
     kinds = [each.kind for each in ranked]
@@ -151,8 +159,6 @@ def _all_moments(run: RunEvidence) -> Iterator[Moment]:
         yield Moment(MomentKind.GOAL, goal.elapsed, goal.event.subject.value, goal.line)
     for found in run.findings:
         yield device_moment(run, found)
-    for code in run.declared:
-        yield declared_moment(run, code)
     yield from _boards(run)
     yield from _people(run)
     one_of_each = (
@@ -168,7 +174,7 @@ def device_moment(run: RunEvidence, found: Finding) -> Moment:
 
 
 def declared_moment(run: RunEvidence, code: str) -> Moment:
-    """A sensor or drive with few readings or movements that differs as its set says."""
+    """A sensor or drive that differs as its set says, and is no finding."""
     return Moment(
         MomentKind.DEVICE, run.seen.begun, f"{code} {run.declared[code]}, by this robot's set", code=code
     )
@@ -207,8 +213,7 @@ def refusal_moment(run: RunEvidence) -> Moment | None:
     if found is None:
         return None
     command, reason = found.row.result.command, found.row.result.reason.rstrip(".")
-    stop = "" if reason.endswith("?") else "."
-    text = f"{cut(command.shown, WORD)} was refused: {reason}{stop} In all, {found.text}"
+    text = f"{ended(f'{cut(command.shown, WORD)} was refused: {reason}')} In all, {found.text}"
     return Moment(MomentKind.FAULT, found.row.elapsed, text, found.row.line, command.code)
 
 
@@ -216,7 +221,7 @@ def _boards(run: RunEvidence) -> Iterator[Moment]:
     """The facts of boards: the newest of each place in a sketch."""
     newest: dict[str, NoticeRow] = {}
     for row in run.seen.history.notices.items:
-        if row.notice.kind is NoticeKind.BOARD and row.order > run.seen.history.began:
+        if row.notice.kind is NoticeKind.BOARD and run.seen.covers(row.order):
             newest[row.notice.subject] = row
     for row in newest.values():
         yield Moment(MomentKind.BOARD, row.elapsed, row.text, row.line)
@@ -226,7 +231,7 @@ def _people(run: RunEvidence) -> Iterator[Moment]:
     began = run.seen.history.began
     for row in run.seen.history.actions.items:
         name = row.done.action.name
-        has_acted = row.order > began and name.helps
+        has_acted = run.seen.covers(row.order) and name.helps
         if not row.done.refused and (has_acted or (row.order == began and name.restarts)):
             yield person_moment(run, row)
 
@@ -263,7 +268,7 @@ def lost_moment(run: RunEvidence) -> Moment | None:
         said = f"its believed heading was off by {abs(off.turn):.0f} deg"
     since = (
         "it was lost from then on"
-        if run.belief.was_right or run.seen.was_moved
+        if run.belief.was_right_before(lost.order) or run.seen.was_moved
         else "it never found its place"
     )
     return Moment(
@@ -329,7 +334,8 @@ def end_moment(run: RunEvidence) -> Moment | None:
     elif over is not None and (seen.out_of_time or run.program is None):
         text = f"the mission ended {'at' if seen.out_of_time else 'because'} {over.event.reason}"
     elif run.program is None:
-        text = "the program sent no command" if seen.is_silent else "the last command was answered"
+        text = "the program sent no command" if run.last_command is None else "the last command was answered"
+        at = at if run.last_command is None else run.last_command[1]
     else:
         return None
     return Moment(MomentKind.END, at, text, line, place=place)
@@ -340,7 +346,9 @@ def program_moment(run: RunEvidence) -> Moment | None:
     seen, program = run.seen, run.program
     if program is None or (seen.over is not None and seen.over.event.subject is Result.SUCCESS):
         return None
-    text = program_end_text(program).replace("ended with", "ended by itself, with")
+    text = program_end_text(program)
+    if not program.crashed:
+        text = text.replace("ended with", "ended by itself, with")
     has_time = not (program.crashed or seen.out_of_time or run.has_contact)
     if run.exit_code is not None and seen.task is not None and has_time:
         text += f", before its time limit of {seen.task.time_limit:g} s"

@@ -20,7 +20,7 @@ from simmer_tui.report.run_readings import poses_of, world_without_block
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.episodes import Episode, EpisodeKind
 from simmer_tui.run.events import Goal, NoticeKind, ProgramEnded
-from simmer_tui.run.facts import missed_zone
+from simmer_tui.run.facts import SLIGHT, missed_zone
 from simmer_tui.run.history_rows import (
     BeliefRow,
     GripRow,
@@ -30,7 +30,6 @@ from simmer_tui.run.history_rows import (
     RefusalRow,
 )
 from simmer_tui.run.phrases import REAL_TIME_LIMIT, last_output, place_text, times_text
-from simmer_tui.run.progress import GROUND
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.command import counted
 from simmer_tui.sim.records import Status
@@ -118,7 +117,7 @@ class RunEvidence:
     def faults(self) -> list[NoticeRow]:
         """Faults that were reported since the last restart."""
         rows = self.seen.history.faults.first.items
-        return [row for row in rows if row.order > self.seen.history.began]
+        return [row for row in rows if self.seen.covers(row.order)]
 
     def fault_text(self, row: NoticeRow) -> str:
         """A fault in words. Of a number that makes no sense only that is told: a reply may have been misread,
@@ -356,6 +355,8 @@ class RunEvidence:
 
     @property
     def _beliefs(self) -> tuple[BeliefRow | None, BeliefRow | None]:
+        if self.seen.history.is_twin:
+            return None, None
         if self.has_contact and self.contact is not None:
             return self.contact.belief, self.contact.lost
         return self.seen.beliefs if self.last_grip is None else self.seen.belief_before(self.last_grip.order)
@@ -425,7 +426,7 @@ class RunEvidence:
         if lay is None or self.seen.put_down is None:
             return False
         block = self.seen.put_down.grip.block
-        return math.hypot(block.x - lay.x, block.y - lay.y) <= GROUND
+        return math.hypot(block.x - lay.x, block.y - lay.y) <= SLIGHT
 
     @cached_property
     def unused_grip(self) -> tuple[MovementRow, str, int] | None:

@@ -41,6 +41,8 @@ _LEAST_ERRORS = 50.0
 _PLACE = ("x", "y", "z", "rotation")
 _VIEW = ("field_of_view", "rays", "vertical_field_of_view")
 # Kinds of findings by the column's field; all other columns are `OTHER`.
+_OPPOSITE = ("gain", "detects_white", "error")
+"""Columns by which a sensor that answers yes or no answers the opposite."""
 _KINDS = {
     "gain": FindingKind.GAIN,
     "bias": FindingKind.OFFSET,
@@ -143,7 +145,7 @@ class _Readings:
             matters = np.abs(noise) >= least + 2.0 * np.sqrt(by_share + sum(others))
             usual = row.dropout + row.outlier + (row.error if row.kind.errs_by_opposite else 0.0)
             if matters.mean() >= usual + LEAST_SHARE:
-                yield self._told(FindingKind.NOISE, random, matters, noise, np.zeros(len(noise)))
+                yield self._told(FindingKind.NOISE, random, matters, noise, noise)
 
     def _told(
         self,
@@ -158,17 +160,17 @@ class _Readings:
         Args:
             matters: True for the readings that it is about, (n,).
             effect: Effect of the columns on each reading, (n,).
-            noise: Other errors, (n,).
+            noise: Random errors, (n,); `effect` itself for columns of these.
         """
         own, unit, count = self._own, self._own.unit, int(matters.sum())
         used = matters & np.isfinite(effect) & np.isfinite(noise)
         known, off = effect[used], effect[used] + noise[used]
-        value, interval = 1.0, None
-        if own.is_yes_or_no and 2 * count > len(matters):
-            kind, what = FindingKind.SIGN, "answers the opposite"
-        elif own.is_yes_or_no:
+        value, interval, is_random = 1.0, None, effect is noise
+        if own.is_yes_or_no:
             what = "is wrong"
-        elif 2 * used.sum() < count:
+            if 2 * count > len(matters) and all(each.field in _OPPOSITE for each in columns):
+                kind, what = FindingKind.SIGN, "answers the opposite"
+        elif 2 * (matters & np.isfinite(effect)).sum() < count or not used.any():
             saw = "sees what it should miss" if effect[matters].min() < 0.0 else "misses what it should see"
             what, unit = saw, ""
         elif kind is FindingKind.GAIN and self._row.gain:
@@ -176,14 +178,13 @@ class _Readings:
             value, interval = median_interval(1.0 + more * off / known, 1.0 + more)
             what, unit = f"reads {value:.2f} times what it should", ""
         else:
-            # All but one in twenty.
-            is_one_way = abs(np.sign(known).mean()) >= 0.9
-            sizes = (off, known) if is_one_way else (np.abs(off), np.abs(known))
+            # All but one in twenty. Random errors have no direction.
+            is_one_way = not is_random and abs(np.sign(known).mean()) >= 0.9
+            sizes = (off, known) if is_one_way else (np.abs(known), np.abs(known))
             value, interval = median_interval(*sizes)
             size = f"{abs(value):.1f} {unit}".rstrip()
             words = ("short", "long") if own.kind.is_range else ("low", "high")
-            # Random errors are told without others beside them.
-            verb = "is off by" if noise.any() else "scatters by"
+            verb = "scatters by" if is_random else "is off by"
             what = f"reads {size} too {words[value > 0.0]}" if is_one_way else f"{verb} {size}"
         why = []
         for each in columns:

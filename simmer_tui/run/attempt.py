@@ -139,9 +139,13 @@ class Attempt:
             self._within[key] = table.columns(begin, end)
         return self._within[key]
 
+    def covers(self, order: int) -> bool:
+        """True for an event after the last restart, until its end."""
+        return self._began < order <= self._until
+
     def _rows(self, kept: Newest[LoggedRowT]) -> list[LoggedRowT]:
         """The rows of a kind since the last restart until its end, newest last."""
-        return [row for row in kept.items if self._began < row.order <= self._until]
+        return [row for row in kept.items if self.covers(row.order)]
 
     @property
     def seconds(self) -> float:

@@ -155,7 +155,7 @@ def found(spec: SimulationSpec, variant: Variant, seed: int = 4) -> tuple[Findin
         (
             drive("r1", error=Axes(x=0.06)),
             {("r1", "noise")},
-            r"r1 is off by 0\.0\d+ in for each degree \(.*: its error is 0\.06, in .* 0\.003$",
+            r"r1 is off by 0\.0\d+ in \w+ for each degree \(.*: its error is 0\.06, in .* 0\.003$",
         ),
     ],
 )
