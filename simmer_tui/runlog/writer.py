@@ -203,7 +203,7 @@ class RunLog(Closing):
         # Before the record: a checkpoint is to hold the state with this event.
         self._reducer.apply(event)
         now = self._clock() - self._begun
-        if real_time == real_time:
+        if real_time == real_time and not self._is_replaying:
             now = max(now - (time.monotonic() - real_time), 0.0)
         self._write(*self._encoder.records(event, now))
         if self.lines - self._last_checkpoint >= CHECKPOINT_EVERY:
@@ -218,12 +218,21 @@ class RunLog(Closing):
         if self.stopped:
             return
         self._reducer.apply_readings(results, lines, real_times)
-        # The log's time at the zero of `time.monotonic`.
-        zero, records = self._clock() - self._begun - time.monotonic(), self._encoder.records
-        each_of = (records(result, zero + moment) for result, moment in zip(results, real_times, strict=True))
+        now, records = self._clock() - self._begun, self._encoder.records
+        moments: Sequence[float] = [now] * len(results)
+        if not self._is_replaying:
+            # The log's time at the zero of `time.monotonic`.
+            zero = now - time.monotonic()
+            moments = [zero + moment for moment in real_times]
+        each_of = (records(result, moment) for result, moment in zip(results, moments, strict=True))
         self._write(*chain.from_iterable(each_of))
         if self.lines - self._last_checkpoint >= CHECKPOINT_EVERY:
-            self._write_checkpoint(zero + real_times[-1])
+            self._write_checkpoint(moments[-1])
+
+    @property
+    def _is_replaying(self) -> bool:
+        """True while the events are of a replayed part, whose clock stands still between them."""
+        return self._prefix is not None and not self._prefix.over
 
     def _write_checkpoint(self, real_time: float) -> None:
         # Only where nothing is under way: a reader that begins there knows no movement before it.

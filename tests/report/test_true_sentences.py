@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import re
 
 import pytest
 from msgspec.structs import replace
 
+from simmer_tui.config.mission_plan import Cell
 from simmer_tui.report.cause_order import advice_on, cause_of
 from simmer_tui.report.causes import Kind
 from simmer_tui.report.fact_tables import fact_tables
@@ -14,7 +16,8 @@ from simmer_tui.report.finding import Basis, Finding, FindingKind
 from simmer_tui.report.moments import MomentKind, moments_of
 from simmer_tui.report.run_evidence import RunEvidence
 from simmer_tui.report.verdict import verdict_of
-from simmer_tui.run.events import Notice, NoticeKind, OutputLine, ProgramEnded, WireMessage
+from simmer_tui.run.events import Belief, Notice, NoticeKind, OutputLine, ProgramEnded, WireMessage
+from simmer_tui.sim import Pose, SensorSpec
 from simmer_tui.sim.specs import Axes, DriveKind
 from tests.report.test_causes import begin, teleport
 
@@ -282,3 +285,71 @@ def test_a_message_without_a_reply_is_told_where_the_program_gave_up(reply: bool
     text = verdict_of(mission.history, None).text
     assert "it printed last: no answer to the stop: ''" in text
     assert ("its last message, 's' at 51.0 s, had no reply." in text) is not reply
+
+
+def test_what_happens_after_the_end_of_a_mission_is_no_fact_of_it() -> None:
+    mission = begin((66.0, 42.0, 180.0))
+    mission.give("u1", "d1-60")
+    text = "'u1u2' came without a line end: end each with a newline"
+    mission.engine.tell(Notice(NoticeKind.FAULT, text, advice=True))
+    teleport(mission, 30.0, 42.0, 0.0)
+    run = mission.evidence()
+    cause = cause_of(run)
+    assert cause.kind is Kind.KNOWN_WALL
+    kinds = {each.kind for each in moments_of(run, cause.moment)}
+    assert not kinds & {MomentKind.FAULT, MomentKind.PERSON}
+
+
+def test_a_set_s_own_errors_are_moments_of_a_failure_alone() -> None:
+    def short(sensor: SensorSpec) -> SensorSpec:
+        return replace(sensor, bias=-2.5, min_range=0.0) if sensor.code == "u5" else sensor
+
+    mission = begin((28.0, 42.0, 180.0), zone=Cell(30.0, 42.0), change=short)
+    mission.give("u5", "d1-4", "p1-1", "a1-9", "p1-0")
+    assert not any(each.kind is MomentKind.DEVICE for each in moments_of(RunEvidence(mission.attempt)))
+    mission = begin(change=short)
+    mission.give("u5", "u1", "u5")
+    run = mission.evidence(3)
+    (device,) = (each for each in moments_of(run, cause_of(run).moment) if each.kind is MomentKind.DEVICE)
+    assert re.match(r"u5 reads 2\.5 in too short .*, by this robot's set$", device.text)
+
+
+def test_a_velocity_that_is_sent_again_and_again_does_not_go_on() -> None:
+    mission = begin()
+    mission.give("u1", *("vv-6;0;0", "wt-0.2", "u1") * 14)
+    cause = mission.why()
+    assert "nothing ended it" not in cause.text
+    assert "End the velocity in time" not in cause.advice
+    found = re.search(r"after (\d+\.\d) in of vv-6;0;0", cause.text)
+    assert found is not None
+    assert float(found[1]) < 2.0
+
+
+def test_an_error_that_is_a_question_ends_with_one_mark_and_is_told_once() -> None:
+    mission = begin()
+    mission.give("u1")
+    mission.referee.end("the program ended with exit code 1")
+    mission.history.add_program_end(ProgramEnded(0.0, 1, error="ValueError: where is it?", place="a.py:3"))
+    told_once = verdict_of(mission.history, mission.task)
+    assert "?." not in told_once.text
+    assert told_once.text.count("where is it?") == 1
+
+
+def test_a_belief_of_a_real_robot_is_beside_no_truth() -> None:
+    mission = begin()
+    mission.history.is_twin = True
+    mission.give("u1", "d1-2")
+    mission.believe(spread=20.0)
+    run = mission.evidence(1)
+    cause = cause_of(run)
+    assert not any("off by" in each for each in (cause.text, *cause.evidence))
+
+
+def test_a_belief_without_a_number_before_the_lost_one_is_passed_over() -> None:
+    mission = begin()
+    mission.believe()
+    mission.give("u1", "d1-6")
+    mission.engine.tell(Belief(mission.simulator.time, Pose(math.nan, 1.0, 0.0), mission.simulator.pose, 0.3))
+    mission.give("u1")
+    mission.believe(ahead=-6.0)
+    assert mission.why(1).kind is Kind.LOST

@@ -7,6 +7,7 @@ import json
 import os
 import sys
 import threading
+import time
 import zlib
 from datetime import datetime
 from pathlib import Path
@@ -276,6 +277,22 @@ def test_numbers_and_times_of_a_prefix_are_its_own_until_it_is_over(
     assert [(line.get("n"), line["t"]) for line in rest] == [(None, 0.25), (7, 0.5), (None, 0.5), (2, 0.5)]
     assert rest[0]["real"] == rest[1]["real"] == 2.0
     assert rest[2]["real"] == pytest.approx(2.0, abs=60.0)
+
+
+def test_events_of_a_prefix_that_waited_have_its_time_whatever_the_machine_did_meanwhile(
+    tmp_path: Path, start_run: StartRun, configuration: Configuration
+) -> None:
+    run = start_run()
+    prefix = ReplayedPrefix(TakenOver("other", 3, 1.0), 1.6e9)
+    with RunLog(tmp_path / "new", configuration, run.simulator, prefix=prefix) as log:
+        prefix.real_time = 2.0
+        log.apply(Notice(NoticeKind.FAULT, "a"), 0, time.monotonic() - 1.5)
+        results: list[CommandResult] = []
+        run.engine.watch(lambda event: results.append(event) if isinstance(event, CommandResult) else None)
+        run.send("u1", "u2")
+        log.apply_readings(results, [0, 0], [time.monotonic() - 1.5] * 2)
+    _, *rest = lines(tmp_path / "new")
+    assert [line["real"] for line in rest] == [2.0] * 3
 
 
 def test_the_clock_runs_on_when_the_system_sets_its_own_back(monkeypatch: pytest.MonkeyPatch) -> None:
