@@ -188,7 +188,9 @@ class ContactEvidence:
             if each.kind.is_range and each.enabled and not (held and _sees_block(each, held))
         ]
         along = [each.code for each in sensors if self._is_along(each.rotation)]
-        if not self.leads_into and not any(map(self._is_exceeded, along)):
+        if not any(map(self._is_exceeded, along)) and (
+            not self.leads_into or any(map(self._looks_past, along))
+        ):
             along = []
         looks = facing_sensor(self.met.contact, sensors, self.met.readings)
         nearest = looks.codes if looks is not None and looks_there(looks) else ()
@@ -196,6 +198,11 @@ class ContactEvidence:
 
     def _is_along(self, rotation: float) -> bool:
         return self._bearing is not None and abs(half_turn(rotation - self._bearing)) <= ALIKE
+
+    def _looks_past(self, code: str) -> bool:
+        """True if a sensor's fresh and right reading went past what was touched."""
+        last = self.met.readings.get(code)
+        return last is not None and self._is_fresh(last) and last.value > self.went + BLIND
 
     def _is_exceeded(self, code: str) -> bool:
         """True if a sensor's fresh and right reading is shorter than the movement that was commanded."""

@@ -107,7 +107,7 @@ def lost_fact(run: RunEvidence) -> Fact | None:
     if met is None:
         # A program that stopped for another reason may be off as well.
         is_silent = run.silence is not None and (seen.is_silent or not run.belief.text)
-        if seen.task is None or (is_silent and grip is None):
+        if seen.task is None or (grip is None and (is_silent or run.ended_by_link)):
             return None
         # A miss that is larger than the error of the belief has another reason.
         least = run.missed_by / 2.0 if grip is not None else CELL_SIZE if run.unused_grip else 0.0

@@ -155,7 +155,7 @@ def test_a_reading_of_a_wall_aside_is_not_said_to_show_the_corner_ahead() -> Non
     mission.give("u1", "u2", "u4", "u5", "t1", "d1-20")
     cause = mission.why()
     assert re.search(r"d1-20 was sent\. At 51\.\d s, the robot touched ", cause.text)
-    assert "u2" not in cause.text
+    assert cause.kind is Kind.TOO_CLOSE
     assert "u2" not in cause.advice
 
 
@@ -353,3 +353,13 @@ def test_a_belief_without_a_number_before_the_lost_one_is_passed_over() -> None:
     mission.give("u1")
     mission.believe(ahead=-6.0)
     assert mission.why(1).kind is Kind.LOST
+
+
+def test_a_program_that_ended_since_no_reply_came_is_told_of_that_and_not_of_its_belief() -> None:
+    mission = begin()
+    mission.give("u1")
+    mission.believe(ahead=12.0)
+    cause = mission.why(1, words="wander: no reply to 'd1-2' within 1 s")
+    assert cause.kind is Kind.ENDED
+    assert "no reply to 'd1-2'" in cause.text
+    assert cause.advice.startswith("Check which command got no reply")

@@ -309,8 +309,8 @@ def test_grids_of_2000_states_are_logged_whole(shape: tuple[int, int, int], whol
     encoder, here = LogEncoder((50.0, 20.0, 0.0), lambda: (0, 0.0)), Pose(50.0, 20.0, 0.0)
     grid = grid_belief(np.full(shape, 0.1), (0.0, 0.0, 96.0, 48.0), 0.0, here)
     cells = []
-    for time in (3.0, 3.0, 3.25, 3.4989, 3.499, 3.75, 3.9981, 2.0, 2.4):
-        (record,) = encoder.records(Belief(time, here, here, grid=grid), 0.0)
+    for at in (3.0, 3.0, 3.25, 3.4989, 3.499, 3.75, 3.9981, 2.0, 2.4):
+        (record,) = encoder.records(Belief(at, here, here, grid=grid), 0.0)
         assert isinstance(record, BeliefRecord)
         assert record.grid is not None
         cells.append(bool(record.grid.cells))
