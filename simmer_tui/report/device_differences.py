@@ -7,6 +7,8 @@ say what differs, and the history how large the effect was. What has no effect t
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 from msgspec.structs import replace
 
 from simmer_tui.report.drive_differences import drive_differences
@@ -34,9 +36,10 @@ def device_findings(seen: Attempt) -> tuple[Finding, ...]:
     return tuple(each for each in found if each.count >= FEWEST["nominal"] or each.kind in _BY_ROW)
 
 
-def declared_errors(seen: Attempt) -> dict[str, str]:
-    """Errors of the devices that an attempt used, by code, those without a finding too: `takes 3 s for a
-    reading`. Without a nominal set they are those beyond the bundled one."""
+def declared_errors(seen: Attempt, known: Collection[str] = ()) -> dict[str, str]:
+    """Other errors of the devices that an attempt used, by code: `takes 3 s for a reading`. Those with a
+    finding, by the codes `known`, are left out. Without a nominal set they are those beyond the bundled
+    one."""
     history, told = seen.history, dict[str, str]()
     if history.is_twin:
         return told
@@ -46,23 +49,26 @@ def declared_errors(seen: Attempt) -> dict[str, str]:
     used = {own.code: own.code for own, _ in by_sensor(history, seen.within(history.readings))}
     if seen.spec.gripper is not None and seen.misses:
         used[GRIPPER_NOUN] = seen.spec.gripper.code
-    found = [each for each in _differences(seen, usual, name) if each.kind not in _CONVENTIONS]
+    found = [each for each in _differences(seen, usual, name, known) if each.kind not in _CONVENTIONS]
     numbers = number_differences(seen.spec, usual)
     pairs = [(each.of, each.text.removeprefix(f"{each.of} ")) for each in found]
     for code, text in (*pairs, *((used[of], f"{text} as in {name}") for of, text in numbers if of in used)):
-        told[code] = f"{told[code]}, and {text}" if code in told else text
+        if code not in known:
+            told[code] = f"{told[code]}, and {text}" if code in told else text
     return told
 
 
-def _differences(seen: Attempt, reference: SimulationSpec, name: str) -> list[Finding]:
+def _differences(
+    seen: Attempt, reference: SimulationSpec, name: str, known: Collection[str] = ()
+) -> list[Finding]:
     """Differences of the devices that an attempt used from those of a set, those of the most readings or
-    movements first. None of a real robot: no log has its truth."""
+    movements first, without `known` codes. None of a real robot: no log has its truth."""
     history, found = seen.history, list[Finding]()
     if history.is_twin:
         return found
     sensors = {each.code: each for each in reference.sensors}
     for own, readings in by_sensor(history, seen.within(history.readings)):
-        row = sensors.get(own.code)
+        row = None if own.code in known else sensors.get(own.code)
         if row is not None and not own.kind.is_opaque and replace(row, number=own.number) != own:
             device = Device(own.code, "reading", name, Basis.NOMINAL)
             found += sensor_differences(history, own, row, readings, reference, device)
@@ -71,7 +77,7 @@ def _differences(seen: Attempt, reference: SimulationSpec, name: str) -> list[Fi
     drives = {each.code: each for each in reference.drives}
     own_drives = {each.code: each for each in seen.spec.drives}
     for code, moves in rows_by_name(seen.within(history.movements), "code", history.code_names):
-        if code in own_drives and code in drives:
+        if code in own_drives and code in drives and code not in known:
             device = Device(code, "movement", name, Basis.NOMINAL)
             found += drive_differences(history, own_drives[code], drives[code], moves, reference, device)
     return sorted(found, key=lambda each: -each.count)

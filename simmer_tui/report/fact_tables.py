@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from msgspec.structs import replace
 
 from simmer_tui.document.formats import COUNT, PASSAGE, number
 from simmer_tui.document.model import DataColumn, DataTable, data_table
@@ -144,9 +143,14 @@ def _told(run: RunEvidence, code: str, count: int, noun: str) -> str:
     nominal = run.seen.history.nominal
     usual = {} if nominal is None else {each.code: each for each in nominal.spec.sensors}
     own = next((each for each in run.seen.spec.sensors if each.code == code), None)
-    if nominal is None or own is None or code not in usual or replace(usual[code], number=own.number) == own:
+    if nominal is None or own is None or code not in usual or usual[code].kind is not own.kind:
         return "as its set says"
-    return f"as its set says, not as {nominal.name}"
+    differ = [
+        f"its {column.name} is {column.rule.shown(mine)}, in {nominal.name} {column.rule.shown(other)}"
+        for column in own.kind.columns
+        if (mine := getattr(own, column.field)) != (other := getattr(usual[code], column.field))
+    ]
+    return "; ".join(["as its set says", *differ])
 
 
 # -- beliefs -----------------------------------------------------------------------------------------------

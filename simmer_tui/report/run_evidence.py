@@ -306,8 +306,7 @@ class RunEvidence:
     def declared(self) -> dict[str, str]:
         """Large errors that the set itself declares, by code of the device; those with a finding are left
         out."""
-        known = {each.of for each in self.findings}
-        return {code: text for code, text in declared_errors(self.seen).items() if code not in known}
+        return declared_errors(self.seen, {each.of for each in self.findings})
 
     @cached_property
     def time_parts(self) -> dict[str, float]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from msgspec.structs import replace
+
 from simmer_tui.report.belief_facts import BeliefFacts
 from simmer_tui.report.fact_tables import NO_TRUTH, fact_tables
 from simmer_tui.report.run_evidence import RunEvidence
@@ -48,3 +50,11 @@ def test_the_longest_silence_includes_the_one_until_the_end() -> None:
     mission.referee.check(400.0)
     commands = {row["fact"]: row["text"] for row in fact_tables(RunEvidence(mission.attempt))[0].objects()}
     assert str(commands["longest silence"]) == "249.9 simulated s after 50.1 s"
+
+
+def test_what_a_sensor_has_otherwise_is_in_the_table_without_an_effect_too() -> None:
+    mission = begin(change=lambda sensor: replace(sensor, z=9.0) if sensor.code == "u1" else sensor)
+    mission.give("u1", "u5")
+    rows = {row["code"]: row["text"] for row in fact_tables(mission.evidence(1))[1].objects()}
+    assert rows["u1"] == "as its set says; its Z Position (in) is 9, in mission 6"
+    assert rows["u5"] == "as its set says"
