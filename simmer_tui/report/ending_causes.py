@@ -32,8 +32,8 @@ from simmer_tui.sim.specs import CELL_SIZE
 # Judged: a good program crosses the maze with fewer movements.
 STAYED, MOVES = 0.25, 20
 """Share of the time limit, and number of movements (or none), without progress that count as a cause."""
-CONNECT_ADVICE = "Connect to the address in SIMMER_HOST and SIMMER_PORT, and send a first command."
-LINK_ADVICE = "Check which command got no reply; simmer-tui doctor checks the ports."
+_CONNECT_ADVICE = "Connect to the address in SIMMER_HOST and SIMMER_PORT, and send a first command."
+_LINK_ADVICE = "Check which command got no reply; simmer-tui doctor checks the ports."
 _BY_ERROR = {
     # Editors and older systems have Pythons of their own.
     "ModuleNotFoundError: No module named 'simmer_tui'": (
@@ -73,7 +73,7 @@ def crashed_fact(run: RunEvidence) -> Fact | None:
     before = "" if led is None else f" {led.text or led.then}".rstrip()
     is_explained = led is None or led.has_behind
     advice = _crash_advice(run, program)
-    return Fact(ended, f"{told(ended)}{waited_text(run)}{before}", has_behind=is_explained, advice=advice)
+    return Fact(ended, f"{told(ended)}{_waited_text(run)}{before}", has_behind=is_explained, advice=advice)
 
 
 def _crash_advice(run: RunEvidence, program: ProgramEnded) -> str:
@@ -84,11 +84,11 @@ def _crash_advice(run: RunEvidence, program: ProgramEnded) -> str:
         if program.error.startswith(beginning):
             return advice
     if run.ended_by_link:
-        return CONNECT_ADVICE if run.seen.is_silent else LINK_ADVICE
+        return _CONNECT_ADVICE if run.seen.is_silent else _LINK_ADVICE
     return f"Look at {program.place}, and print what it is given." if program.place else ""
 
 
-def waited_text(run: RunEvidence) -> str:
+def _waited_text(run: RunEvidence) -> str:
     """The last answered command of a program that ended because of its link; of one with another error its
     last reading. A sentence with a space before it."""
     last = run.last_command
@@ -174,7 +174,7 @@ def silence_fact(run: RunEvidence) -> Fact | None:
     if not seen.is_silent and end is not None:
         advice = _WAITS_AT.format(place=run.ended_at) if run.ended_at else None
         return Fact(end, then=_end_text(run), has_behind=True, advice=advice)
-    text, advice = "The program sent no command at all.", CONNECT_ADVICE
+    text, advice = "The program sent no command at all.", _CONNECT_ADVICE
     if run.exit_code:
         text = f"{exit_text(run.exit_code).capitalize()} before it sent a command."
     elif seen.history.displays.first.given and run.exit_code is None:
@@ -297,14 +297,14 @@ def ended_fact(run: RunEvidence) -> Fact | None:
     seen, at = run.seen, program_moment(run)
     if run.has_contact or at is None or run.exit_code is None or (seen.task is None and not run.exit_code):
         return None
-    text = " ".join(filter(None, (f"{told(at)}{waited_text(run)}", run.still_text, run.stand_text)))
+    text = " ".join(filter(None, (f"{told(at)}{_waited_text(run)}", run.still_text, run.stand_text)))
     # Of a real robot's jaws no log has the truth.
     is_known = seen.task is not None and seen.spec.gripper is not None and not seen.history.is_twin
     if is_known and not (seen.closed or seen.is_silent):
         text += " The gripper was never closed."
     advice = None
     if run.ended_by_link:
-        advice = LINK_ADVICE
+        advice = _LINK_ADVICE
     elif run.last_words and run.exit_code:
         advice = f"Look in your program at what leads to '{cut(run.last_words, WORD)}'."
     return Fact(at, then=text, has_behind=True, advice=advice)
