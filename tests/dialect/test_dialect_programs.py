@@ -459,7 +459,7 @@ def test_a_program_that_was_not_led_is_not_told_of_its_own_line(tmp_path: Path) 
     program = "import serial\nrobot = serial.Serial('/nowhere/COM6')\n"
     (tmp_path / "isolated.sh").write_text("exec python -I program.py\n", "utf-8")
     ended = run(tmp_path, program, command="sh isolated.sh")
-    assert "s: The program was not connected to the robot's serial port: " in ended.stderr, ended.stderr
+    assert "s, the program was not connected to the robot's serial port: " in ended.stderr, ended.stderr
     assert "mend the error in program.py" not in ended.stderr
 
 

@@ -590,10 +590,12 @@ def test_looked_at_or_not_the_verdict_is_the_same(
 ) -> None:
     plain, said = mission(mission_set, 0, commands, **limits)
     looked, said_then = mission(mission_set, looks, commands, **limits)
-    assert said == said_then
+    # A look divides the leg: the time of its contact is rounded once more.
+    assert [each for _, each in said] == [each for _, each in said_then]
+    assert [time for time, _ in said] == pytest.approx([time for time, _ in said_then], rel=1e-12)
     assert (plain.result, plain.reason) == (looked.result, looked.reason)
     if plain.over:
-        assert plain.time == looked.time
+        assert plain.time == pytest.approx(looked.time, rel=1e-12)
 
 
 SPEED = st.floats(-6.0, 6.0).map(lambda value: round(value, 2))
@@ -620,10 +622,12 @@ def test_a_leg_that_goes_on_beyond_the_end_of_a_mission_has_one_verdict(
     )
     plain, said = mission(mission_set, 0, commands, contacts=contacts, time_limit=limit)
     looked, said_then = mission(mission_set, looks, commands, read=False, contacts=contacts, time_limit=limit)
-    assert said == said_then
+    # A look divides the leg: the time of its contact is rounded once more.
+    assert [each for _, each in said] == [each for _, each in said_then]
+    assert [time for time, _ in said] == pytest.approx([time for time, _ in said_then], rel=1e-12)
     assert (plain.result, plain.reason) == (looked.result, looked.reason)
     if plain.over:
-        assert plain.time == looked.time
+        assert plain.time == pytest.approx(looked.time, rel=1e-12)
 
 
 def test_the_time_limit_ends_a_mission_inside_a_wait(mission_set: Configuration) -> None:
