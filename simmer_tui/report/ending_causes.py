@@ -223,7 +223,7 @@ def nowhere_fact(run: RunEvidence) -> Fact | None:
         return None
     if stuck is not None and seen.collision is not None and not run.has_contact:
         pose = seen.collision.row.pose
-        text = f"it was stuck at {place_text(pose.x, pose.y)}: {stuck.held}"
+        text = f"it was stuck at {place_text(pose.x, pose.y)}: {stuck.text}"
         at = Moment(MomentKind.COMMAND, stuck.since, text, place=(pose.x, pose.y))
         return Fact(at, told(at), has_behind=True)
     fact = stalled_fact(run)

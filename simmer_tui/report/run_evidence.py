@@ -362,8 +362,9 @@ class RunEvidence:
 
     @cached_property
     def localized(self) -> Episode | None:
-        """The first time that the program knew its place."""
-        return next((each for each in self.seen.episodes if each.kind is EpisodeKind.LOCALIZED), None)
+        """The first time that the program knew its place, until the attempt's end."""
+        rows = (each for each in self.seen.episodes if each.elapsed <= self.seen.elapsed)
+        return next((each for each in rows if each.kind is EpisodeKind.LOCALIZED), None)
 
     # -- the contact, and the gripper ----------------------------------------------------------------------
 

@@ -68,18 +68,12 @@ class Stuck(Struct, frozen=True):
     pressed: float = 0.0
 
     @property
-    def held(self) -> str:
-        """Clause that describes it: `a wall stopped 4 movements in a row`."""
-        held = f"it pressed against {self.obstacle} for {self.pressed:.0f} s"
-        held = f"{held} and did not go {PRESSED_DISTANCE:g} in"
-        if self.movements:
-            held = f"{self.obstacle} stopped {self.movements} movements in a row"
-        return held
-
-    @property
     def text(self) -> str:
-        """The clause with its time: `from 12.3 s on, a wall stopped 4 movements in a row`."""
-        return f"from {self.since:.1f} s on, {self.held}"
+        """Clause that describes it, without its time: `a wall stopped 4 movements in a row`."""
+        if self.movements:
+            return f"{self.obstacle} stopped {self.movements} movements in a row"
+        held = f"it pressed against {self.obstacle} for {self.pressed:.0f} s"
+        return f"{held} and did not go {PRESSED_DISTANCE:g} in"
 
 
 class LastReading(Struct, frozen=True):

@@ -151,13 +151,6 @@ def contact_ending(contact: Contact, pose: Pose, after: str = "") -> str:
     return f"was stopped {there} by {obstacle}"
 
 
-def drift_text(contact: Contact) -> str:
-    """Reason for a contact: the command, or a drive error alone."""
-    if contact.drift:
-        return "by drift: the command alone would not have led there"
-    return "where the command led it"
-
-
 def side_text(contact: Contact) -> str:
     """Side of the robot that a contact is on: `ahead left`."""
     return side_name(contact.bearing)

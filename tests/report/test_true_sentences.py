@@ -293,11 +293,14 @@ def test_what_happens_after_the_end_of_a_mission_is_no_fact_of_it() -> None:
     text = "'u1u2' came without a line end: end each with a newline"
     mission.engine.tell(Notice(NoticeKind.FAULT, text, advice=True))
     teleport(mission, 30.0, 42.0, 0.0)
+    for _ in range(8):
+        mission.give("u1", "d1-0.2")
+        mission.believe()
     run = mission.evidence()
     cause = cause_of(run)
     assert cause.kind is Kind.KNOWN_WALL
     kinds = {each.kind for each in moments_of(run, cause.moment)}
-    assert not kinds & {MomentKind.FAULT, MomentKind.PERSON}
+    assert not kinds & {MomentKind.FAULT, MomentKind.PERSON, MomentKind.LOCALIZED}
 
 
 def test_a_set_s_own_errors_are_moments_of_a_failure_alone() -> None:
